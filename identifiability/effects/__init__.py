@@ -1,0 +1,48 @@
+"""Effects: the parts that models are made of.
+
+Every name here is public vocabulary: it stands in reports, JSON, ladders and on the command line.
+"""
+
+from identifiability.effects.actuator import ActuatorInertia, TorqueOffset
+from identifiability.effects.effect import Effect
+from identifiability.effects.friction import (
+    CoulombAsymmetry,
+    CoulombFriction,
+    PassiveJointFriction,
+    ViscousFriction,
+)
+from identifiability.effects.rigid_body import RigidBody
+from identifiability.errors import ModelError, near_match
+
+EFFECTS: dict[str, Effect] = {
+    effect.name: effect
+    for effect in (
+        RigidBody(),
+        ViscousFriction(),
+        CoulombFriction(),
+        CoulombAsymmetry(),
+        ActuatorInertia(),
+        TorqueOffset(),
+        PassiveJointFriction(),
+    )
+}
+
+
+def find_effect(name: str) -> Effect:
+    """Return the effect of a public name.
+
+    Raises
+    ------
+    ModelError
+        If there is none, with the near match.
+    """
+    try:
+        return EFFECTS[name]
+    except KeyError:
+        raise ModelError(
+            f"There is no effect '{name}'{near_match(name, EFFECTS)} "
+            f"The effects are {', '.join(EFFECTS)}."
+        ) from None
+
+
+__all__ = ["EFFECTS", "Effect", "find_effect"]

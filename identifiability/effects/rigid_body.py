@@ -1,0 +1,43 @@
+"""Rigid-body dynamics: ten inertial parameters a body, by Pinocchio's joint torque regressor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from identifiability.effects.effect import Effect
+from identifiability.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
+from identifiability.robot import Motion, Robot
+
+
+class RigidBody(Effect):
+    """Inertia and gravity: ``τ = K(q, q̇, q̈) π`` projected on the actuated joints.
+
+    For a closed chain the projection is ``W = K_i - Xᵀ K_e`` [Díaz 2010, Eq. 7].
+    """
+
+    name = "rigid_body"
+    equation = "τ = (K_i − Xᵀ K_e) π"
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return m, mx, my, mz, Ixx … of every moving body."""
+        return tuple(
+            Parameter(body, kind, inertial_unit(kind), self.name, robot.body_symbols[body])
+            for body in robot.bodies
+            for kind in INERTIAL_KINDS
+        )
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write 10 columns a body."""
+        model, data = robot.model, robot.model.createData()
+        regressor = pin.computeJointTorqueRegressor
+        direct = motion.X is None and np.array_equal(robot.actuated, np.arange(robot.nv))
+        # The tree's rows go to a buffer of their own only where they must be combined.
+        K = out if direct else np.empty((len(motion), robot.nv, out.shape[2]))
+        for k, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
+            K[k] = regressor(model, data, q, v, a)
+        if direct:
+            return
+        out[:] = K[:, robot.actuated]
+        if motion.X is not None:
+            out -= motion.X.transpose(0, 2, 1) @ K[:, robot.dependent]

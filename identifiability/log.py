@@ -1,0 +1,213 @@
+"""`Log`: measured motion and torque of the actuated joints, read from CSV, Parquet or a DataFrame.
+
+One row a sample: ``t`` [s], ``<joint>.q`` and ``<joint>.tau`` for every actuated joint, optional
+``<joint>.dq`` and ``<joint>.ddq``; SI units (rad or m, N·m or N).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from identifiability.errors import LogError, listing, near_match
+from identifiability.names import Array
+
+CHANNELS = ("q", "dq", "ddq", "tau")
+
+#: Fewer samples than this say nothing about any robot.
+FEWEST = 20
+
+
+@dataclass(frozen=True)
+class Log:
+    """One recording.
+
+    Attributes
+    ----------
+    name : str
+        File name, or what the caller named it.
+    joints : tuple of str
+        Joints (or motors) in column order.
+    t : (N,) [s]
+    q, tau : (N, n) [rad or m; N·m or N]
+    dq, ddq : (N, n) or None
+        Derivatives, where the log has them for every joint.
+    sha256 : str
+        Hash of the file, or of the values for a DataFrame.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    t: Array
+    q: Array
+    tau: Array
+    dq: Array | None
+    ddq: Array | None
+    sha256: str
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.t)
+
+    @staticmethod
+    def read(path: str | Path) -> Log:
+        """Read a CSV or Parquet file.
+
+        Raises
+        ------
+        LogError
+            If the file is missing, is no table, lacks columns or holds values that cannot be.
+        """
+        path = Path(path)
+        if not path.is_file():
+            raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
+        try:
+            if path.suffix.lower() in (".parquet", ".pq"):
+                frame = pd.read_parquet(path)
+            else:
+                frame = pd.read_csv(path)
+        except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
+            reason = " ".join(str(error).split())[:200].rstrip(".")
+            raise LogError(f"{path} cannot be read as CSV or Parquet: {reason}.") from None
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        return _from_frame(frame, str(path), path.name, digest)
+
+    @staticmethod
+    def from_frame(frame: pd.DataFrame, name: str = "DataFrame") -> Log:
+        """Return the log in a DataFrame with the same columns as a file.
+
+        Raises
+        ------
+        LogError
+        """
+        values = pd.util.hash_pandas_object(frame, index=False).to_numpy()
+        digest = hashlib.sha256(values.tobytes()).hexdigest()
+        return _from_frame(frame, name, name, digest)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the log as a DataFrame that `from_frame` accepts."""
+        columns = {"t": self.t}
+        for kind in CHANNELS:
+            values = getattr(self, kind)
+            if values is not None:
+                columns.update({f"{j}.{kind}": values[:, k] for k, j in enumerate(self.joints)})
+        return pd.DataFrame(columns)
+
+    def select(self, joints: Sequence[str], motors: Sequence[str] = ()) -> Log:
+        """Return the log with its joints in a robot's order.
+
+        Parameters
+        ----------
+        joints : sequence of str
+            The robot's actuated joints.
+        motors : sequence of str
+            Names of motors that the log may have instead (coupled transmissions).
+
+        Raises
+        ------
+        LogError
+            If the log names a joint that the robot does not have, or lacks one.
+        """
+        known = (*joints, *motors)
+        for name in self.joints:
+            if name not in known:
+                raise LogError(
+                    f"{self.name}: the column '{name}.q' names a joint that the robot does not "
+                    f"have{near_match(name, known)} Its actuated joints are {listing(joints)}."
+                )
+        wanted = motors if motors and all(m in self.joints for m in motors) else joints
+        missing = [j for j in wanted if j not in self.joints]
+        if missing:
+            raise LogError(
+                f"{self.name} has no columns for the actuated joint"
+                f"{'s' if len(missing) > 1 else ''} {listing(missing)}; every actuated joint needs "
+                f"'<joint>.q' and '<joint>.tau'."
+            )
+        order = [self.joints.index(j) for j in wanted]
+
+        def pick(x: Array | None) -> Array | None:
+            return None if x is None else x[:, order]
+
+        return Log(
+            self.name, tuple(wanted), self.t, self.q[:, order], self.tau[:, order],
+            pick(self.dq), pick(self.ddq), self.sha256,
+        )  # fmt: skip
+
+
+def _from_frame(frame: pd.DataFrame, source: str, name: str, digest: str) -> Log:
+    columns = [str(c).strip() for c in frame.columns]
+    frame = frame.set_axis(columns, axis=1)
+    if "t" not in columns:
+        raise LogError(
+            f"{source} has no column 't' (time in s){near_match('t', columns)} It has the columns "
+            f"{listing(columns)}."
+        )
+    repeated = sorted({c for c in columns if columns.count(c) > 1})
+    if repeated:
+        raise LogError(f"{source} has the column '{repeated[0]}' more than once.")
+    joints = [c.removesuffix(".q") for c in columns if c.endswith(".q")]
+    if not joints:
+        raise LogError(
+            f"{source} has no position column; expected '<joint>.q' and '<joint>.tau' for every "
+            f"actuated joint, found {listing(columns)}."
+        )
+    named = {c.removesuffix(".tau") for c in columns if c.endswith(".tau")}
+    for joint in joints:
+        if joint not in named:
+            raise LogError(
+                f"{source} has '{joint}.q' but no torque column '{joint}.tau'"
+                f"{near_match(joint + '.tau', [c for c in columns if c != joint + '.q'])}"
+            )
+    for joint in sorted(named):
+        if joint not in joints:
+            raise LogError(f"{source} has '{joint}.tau' but no position column '{joint}.q'.")
+    values = {c: _numbers(frame, c, source) for c in columns if _wanted(c, joints)}
+    _check_times(values["t"], source)
+    channels = {kind: _channel(values, joints, kind) for kind in CHANNELS}
+    q, tau = channels["q"], channels["tau"]
+    assert q is not None
+    assert tau is not None
+    return Log(name, tuple(joints), values["t"], q, tau, channels["dq"], channels["ddq"], digest)
+
+
+def _wanted(column: str, joints: list[str]) -> bool:
+    return column == "t" or any(column == f"{j}.{kind}" for j in joints for kind in CHANNELS)
+
+
+def _channel(values: dict[str, Array], joints: list[str], kind: str) -> Array | None:
+    if any(f"{j}.{kind}" not in values for j in joints):
+        return None
+    return np.stack([values[f"{j}.{kind}"] for j in joints], 1)
+
+
+def _numbers(frame: pd.DataFrame, column: str, source: str) -> Array:
+    """Return a column as floats, or say which row is not a finite number."""
+    numbers = pd.to_numeric(frame[column], errors="coerce").to_numpy(float, na_value=np.nan)
+    bad = np.flatnonzero(~np.isfinite(numbers))
+    if len(bad):
+        raise LogError(
+            f"{source}: column '{column}' is not a finite number in {len(bad)} of {len(numbers)} "
+            f"rows, first in data row {bad[0] + 1} ('{frame[column].iloc[bad[0]]}'); remove or "
+            "repair these rows."
+        )
+    return numbers
+
+
+def _check_times(t: Array, source: str) -> None:
+    if len(t) < FEWEST:
+        raise LogError(
+            f"{source} has {len(t)} samples, too few to say anything; at least {FEWEST} are needed "
+            "and some hundreds are usual."
+        )
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if len(back):
+        k = int(back[0])
+        raise LogError(
+            f"{source}: time does not increase after data row {k + 1} (t = {t[k]:g} s, then "
+            f"{t[k + 1]:g} s); sort the rows and remove repeated ones."
+        )

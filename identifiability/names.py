@@ -1,0 +1,88 @@
+"""The names, units and sign constraints of parameters: one grammar, ``<owner>.<kind>``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Inertial parameters of a body in Pinocchio's order: mass, first moments, and the *tensor*
+#: entries of inertia (Ixy = -∫xy dm) about the origin of the body's joint frame.
+INERTIAL_KINDS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+
+#: The order in which a body's columns are offered to the grouping: mass last, so that masses are
+#: regrouped into the moments that they act through.
+INERTIAL_PREFERENCE = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
+
+#: Kinds that no physical body or joint can have below zero.
+NONNEGATIVE_KINDS = frozenset(
+    {"m", "Ixx", "Iyy", "Izz", "Fv", "Fc", "Fc+", "Fc-", "Ia", "Jr", "Js"}
+)
+
+_INERTIAL_UNITS = {"m": "kg", "mx": "kg·m", "my": "kg·m", "mz": "kg·m"}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a model: what a column of the regressor multiplies.
+
+    Attributes
+    ----------
+    owner : str
+        Body or joint that the parameter belongs to.
+    kind : str
+        What it is: ``m``, ``mx``, ``Ixx``, ``Fv``, ``Fc+``, ``Ia`` …
+    unit : str
+        SI unit.
+    group : str
+        Name of the effect that the column comes from (``rigid_body``, …).
+    symbol : str
+        Short form of the owner for labels, such as the ``3`` of ``my(3)``.
+    """
+
+    owner: str
+    kind: str
+    unit: str
+    group: str
+    symbol: str = ""
+
+    @property
+    def name(self) -> str:
+        """The public name, ``platform.mx``."""
+        return f"{self.owner}.{self.kind}"
+
+    @property
+    def term(self) -> str:
+        """The form used inside a grouping, ``mx(3)``."""
+        return f"{self.kind}({self.symbol or self.owner})"
+
+    @property
+    def nonnegative(self) -> bool:
+        """Whether physics forbids a value below zero."""
+        return self.kind in NONNEGATIVE_KINDS
+
+
+def inertial_unit(kind: str) -> str:
+    """Return the SI unit of an inertial parameter kind."""
+    return _INERTIAL_UNITS.get(kind, "kg·m²")
+
+
+def joint_unit(kind: str, *, prismatic: bool) -> str:
+    """Return the SI unit of a joint parameter: friction, actuator inertia, offset, stiffness.
+
+    Parameters
+    ----------
+    kind : str
+        ``Fv`` (per speed), ``Fc…`` (torque level), ``Ia``/``Jr``/``Js`` (per acceleration).
+    prismatic : bool
+        A sliding joint has N and m where a rotary one has N·m and rad.
+    """
+    force = "N" if prismatic else "N·m"
+    if kind == "Fv":
+        return f"{force}·s/m" if prismatic else f"{force}·s/rad"
+    if kind in ("Ia", "Jr", "Js"):
+        return "kg" if prismatic else "kg·m²"
+    return force

@@ -1,0 +1,300 @@
+"""`Robot`: what the rest of the library needs to know of a robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identifiability.errors import RobotError, near_match
+from identifiability.names import INERTIAL_PREFERENCE, Array
+from identifiability.robot.kinematics import Point, Tree
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A point closure: a point of one body coincides with a point of another.
+
+    `axes` are the world directions in which the closure is demanded (a planar loop needs two).
+    """
+
+    name: str
+    first: Point
+    second: Point
+    axes: tuple[int, ...] = (0, 1, 2)
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A joint coupling ``q_joint = Σ c_k (q_of)^k`` (MJCF ``<joint>`` equality, URDF mimic)."""
+
+    name: str
+    joint: str
+    of: str | None
+    polynomial: tuple[float, ...]
+
+    def evaluate(self, q: Array, robot: Robot) -> tuple[Array, Array]:
+        """Return the coupling error (N,) and its Jacobian (N, nv)."""
+        J = np.zeros((len(q), robot.nv))
+        J[:, robot.dof_index(self.joint)] = 1.0
+        x = self._source(q, robot)
+        poly = np.polynomial.Polynomial(self.polynomial)
+        if self.of is not None:
+            J[:, robot.dof_index(self.of)] = -poly.deriv()(x)
+        return robot.dof_position(q, self.joint) - poly(x), J
+
+    def bias(self, q: Array, v: Array, robot: Robot) -> Array:
+        """Return ``J̇ v``, (N,)."""
+        if self.of is None:
+            return np.zeros(len(q))
+        poly = np.polynomial.Polynomial(self.polynomial)
+        rate = v[:, robot.dof_index(self.of)]
+        return -poly.deriv(2)(self._source(q, robot)) * rate**2
+
+    def _source(self, q: Array, robot: Robot) -> Array:
+        return robot.dof_position(q, self.of) if self.of is not None else np.zeros(len(q))
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """Motors that mix joints: ``motor = ratio ∘ (coupling · (q - offset))``.
+
+    Friction and rotor inertia act on the motor side and are stated referred to the output of the
+    gear, i.e. along ``coupling · q``.
+
+    Attributes
+    ----------
+    motors : tuple of str
+    coupling : (n, n)
+        Rows are motors, columns the actuated joints.
+    ratio : (n,)
+        Gear ratios between the coupled coordinate and the motor's.
+    offset : (n,) [rad or m]
+        Joint position at motor position zero.
+    """
+
+    motors: tuple[str, ...]
+    coupling: Array
+    ratio: Array
+    offset: Array
+
+    def joint_side(self, q: Array, tau: Array) -> tuple[Array, Array]:
+        """Return joint positions and torques from motor positions and torques (N, n)."""
+        R = self.ratio[:, None] * self.coupling
+        return np.linalg.solve(R, q.T).T + self.offset, tau @ R
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A line along which friction and rotor inertia act: a joint's, or a coupled motor's.
+
+    Attributes
+    ----------
+    name, symbol : str
+    row : (n,) or None
+        Its speed is ``row · q̇_actuated``; None for a passive joint (the row then varies).
+    dof : int
+        Index in ``v`` of the joint (passive axes only, else -1).
+    prismatic : bool
+    """
+
+    name: str
+    symbol: str
+    row: Array | None
+    dof: int
+    prismatic: bool
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot read from a standard file. Make one with `Robot.load`.
+
+    Attributes
+    ----------
+    name, title : str
+        Short name and title for reports.
+    path : Path
+        The robot file; `sidecar` is the TOML beside it, if any.
+    model : pinocchio.Model
+    tree : Tree
+        The same kinematics for batches.
+    bodies : tuple of str
+        Names of the moving bodies, one for each Pinocchio joint, in its order.
+    body_symbols, joint_symbols : mapping
+        Short forms for labels.
+    actuated, dependent : (n,), (n_e,) int
+        Indices of degrees of freedom in ``v``.
+    loops, couplings
+        The closures; `loop_rows` are their independent equations.
+    home : (nq,)
+        The configuration that selects the assembly of a closed chain.
+    nominal : mapping
+        Parameter values stated in the file (``slider1.Fv`` …) beside the inertial ones.
+    body_order : tuple of str
+        Bodies in the order in which their columns are offered to the grouping.
+    limits : (n, 2) [rad or m]
+        Position limits of the actuated joints; infinite where the file has none.
+    inertia_parts : tuple of str
+        Kinds that make up the inertia of an actuator (``Ia``, or rotor and screw).
+    """
+
+    name: str
+    title: str
+    path: Path
+    sidecar: Path | None
+    model: Any
+    tree: Tree
+    bodies: tuple[str, ...]
+    body_symbols: Mapping[str, str]
+    joint_symbols: Mapping[str, str]
+    actuated: np.ndarray
+    dependent: np.ndarray
+    loops: tuple[Loop, ...]
+    couplings: tuple[Coupling, ...]
+    loop_rows: np.ndarray
+    home: Array
+    nominal: Mapping[str, float]
+    body_order: tuple[str, ...]
+    limits: Array
+    transmission: Transmission | None = None
+    inertia_parts: tuple[str, ...] = ("Ia",)
+    ties: tuple[Mapping[str, tuple[str, ...]], ...] = field(default=())
+
+    @staticmethod
+    def load(source: str | Path, sidecar: str | Path | None = None) -> Robot:
+        """Read a robot from an MJCF or URDF file, or by the name of a shipped one.
+
+        Parameters
+        ----------
+        source : str or Path
+            A file, or a shipped name such as ``3-rps``.
+        sidecar : str or Path, optional
+            TOML with what the file cannot say (actuated joints of a URDF, loops, symbols …);
+            by default the ``.toml`` of the same stem beside the file.
+
+        Raises
+        ------
+        RobotError
+            If the file cannot be read, lost bodies, or leaves the motion undetermined.
+        """
+        from identifiability.robot.files import read_robot
+
+        return read_robot(source, sidecar)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the robot has loops or coupled joints."""
+        return len(self.dependent) > 0
+
+    @property
+    def nv(self) -> int:
+        """Degrees of freedom of the tree."""
+        return self.tree.nv
+
+    @cached_property
+    def dofs(self) -> tuple[str, ...]:
+        """Names of the tree's degrees of freedom in the order of ``v``."""
+        named = sorted((j.iv + k, d) for j in self.tree.joints for k, d in enumerate(j.dofs))
+        return tuple(d for _, d in named)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the actuated joints."""
+        return tuple(self.dofs[k] for k in self.actuated)
+
+    @property
+    def passive(self) -> tuple[str, ...]:
+        """Names of the passive degrees of freedom."""
+        return tuple(self.dofs[k] for k in self.dependent)
+
+    def dof_index(self, name: str) -> int:
+        """Return the index of a degree of freedom in ``v``."""
+        try:
+            return self.dofs.index(name)
+        except ValueError:
+            raise RobotError(
+                f"{self.path.name} has no joint '{name}'{near_match(name, self.dofs)} "
+                f"Its joints are {', '.join(self.dofs)}."
+            ) from None
+
+    def is_prismatic(self, dof: int) -> bool:
+        """Whether the degree of freedom with this index slides."""
+        for j in self.tree.joints:
+            if j.iv <= dof < j.iv + j.nv:
+                return j.kind == "prismatic" or (j.kind == "free" and dof < j.iv + 3)
+        raise IndexError(dof)
+
+    def dof_position(self, q: Array, name: str) -> Array:
+        """Return the coordinate of a one-dof joint at configurations (N, nq), (N,)."""
+        dof = self.dof_index(name)
+        for j in self.tree.joints:
+            if j.iv == dof and j.nv == 1:
+                if j.unbounded:
+                    return np.arctan2(q[:, j.iq + 1], q[:, j.iq])
+                return q[:, j.iq]
+        raise RobotError(f"Joint '{name}' of {self.path.name} has no scalar position.")
+
+    def actuated_positions(self, q: Array) -> Array:
+        """Return the coordinates of the actuated joints at configurations (N, nq), (N, n)."""
+        return np.stack([self.dof_position(q, name) for name in self.joints], 1)
+
+    def configuration(self, q: Array) -> Array:
+        """Return full configurations (N, nq) with actuated positions `q`, the rest at home."""
+        full = np.repeat(self.home[None], len(q), 0)
+        by_dof = {j.iv: j for j in self.tree.joints}
+        for column, dof in enumerate(self.actuated):
+            j = by_dof[int(dof)]
+            if j.unbounded:
+                full[:, j.iq], full[:, j.iq + 1] = np.cos(q[:, column]), np.sin(q[:, column])
+            else:
+                full[:, j.iq] = q[:, column]
+        return full
+
+    def describe_home(self) -> str:
+        """Return the home positions of the actuated joints as ``slider1 = 0.7, …``."""
+        at = self.actuated_positions(self.home[None])[0]
+        return ", ".join(f"{n} = {x:.4g}" for n, x in zip(self.joints, at, strict=True))
+
+    @cached_property
+    def axes(self) -> tuple[Axis, ...]:
+        """Every actuated joint, then every motor whose coordinate mixes joints."""
+        n = len(self.actuated)
+        unit = np.eye(n)
+        axes = [
+            Axis(name, self.joint_symbols.get(name, name), unit[k], -1, self.is_prismatic(dof))
+            for k, (name, dof) in enumerate(zip(self.joints, self.actuated, strict=True))
+        ]
+        if self.transmission is not None:
+            rows = zip(self.transmission.motors, self.transmission.coupling, strict=True)
+            for motor, row in rows:
+                if np.count_nonzero(row) > 1:
+                    mixed = [axes[k].prismatic for k in np.flatnonzero(row)]
+                    axes.append(
+                        Axis(motor, self.joint_symbols.get(motor, motor), row, -1, all(mixed))
+                    )
+        return tuple(axes)
+
+    @cached_property
+    def passive_axes(self) -> tuple[Axis, ...]:
+        """Every passive one-dof joint; balls are left out (no friction law with one axis)."""
+        single = {j.iv for j in self.tree.joints if j.nv == 1}
+        return tuple(
+            Axis(d, self.joint_symbols.get(d, d), None, int(k), self.is_prismatic(k))
+            for k, d in zip(self.dependent, self.passive, strict=True)
+            if int(k) in single
+        )
+
+    def column_preference(self, names: tuple[str, ...]) -> list[int]:
+        """Return column indices in the order in which the grouping should try to keep them.
+
+        Bodies come in `body_order`, each with its mass last; everything else follows.
+        """
+        at = {name: k for k, name in enumerate(names)}
+        wanted = [f"{b}.{kind}" for b in self.body_order for kind in INERTIAL_PREFERENCE]
+        first = [at[w] for w in wanted if w in at]
+        seen = set(first)
+        return first + [k for k in range(len(names)) if k not in seen]

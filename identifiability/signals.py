@@ -1,0 +1,165 @@
+"""Filter, differentiate, fit and decimate sampled motion (arrays in, arrays out).
+
+What to use when: `fit_fourier` for periodic motion (derivatives are then analytic);
+`differentiate` for everything else (zero-phase Butterworth, then central differences);
+`Decimation` whenever torque is low-passed: it must act on every column of the regressor as it
+acts on the torque (parallel filtering [Gautier 1997]), or sharp friction steps are smoothed on
+one side of the equation only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import signal
+
+from identifiability.names import Array
+
+
+def sampling_step(t: Array) -> float:
+    """Return the sampling step of uniform times, their median difference [s]."""
+    return float(np.median(np.diff(t)))
+
+
+def motion_bandwidth(t: Array, q: Array, share: float = 0.99) -> float:
+    """Return the frequency below which `share` of the velocity's energy lies, over all joints [Hz].
+
+    Parameters
+    ----------
+    t : (N,) [s]
+    q : (N, n)
+    """
+    dt = sampling_step(t)
+    window = signal.windows.hann(len(t), sym=False)[:, None]
+    spectrum = np.abs(np.fft.rfft(window * (q - q.mean(0)), axis=0)) ** 2
+    f = np.fft.rfftfreq(len(t), dt)
+    energy = spectrum * f[:, None] ** 2
+    # White noise on q grows with f² here and would own the total; its level is seen at the top
+    # tenth of the band and taken off.
+    floor = np.median(spectrum[int(0.9 * len(f)) :], axis=0) / np.log(2)
+    energy = np.maximum(energy - 3 * floor * f[:, None] ** 2, 0.0)
+    total = energy.sum(0)
+    cumulative = np.cumsum(energy, 0)
+    reach = [
+        f[np.searchsorted(cumulative[:, k], share * total[k])]
+        for k in range(q.shape[1])
+        if total[k] > 0
+    ]
+    return float(max(reach, default=0.0))
+
+
+def choose_cutoff(t: Array, q: Array) -> float:
+    """Return a low-pass cut-off for the motion: 10 × its bandwidth, at most fs/5 [Hz].
+
+    Filtering q must not touch the motion itself: the literature takes 5 to 10 times its bandwidth
+    [Gautier 1997].
+    """
+    fs = 1.0 / sampling_step(t)
+    lowest = 4.0 / (t[-1] - t[0])
+    return float(np.clip(10.0 * motion_bandwidth(t, q), lowest, fs / 5))
+
+
+def lowpass(x: Array, dt: float, cutoff: float, order: int = 4) -> Array:
+    """Return x (N, …) filtered forwards and backwards by a Butterworth low-pass (no phase)."""
+    sos = signal.butter(order, cutoff, fs=1.0 / dt, output="sos")
+    pad = min(len(x) - 1, int(3 / (cutoff * dt)))
+    filtered: Array = signal.sosfiltfilt(sos, x, axis=0, padlen=pad)
+    return filtered
+
+
+def differentiate(x: Array, dt: float) -> Array:
+    """Return the time derivative of x (N, …) by central differences of second order."""
+    slope: Array = np.gradient(x, dt, axis=0, edge_order=2)
+    return slope
+
+
+@dataclass(frozen=True)
+class FourierFit:
+    """A finite Fourier series per joint: ``q = c0 + Σ a_k sin(kωt) + b_k cos(kωt)``.
+
+    Attributes
+    ----------
+    period : float [s]
+    coefficients : (2 H + 1, n)
+        Constant, sines, cosines.
+    """
+
+    period: float
+    coefficients: Array
+
+    @property
+    def harmonics(self) -> int:
+        """Number of harmonics H."""
+        return (len(self.coefficients) - 1) // 2
+
+    def motion(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return q, dq, ddq (N, n) at times t, differentiated analytically."""
+        H = self.harmonics
+        w = 2 * np.pi / self.period * np.arange(1, H + 1)
+        S, C = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+        c0, a, b = np.split(self.coefficients, [1, H + 1])
+        q = c0 + S @ a + C @ b
+        dq = (C * w) @ a - (S * w) @ b
+        ddq = -(S * w**2) @ a - (C * w**2) @ b
+        return q, dq, ddq
+
+
+def fit_fourier(t: Array, q: Array, period: float, harmonics: int) -> FourierFit:
+    """Fit a finite Fourier series to q (N, n) by least squares [Swevers 1997]."""
+    w = 2 * np.pi / period * np.arange(1, harmonics + 1)
+    basis = np.hstack([np.ones((len(t), 1)), np.sin(np.outer(t, w)), np.cos(np.outer(t, w))])
+    return FourierFit(period, np.linalg.lstsq(basis, q, rcond=None)[0])
+
+
+def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
+    """Return the period, a whole fraction of the duration, whose Fourier series fits q best [s]."""
+    duration = t[-1] - t[0] + sampling_step(t)
+    best, chosen = np.inf, duration
+    spread = np.sum((q - q.mean(0)) ** 2)
+    for k in range(1, most + 1):
+        if 4 * harmonics * k > len(t):
+            break
+        fitted = fit_fourier(t, q, duration / k, harmonics).motion(t)[0]
+        error = np.sum((q - fitted) ** 2) / max(spread, 1e-300)
+        if error < 0.5 * best:  # a longer period with k× the harmonics always fits a little better
+            best, chosen = error, duration / k
+    return float(chosen)
+
+
+@dataclass(frozen=True)
+class Decimation:
+    """Zero-phase FIR low-pass and decimation that torque and regressor columns share.
+
+    Attributes
+    ----------
+    factor : int
+        Every `factor`-th sample is kept.
+    """
+
+    factor: int
+
+    @cached_property
+    def taps(self) -> Array:
+        """The symmetric filter, 20 taps a kept sample, cut-off at the new Nyquist frequency."""
+        h: Array = signal.firwin(2 * self.reach + 1, 1.0 / self.factor, window="hamming")
+        return h
+
+    @property
+    def reach(self) -> int:
+        """Samples on each side that an output draws on."""
+        return 10 * self.factor
+
+    def outputs(self, samples: int) -> int:
+        """Return the number of outputs of a run of samples; its ends are not extrapolated."""
+        return max(0, (samples - (2 * self.reach + 1)) // self.factor + 1)
+
+    def apply(self, x: Array) -> Array:
+        """Return x (N, …) low-passed and decimated, (outputs, …)."""
+        count = self.outputs(len(x))
+        band = np.zeros((count, len(x)))
+        for k in range(count):
+            band[k, k * self.factor : k * self.factor + len(self.taps)] = self.taps
+        out: Array = (band @ x.reshape(len(x), -1)).reshape(count, *x.shape[1:])
+        return out
