@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -184,6 +185,14 @@ class Robot:
         from identifiability.robot.files import read_robot
 
         return read_robot(source, sidecar)
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the robot file and its sidecar."""
+        digest = hashlib.sha256(self.path.read_bytes())
+        if self.sidecar is not None:
+            digest.update(self.sidecar.read_bytes())
+        return digest.hexdigest()
 
     @property
     def closed(self) -> bool:

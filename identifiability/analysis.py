@@ -1,0 +1,518 @@
+"""The main job: robot and logs in, one verdict per parameter and a model to use out."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
+
+from identifiability.errors import LogError
+from identifiability.estimate import Estimate, Method, estimate
+from identifiability.evaluation import (
+    Prediction,
+    choose_folds,
+    fold_of_samples,
+    leave_out,
+    predict,
+)
+from identifiability.grouping import BaseParameters, find_base_parameters
+from identifiability.information import Information, gather_information
+from identifiability.ladder import (
+    LadderEntry,
+    Rung,
+    build_ladder,
+    default_ladder,
+    ladder_model,
+    ladder_path,
+    nominal_base,
+    read_ladder,
+)
+from identifiability.log import Log
+from identifiability.model import Regression
+from identifiability.names import Array
+from identifiability.noise import autocorrelation_time
+from identifiability.output import write_json
+from identifiability.robot import Robot
+from identifiability.samples import Preparation, Samples, prepare_samples
+from identifiability.verdict import Class, Evidence, Thresholds, Verdict, judge
+
+SCHEMA = "identifiability/analysis/1"
+
+LogLike = Log | str | Path | pd.DataFrame
+Progress = Callable[[str, float], None]
+
+_PACKAGES = ("identifiability", "pin", "mujoco", "numpy", "scipy", "pandas")
+
+
+@dataclass(frozen=True)
+class RungResult:
+    """One model of the ladder, fitted.
+
+    Attributes
+    ----------
+    rung : Rung
+    estimate : Estimate
+    verdicts : tuple of Verdict
+    error_ra : float
+        ε_RA on the logs it was fitted to.
+    error_ra_validation : float
+        ε_RA on the validation logs, or by blocked cross-validation where there are none.
+    error_se : float
+        Standard error of the difference of the latter to the best model's.
+    infeasible : tuple of str
+        Parameters with a sign that physics forbids.
+    autocorrelation_time : (n,)
+        Of the residual of each actuator [samples].
+    """
+
+    rung: Rung
+    estimate: Estimate
+    verdicts: tuple[Verdict, ...]
+    error_ra: float
+    error_ra_validation: float
+    error_se: float
+    infeasible: tuple[str, ...]
+    autocorrelation_time: Array
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.rung.name
+
+    @property
+    def feasible(self) -> bool:
+        """Whether no parameter has a sign that physics forbids."""
+        return not self.infeasible
+
+    @property
+    def paper_identified(self) -> int:
+        """How many parameters pass the 10× rule."""
+        return int(self.estimate.paper_rule.sum())
+
+    def count(self, kind: Class) -> int:
+        """Return how many parameters got a verdict."""
+        return sum(v.verdict is kind for v in self.verdicts)
+
+    @property
+    def margin(self) -> float:
+        """Smallest value of a sign-constrained parameter in units of its robust σ."""
+        pairs = zip(self.verdicts, self.rung.nonnegative, strict=True)
+        ratios = [
+            v.value / v.sigma_robust
+            for v, wanted in pairs
+            if wanted and 0 < v.sigma_robust < np.inf
+        ]
+        return min(ratios, default=float("inf"))
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """The answer. `to_frame`, `to_json` and `write_report` give it away.
+
+    Attributes
+    ----------
+    robot : Robot
+    base : BaseParameters
+        What the robot's structure allows to determine.
+    samples, validation : tuple of Samples
+    information : Information
+        Of the full base model on the fitted logs.
+    models : tuple of RungResult
+        The ladder, unpruned model first.
+    selected : int
+        The model to use: the smallest within one standard error of the best held-out error,
+        physically feasible if any is.
+    fitted, held_out : Prediction
+        Torque predicted by every model on the fitted and on the held-out samples.
+    method, seed, thresholds
+        As asked for.
+    """
+
+    robot: Robot
+    base: BaseParameters
+    samples: tuple[Samples, ...]
+    validation: tuple[Samples, ...]
+    information: Information
+    models: tuple[RungResult, ...]
+    selected: int
+    fitted: Prediction
+    held_out: Prediction
+    effects: tuple[str, ...]
+    method: Method
+    seed: int
+    thresholds: Thresholds = field(default_factory=Thresholds)
+
+    @property
+    def chosen(self) -> RungResult:
+        """The selected model."""
+        return self.models[self.selected]
+
+    @property
+    def full(self) -> RungResult:
+        """The unpruned model."""
+        return self.models[0]
+
+    @cached_property
+    def provenance(self) -> dict[str, str]:
+        """Versions, seed and hashes of the inputs."""
+        out = {"python": platform.python_version()}
+        for package in _PACKAGES:
+            try:
+                out[package] = metadata.version(package)
+            except metadata.PackageNotFoundError:
+                out[package] = "not installed"
+        out["seed"] = str(self.seed)
+        out[f"sha256 {self.robot.path.name}"] = self.robot.sha256
+        for s in (*self.samples, *self.validation):
+            out[f"sha256 {s.name}"] = s.sha256
+        return out
+
+    def to_frame(self, model: str | None = None) -> pd.DataFrame:
+        """Return one row a parameter of the selected model, or of the named one."""
+        names = [m.name for m in self.models]
+        if model is not None and model not in names:
+            raise KeyError(f"There is no model '{model}'; the models are {', '.join(names)}.")
+        result = self.chosen if model is None else self.models[names.index(model)]
+        return pd.DataFrame([_row(v) for v in result.verdicts])
+
+    def ladder_frame(self) -> pd.DataFrame:
+        """Return one row a model."""
+        return pd.DataFrame([_model_row(m) for m in self.models])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result in the documented JSON schema."""
+        return {
+            "schema": SCHEMA,
+            "robot": {"name": self.robot.name, "title": self.robot.title},
+            "samples": self.information.samples,
+            "validation": self.validation_kind,
+            "models": [_model_row(m) for m in self.models],
+            "selected": self.chosen.name,
+            "parameters": [_row(v) for v in self.chosen.verdicts],
+            "full_parameters": [_row(v) for v in self.full.verdicts],
+            "physical": {
+                "feasible": self.chosen.feasible,
+                "margin": self.chosen.margin,
+                "infeasible": list(self.chosen.infeasible),
+            },
+            "structure": {
+                "parameters": len(self.base.parameters),
+                "rank": self.base.rank,
+                "gap": list(self.base.gap),
+                "effects": list(self.effects),
+                "groupings": dict(zip(self.base.names, self.base.labels, strict=True)),
+                "without_effect": list(self.base.without_effect),
+            },
+            "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
+            "method": self.method,
+            "provenance": self.provenance,
+        }
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write the result as JSON, whole or not at all."""
+        return write_json(path, self.to_dict())
+
+    def write_report(self, path: str | Path) -> Path:
+        """Write the result as one self-contained HTML file, whole or not at all."""
+        from identifiability.report import write_analysis_report  # noqa: PLC0415 - roof above us
+
+        return write_analysis_report(self, path)
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.statement}</p>{self.to_frame().to_html(escape=True)}"
+
+    @property
+    def validation_kind(self) -> str:
+        """What the held-out error was measured on."""
+        if self.validation:
+            return "held-out logs: " + ", ".join(s.name for s in self.validation)
+        if len(self.samples) > 1:
+            return "cross-validation, one log left out at a time"
+        return "cross-validation over stretches of the log"
+
+    @property
+    def statement(self) -> str:
+        """The answer in plain words."""
+        chosen = self.chosen
+        found = chosen.count(Class.IDENTIFIABLE)
+        total = len(self.base.parameters)
+        if not any(v.verdict in (Class.IDENTIFIABLE, Class.WEAK) for v in self.full.verdicts) and (
+            not found
+        ):
+            return (
+                f"Nothing is identifiable, because {self._why_nothing()}. The robot has {total} "
+                f"parameters, {self.base.rank} of them independent in principle."
+            )
+        held = 100 * chosen.error_ra_validation
+        text = (
+            f"Of {total} parameters {self.base.rank} can be told apart in principle; these logs "
+            f"determine {self.full.count(Class.IDENTIFIABLE)} of them in the unpruned model. The "
+            f"model to use is {chosen.name}: {found} of its {len(chosen.rung)} parameters are "
+            f"identifiable, and it predicts motion that it has not seen with an error of "
+            f"{held:.3g} %."
+        )
+        if chosen.feasible:
+            return text + " All its signs are physically possible."
+        return text + (
+            f" But {len(chosen.infeasible)} of its values are physically impossible "
+            f"({', '.join(chosen.infeasible[:4])})."
+        )
+
+    def _why_nothing(self) -> str:
+        moving = [
+            j
+            for k, j in enumerate(self.robot.joints)
+            if any(np.ptp(s.motion.actuated_q[:, k]) > 1e-9 for s in self.samples)
+        ]
+        if not moving:
+            return "the robot does not move in these logs"
+        rank = int(self.full.estimate.determined.sum())
+        if rank < self.base.rank:
+            return (
+                f"the motion excites only {rank} independent combinations and none of them is "
+                "determined beyond the noise"
+            )
+        return "the residual hides every parameter"
+
+
+def analyze(
+    robot: Robot | str | Path,
+    logs: Sequence[LogLike] | LogLike,
+    validate: Sequence[LogLike] | LogLike = (),
+    ladder: LadderEntry | str | Path | None = None,
+    *,
+    preparation: Preparation | None = None,
+    method: Method = "wls",
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Analysis:
+    """Say which parameters the logs determine, and which model of a ladder to use.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+    logs : log, path, DataFrame, or several
+        Fitted to.
+    validate : the same, optional
+        Held out; without them errors come from blocked cross-validation.
+    ladder : LadderEntry or path, optional
+        Models to compare; by default the ladder beside the robot file, else asymmetric and
+        symmetric friction.
+    preparation : Preparation, optional
+        How derivatives are made.
+    method : {"wls", "ols"}
+    seed : int
+        Of every random choice.
+    progress : callable(str, float), optional
+        Called with what is being done and the share that is done.
+
+    Raises
+    ------
+    IdentifiabilityError
+        With one sentence on what to do.
+    """
+    say = progress or (lambda _text, _share: None)
+    with threadpool_limits(1, "blas"):
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        if not isinstance(ladder, LadderEntry):
+            path = ladder if ladder is not None else ladder_path(robot)
+            ladder = default_ladder(robot) if path is None else read_ladder(path)
+        model = ladder_model(ladder)
+        say("reading logs", 0.0)
+        train = _prepare(robot, logs, preparation)
+        if not train:
+            raise LogError("No log was given; give at least one.")
+        held = _prepare(robot, validate, preparation)
+        say("finding base parameters", 0.2)
+        base = find_base_parameters(robot, model, np.random.default_rng(seed))
+        rungs = build_ladder(ladder, robot, base)
+        say("building the regression", 0.3)
+        regression = Regression(robot, model, train, base.kept)
+        information = gather_information(regression)
+        say("fitting models", 0.6)
+        fits = [estimate(rung.reduce(information), method) for rung in rungs]
+        values = np.stack([r.expand(e.value) for r, e in zip(rungs, fits, strict=True)], 1)
+        fitted = predict(regression, values)
+        if held:
+            out = predict(Regression(robot, model, held, base.kept), values)
+        else:
+            out = _cross_validate(regression, information, rungs, method)
+        say("judging parameters", 0.9)
+        thresholds = Thresholds()
+        nominal = nominal_base(robot, base)
+        results = _results(rungs, fits, information, fitted, out, nominal, thresholds)
+        return Analysis(
+            robot, base, train, held, information, results, _select(results), fitted, out,
+            model.names, method, seed, thresholds,
+        )  # fmt: skip
+
+
+def _prepare(
+    robot: Robot, logs: Sequence[LogLike] | LogLike, how: Preparation | None
+) -> tuple[Samples, ...]:
+    several = [logs] if isinstance(logs, (Log, str, Path, pd.DataFrame)) else list(logs)
+    out = []
+    for k, item in enumerate(several):
+        if isinstance(item, pd.DataFrame):
+            log = Log.from_frame(item, f"log {k + 1}")
+        else:
+            log = item if isinstance(item, Log) else Log.read(item)
+        out.append(prepare_samples(robot, log, how))
+    return tuple(out)
+
+
+def _cross_validate(
+    regression: Regression, information: Information, rungs: Sequence[Rung], method: Method
+) -> Prediction:
+    """Predict every stretch of the logs by models that were fitted to the others."""
+    folds = choose_folds(information)
+    values = []
+    for fold in range(int(folds.max()) + 1):
+        rest = leave_out(information, folds, fold)
+        fits = [r.expand(estimate(r.reduce(rest), method).value) for r in rungs]
+        values.append(np.stack(fits, 1))
+    return predict(regression, np.stack(values), fold_of_samples(information, folds))
+
+
+def _results(
+    rungs: Sequence[Rung],
+    fits: Sequence[Estimate],
+    information: Information,
+    fitted: Prediction,
+    out: Prediction,
+    nominal: Array,
+    thresholds: Thresholds,
+) -> tuple[RungResult, ...]:
+    error, held_error = fitted.relative_error(), out.relative_error()
+    best = int(np.nanargmin(held_error)) if np.isfinite(held_error).any() else 0
+    spread = np.broadcast_to(out.standard_error(best), held_error.shape)
+    results = []
+    for k, (rung, fit) in enumerate(zip(rungs, fits, strict=True)):
+        residual = fitted.residual[:, :, k]
+        times = _residual_times(residual, fitted.log)
+        inflation = float(np.sqrt(_mean_time(times, fit)))
+        reduced = rung.reduce(information)
+        evidence = Evidence(
+            fit,
+            fit.sigma * inflation,
+            _column_rms(reduced),
+            float(np.sqrt(np.mean(fitted.tau**2))),
+            float(np.sqrt(np.mean(residual**2))),
+            _aliases(reduced, fit, rung),
+        )
+        stated = np.linalg.lstsq(rung.M, nominal - rung.held, rcond=None)[0]
+        verdicts = judge(rung.labels, rung.units, evidence, stated, thresholds)
+        forbidden = rung.nonnegative & fit.determined & (fit.value < 0)
+        infeasible = tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad)
+        results.append(
+            RungResult(
+                rung,
+                fit,
+                verdicts,
+                float(error[k]),
+                float(held_error[k]),
+                float(spread[k]),
+                infeasible,
+                times,
+            )  # fmt: skip
+        )
+    return tuple(results)
+
+
+def _residual_times(residual: Array, log: np.ndarray) -> Array:
+    """Return the autocorrelation time of each actuator, averaged over logs by their length."""
+    total = np.zeros(residual.shape[1])
+    for k in np.unique(log):
+        part = residual[log == k]
+        total += len(part) * autocorrelation_time(part)
+    return total / len(residual)
+
+
+def _mean_time(times: Array, fit: Estimate) -> float:
+    """Return one autocorrelation time: that of the actuators that carry the residual."""
+    share = fit.weights * fit.rss
+    total = share.sum()
+    return float((share * times).sum() / total) if total > 0 else float(times.mean())
+
+
+def _column_rms(information: Information) -> Array:
+    squares = np.einsum("ki,kl,li->i", information.basis, information.total(), information.basis)
+    rms: Array = np.sqrt(np.maximum(squares[:-1], 0) / max(information.rows, 1))
+    return rms
+
+
+def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, ...]:
+    """Return, for each undetermined column, what this motion cannot tell it from."""
+    out = [""] * len(rung)
+    if fit.determined.all():
+        return tuple(out)
+    R = information.factor(fit.weights)[:, : information.size]
+    length = np.linalg.norm(R, axis=0)
+    kept = np.flatnonzero(fit.determined)
+    for k in np.flatnonzero(~fit.determined):
+        if length[k] <= 1e-8 * length.max(initial=0.0) or not len(kept):
+            out[k] = "This motion never makes it act on the torque."
+            continue
+        solved = np.linalg.lstsq(R[:, kept] / length[kept], R[:, k] / length[k], rcond=None)[0]
+        strong = [
+            rung.columns[kept[i]] for i in np.argsort(-np.abs(solved))[:4] if abs(solved[i]) > 1e-3
+        ]
+        out[k] = (
+            "This motion does not tell it from "
+            + (" and ".join(strong) if strong else "the other parameters")
+            + "; only their combination is determined."
+        )
+    return tuple(out)
+
+
+def _select(results: Sequence[RungResult]) -> int:
+    """Return the smallest model within one standard error of the best, feasible if any is."""
+    pool = [k for k, r in enumerate(results) if r.feasible] or list(range(len(results)))
+    error = np.array([r.error_ra_validation for r in results])
+    if not np.isfinite(error[pool]).any():
+        return pool[-1]
+    best = min(pool, key=lambda k: error[k] if np.isfinite(error[k]) else np.inf)
+    good = [k for k in pool if error[k] <= error[best] + np.nan_to_num(results[k].error_se)]
+    return min(good, key=lambda k: (len(results[k].rung), error[k]))
+
+
+def _row(v: Verdict) -> dict[str, Any]:
+    return {
+        "name": v.name,
+        "label": v.label,
+        "unit": v.unit,
+        "value": v.value,
+        "sigma": v.sigma,
+        "sigma_percent": v.sigma_percent,
+        "sigma_robust_percent": v.sigma_robust_percent,
+        "interval95": list(v.interval95),
+        "paper_rule": v.paper_rule,
+        "verdict": v.verdict.value,
+        "reason": v.reason,
+        "torque_share": v.share,
+        "nominal": v.nominal,
+    }
+
+
+def _model_row(m: RungResult) -> dict[str, Any]:
+    return {
+        "name": m.name,
+        "description": m.rung.description,
+        "parameters": len(m.rung),
+        "paper_identified": m.paper_identified,
+        "identifiable": m.count(Class.IDENTIFIABLE),
+        "error_ra": m.error_ra,
+        "error_ra_validation": m.error_ra_validation,
+        "error_ra_validation_se": m.error_se,
+        "feasible": m.feasible,
+        "infeasible": list(m.infeasible),
+        "condition": m.estimate.condition,
+    }

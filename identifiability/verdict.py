@@ -1,0 +1,227 @@
+"""`Verdict`: what may be said of each parameter, and why. All thresholds stand here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from scipy.stats import norm
+
+from identifiability.estimate import PAPER_FACTOR, Estimate
+from identifiability.names import Array
+
+
+class Class(str, Enum):
+    """The classes of verdict; the value is the public word."""
+
+    IDENTIFIABLE = "identifiable"
+    WEAK = "weak"
+    NEGLIGIBLE = "negligible"
+    NOT_IDENTIFIABLE = "not identifiable"
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Thresholds of the verdicts; reports print them.
+
+    Attributes
+    ----------
+    sigma_percent : float
+        Largest robust σ% of an identifiable parameter [%].
+    sign_level : float
+        Family-wise level at which the sign must be certain (Holm over all parameters).
+    negligible_share : float
+        A parameter is negligible if no value in its 95 % interval moves the torque by more than
+        this share of the residual's standard deviation.
+    """
+
+    sigma_percent: float = 20.0
+    sign_level: float = 0.05
+    negligible_share: float = 0.1
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One parameter with its evidence.
+
+    Attributes
+    ----------
+    name, label, unit : str
+    value, sigma, sigma_robust : float
+        Estimate and its standard deviations under white and under autocorrelated noise.
+    interval95 : tuple of float
+        ``value ± 1.96 σ_robust``.
+    share : float
+        Torque that the parameter makes, rms, relative to the measured torque's.
+    paper_rule : bool
+        σ% below 10 × the smallest of the model (white noise).
+    verdict : Class
+    reason : str
+    nominal : float or None
+        Value that the robot file states.
+    """
+
+    name: str
+    label: str
+    unit: str
+    value: float
+    sigma: float
+    sigma_robust: float
+    share: float
+    paper_rule: bool
+    verdict: Class
+    reason: str
+    nominal: float | None = None
+
+    @property
+    def interval95(self) -> tuple[float, float]:
+        """The 95 % interval."""
+        half = 1.96 * self.sigma_robust
+        return self.value - half, self.value + half
+
+    @property
+    def sigma_percent(self) -> float:
+        """σ relative to the value [%]."""
+        return _percent(self.sigma, self.value)
+
+    @property
+    def sigma_robust_percent(self) -> float:
+        """Robust σ relative to the value [%]."""
+        return _percent(self.sigma_robust, self.value)
+
+
+def _percent(sigma: float, value: float) -> float:
+    return 100 * sigma / abs(value) if value else float("inf")
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the verdicts of one model rest on, arrays over its k parameters.
+
+    Attributes
+    ----------
+    estimate : Estimate
+    sigma_robust : (k,)
+    column_rms : (k,)
+        Root mean square of each column of the regressor: torque per unit of the parameter.
+    tau_rms, residual_rms : float
+        Of the measured torque and of the residual.
+    aliases : tuple of str
+        For columns that are not determined: what they cannot be told from.
+    """
+
+    estimate: Estimate
+    sigma_robust: Array
+    column_rms: Array
+    tau_rms: float
+    residual_rms: float
+    aliases: tuple[str, ...]
+
+
+def holm(p: Array) -> Array:
+    """Return p-values adjusted for their number by Holm's step-down method."""
+    order = np.argsort(p)
+    m = len(p)
+    stepped = np.maximum.accumulate((m - np.arange(m)) * p[order])
+    adjusted = np.empty(m)
+    adjusted[order] = np.minimum(stepped, 1.0)
+    return adjusted
+
+
+def judge(
+    labels: Sequence[str],
+    units: Sequence[str],
+    evidence: Evidence,
+    nominal: Array | None = None,
+    thresholds: Thresholds | None = None,
+) -> tuple[Verdict, ...]:
+    """Return the verdict on every parameter of a model."""
+    rules = thresholds or Thresholds()
+    e = evidence.estimate
+    sigma = evidence.sigma_robust
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = np.where(e.determined & (sigma > 0), np.abs(e.value) / sigma, 0.0)
+        z = np.where(e.determined & (sigma == 0) & (e.value != 0), np.inf, z)
+    certain = holm(2 * norm.sf(z)) < rules.sign_level
+    paper = e.paper_rule
+    least = float(e.sigma_percent.min(initial=np.inf))
+    out = []
+    for k, name in enumerate(e.columns):
+        reach = abs(e.value[k]) + 1.96 * sigma[k] if e.determined[k] else np.inf
+        effect = reach * evidence.column_rms[k] / max(evidence.residual_rms, 1e-300)
+        percent = _percent(float(sigma[k]), float(e.value[k]))
+        kind, reason = _decide(
+            bool(e.determined[k]), bool(certain[k]), percent, float(effect),
+            evidence.aliases[k], rules,
+        )  # fmt: skip
+        reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
+        share = abs(e.value[k]) * evidence.column_rms[k] / max(evidence.tau_rms, 1e-300)
+        out.append(
+            Verdict(
+                name,
+                labels[k],
+                units[k],
+                float(e.value[k]),
+                float(e.sigma[k]),
+                float(sigma[k]),
+                float(share),
+                bool(paper[k]),
+                kind,
+                reason,
+                None if nominal is None else float(nominal[k]),
+            )  # fmt: skip
+        )
+    return tuple(out)
+
+
+def _decide(
+    determined: bool, certain: bool, percent: float, effect: float, alias: str, rules: Thresholds
+) -> tuple[Class, str]:
+    if not determined:
+        return Class.NOT_IDENTIFIABLE, alias
+    if certain and percent <= rules.sigma_percent:
+        return (
+            Class.IDENTIFIABLE,
+            f"Known to ±{percent:.2g} % (limit {rules.sigma_percent:g} %) and its sign is certain.",
+        )
+    if effect <= rules.negligible_share:
+        return (
+            Class.NEGLIGIBLE,
+            f"No value in its interval moves the torque by more than {100 * effect:.2g} % of the "
+            "residual: about zero for this motion, safe to leave out.",
+        )
+    if certain:
+        return (
+            Class.WEAK,
+            f"Its sign is certain, but it is known only to ±{percent:.2g} %.",
+        )
+    if percent < 100:
+        return (
+            Class.NOT_IDENTIFIABLE,
+            f"σ is {percent:.3g} % of the value: with this many parameters even the sign may be "
+            "chance.",
+        )
+    return (
+        Class.NOT_IDENTIFIABLE,
+        f"σ is {min(percent, 1e6):.3g} % of the value: zero and the other sign fit as well.",
+    )
+
+
+def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
+    """Return why the paper's rule says otherwise, if it does."""
+    good = kind is Class.IDENTIFIABLE
+    if paper and not good:
+        return (
+            f" The {PAPER_FACTOR:g}× rule passes it (white-noise σ {percent:.3g} % < "
+            f"{PAPER_FACTOR:g} × {least:.3g} %): that rule is relative to the best parameter of "
+            "the model and knows no autocorrelation."
+        )
+    if good and not paper:
+        return (
+            f" The {PAPER_FACTOR:g}× rule rejects it (white-noise σ {percent:.3g} % > "
+            f"{PAPER_FACTOR:g} × {least:.3g} %) only because another parameter is known much "
+            "better."
+        )
+    return ""
