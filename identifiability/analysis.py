@@ -15,7 +15,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from identifiability.errors import LogError
-from identifiability.estimate import Estimate, Method, estimate
+from identifiability.estimation import Estimate, Method, estimate
 from identifiability.evaluation import (
     Prediction,
     choose_folds,

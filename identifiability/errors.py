@@ -31,12 +31,12 @@ class OutputError(IdentifiabilityError):
 
 
 def near_match(name: str, known: Iterable[str]) -> str:
-    """Return ``", did you mean 'x'?"`` for the known name nearest to `name`, or ``""``."""
+    """Return the end of a sentence: ``", did you mean 'x'?"`` with the nearest name, or ``"."``."""
     known = list(known)
     # Case slips are the commonest typos and difflib counts them as full substitutions.
     folded = {k.casefold(): k for k in known}
     close = difflib.get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.6)
-    return f", did you mean '{folded[close[0]]}'?" if close else ""
+    return f", did you mean '{folded[close[0]]}'?" if close else "."
 
 
 def listing(names: Iterable[str], most: int = 12) -> str:

@@ -16,8 +16,10 @@ import pandas as pd
 
 from identifiability.errors import LogError, listing, near_match
 from identifiability.names import Array
+from identifiability.output import write_bytes, write_text
 
 CHANNELS = ("q", "dq", "ddq", "tau")
+PARQUET = (".parquet", ".pq")
 
 #: Fewer samples than this say nothing about any robot.
 FEWEST = 20
@@ -64,18 +66,29 @@ class Log:
             If the file is missing, is no table, lacks columns or holds values that cannot be.
         """
         path = Path(path)
+        frame = Log.read_frame(path)
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        return _from_frame(frame, str(path), path.name, digest)
+
+    @staticmethod
+    def read_frame(path: str | Path) -> pd.DataFrame:
+        """Read a CSV or Parquet file as it is.
+
+        Raises
+        ------
+        LogError
+            If the file is missing or is no table.
+        """
+        path = Path(path)
         if not path.is_file():
             raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
         try:
-            if path.suffix.lower() in (".parquet", ".pq"):
-                frame = pd.read_parquet(path)
-            else:
-                frame = pd.read_csv(path)
+            if path.suffix.lower() in PARQUET:
+                return pd.read_parquet(path)
+            return pd.read_csv(path)
         except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
             reason = " ".join(str(error).split())[:200].rstrip(".")
             raise LogError(f"{path} cannot be read as CSV or Parquet: {reason}.") from None
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        return _from_frame(frame, str(path), path.name, digest)
 
     @staticmethod
     def from_frame(frame: pd.DataFrame, name: str = "DataFrame") -> Log:
@@ -97,6 +110,18 @@ class Log:
             if values is not None:
                 columns.update({f"{j}.{kind}": values[:, k] for k, j in enumerate(self.joints)})
         return pd.DataFrame(columns)
+
+    def write(self, path: str | Path) -> Path:
+        """Write a CSV or Parquet file, whole or not at all; CSV keeps every digit.
+
+        Raises
+        ------
+        OutputError
+        """
+        path = Path(path)
+        if path.suffix.lower() in PARQUET:
+            return write_bytes(path, self.to_frame().to_parquet(index=False))
+        return write_text(path, self.to_frame().to_csv(index=False))
 
     def select(self, joints: Sequence[str], motors: Sequence[str] = ()) -> Log:
         """Return the log with its joints in a robot's order.

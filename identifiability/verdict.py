@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 from scipy.stats import norm
 
-from identifiability.estimate import PAPER_FACTOR, Estimate
+from identifiability.estimation import PAPER_FACTOR, Estimate
 from identifiability.names import Array
 
 

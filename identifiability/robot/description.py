@@ -20,13 +20,15 @@ from identifiability.robot.kinematics import Point, Tree
 class Loop:
     """A point closure: a point of one body coincides with a point of another.
 
-    `axes` are the world directions in which the closure is demanded (a planar loop needs two).
+    `axes` are the world directions in which the closure is demanded (a planar loop needs two);
+    `stated` is the entry of a sidecar: bodies, and points in their frames.
     """
 
     name: str
     first: Point
     second: Point
     axes: tuple[int, ...] = (0, 1, 2)
+    stated: tuple[tuple[str, tuple[float, ...]], tuple[str, tuple[float, ...]]] | None = None
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,8 @@ class Robot:
         Bodies in the order in which their columns are offered to the grouping.
     limits : (n, 2) [rad or m]
         Position limits of the actuated joints; infinite where the file has none.
+    speed_limits, acceleration_limits : (n,)
+        The same of their velocity and acceleration.
     inertia_parts : tuple of str
         Kinds that make up the inertia of an actuator (``Ia``, or rotor and screw).
     """
@@ -161,6 +165,8 @@ class Robot:
     nominal: Mapping[str, float]
     body_order: tuple[str, ...]
     limits: Array
+    speed_limits: Array
+    acceleration_limits: Array
     transmission: Transmission | None = None
     inertia_parts: tuple[str, ...] = ("Ia",)
     ties: tuple[Mapping[str, tuple[str, ...]], ...] = field(default=())

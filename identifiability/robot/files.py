@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -292,6 +292,8 @@ def _assemble(
         nominal={},
         body_order=bodies,
         limits=np.empty((0, 2)),
+        speed_limits=np.empty(0),
+        acceleration_limits=np.empty(0),
         inertia_parts=tuple(extra.inertia_parts),
         ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
     )
@@ -312,7 +314,13 @@ def _assemble(
         )
         shell = replace(shell, couplings=tuple(added))
     robot = _choose_joints(shell, extra, actuated)
-    robot = replace(robot, nominal=_nominal(robot, extra), limits=_limits(robot, extra))
+    robot = replace(
+        robot,
+        nominal=_nominal(robot, extra),
+        limits=_limits(robot, extra),
+        speed_limits=_rate_limits(robot, extra, "v"),
+        acceleration_limits=_rate_limits(robot, extra, "a"),
+    )
     robot = replace(robot, transmission=_transmission(robot, extra))
     return robot
 
@@ -367,7 +375,8 @@ def _sidecar_loop(
         position = np.array(place.rotation) @ np.array(point) + np.array(place.translation)
         ends.append(Point(last[frames[0].parentJoint], position))
     axes = tuple("xyz".index(a) for a in entry.axes)
-    return Loop(entry.name or f"{entry.body1}-{entry.body2}", ends[0], ends[1], axes)
+    stated = ((entry.body1, entry.point1), (entry.body2, entry.point2))
+    return Loop(entry.name or f"{entry.body1}-{entry.body2}", ends[0], ends[1], axes, stated)
 
 
 def _choose_joints(robot: Robot, extra: Sidecar, actuated: list[str] | None) -> Robot:
@@ -444,6 +453,13 @@ def _limits(robot: Robot, extra: Sidecar) -> Array:
         if given is not None and given.q is not None:
             out[row] = given.q
     return out
+
+
+def _rate_limits(robot: Robot, extra: Sidecar, kind: Literal["v", "a"]) -> Array:
+    """Return velocity or acceleration limits of the actuated joints, (n,)."""
+    given = [extra.limits.get(name) for name in robot.joints]
+    values = [None if g is None else getattr(g, kind) for g in given]
+    return np.array([np.inf if v is None else v for v in values], float)
 
 
 def _transmission(robot: Robot, extra: Sidecar) -> Transmission | None:

@@ -1,0 +1,118 @@
+"""Friction, rotor inertia and hidden effects of the simulated robot.
+
+Written out as force laws of speed, position and load; the columns in `effects` are written apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from identifiability.errors import IdentifiabilityError, near_match
+from identifiability.names import Array
+
+#: Law of a hidden effect at one axis: (speed, position, load, nominal Coulomb level) -> force, up
+#: to a factor.
+Law = Callable[[Array, Array, Array], Array]
+
+
+def nominal_force(values: Mapping[str, float], name: str, speed: Array) -> Array:
+    """Return viscous and Coulomb friction of a joint from its parameter values, (N,)."""
+    coulomb = values.get(f"{name}.Fc", 0.0)
+    forward = values.get(f"{name}.Fc+", coulomb)
+    backward = values.get(f"{name}.Fc-", coulomb)
+    dry = np.where(speed > 0, forward, np.where(speed < 0, -backward, 0.0))
+    return values.get(f"{name}.Fv", 0.0) * speed + dry
+
+
+def stribeck(speed: Array, excess: float, velocity: float, shape: float = 1.0) -> Array:
+    """Return the Stribeck excess ``(Fs - Fc) exp(-|q̇/vs|^δ) sign(q̇)`` [Olsson 1998], (N,).
+
+    The paper prints the exponent without its minus sign and without sign(q̇) [Díaz 2010, Eq. 20].
+    """
+    decay = np.exp(-(np.abs(speed / velocity) ** shape))
+    force: Array = excess * decay * np.sign(speed)
+    return force
+
+
+def _typical(speed: Array) -> float:
+    return float(np.sqrt(np.mean(speed**2))) or 1.0
+
+
+def _stribeck(speed: Array, _position: Array, _load: Array) -> Array:
+    return stribeck(speed, 1.0, 0.3 * _typical(speed))
+
+
+def _asymmetry(speed: Array, _position: Array, _load: Array) -> Array:
+    return np.abs(np.sign(speed))
+
+
+def _offset(speed: Array, _position: Array, _load: Array) -> Array:
+    return np.ones_like(speed)
+
+
+def _quadratic(speed: Array, _position: Array, _load: Array) -> Array:
+    return np.abs(speed) * speed
+
+
+def _spring(_speed: Array, position: Array, _load: Array) -> Array:
+    return position - position.mean()
+
+
+def _load(speed: Array, _position: Array, load: Array) -> Array:
+    return np.abs(load) * np.sign(speed)
+
+
+def _ripple(_speed: Array, position: Array, _load: Array) -> Array:
+    return np.sin(2 * np.pi * 8 * (position - position.min()) / max(np.ptp(position), 1e-12))
+
+
+#: Effects that can be hidden at actuated joints.
+HIDDEN: dict[str, Law] = {
+    "stribeck_friction": _stribeck,
+    "coulomb_asymmetry": _asymmetry,
+    "torque_offset": _offset,
+    "quadratic_friction": _quadratic,
+    "joint_stiffness": _spring,
+    "load_dependent_friction": _load,
+    "position_ripple": _ripple,
+}
+
+#: Effects that are hidden at passive joints.
+HIDDEN_PASSIVE = "passive_joint_friction"
+
+#: Root mean square of a hidden effect relative to that of the torque of its joint.
+DEFAULT_SHARE = 0.05
+
+
+def parse_hidden(text: str) -> tuple[str, float]:
+    """Return effect and share of ``stribeck_friction`` or ``stribeck_friction=0.1``.
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    name, given, number = text.partition("=")
+    known = [*HIDDEN, HIDDEN_PASSIVE]
+    if name not in known:
+        raise IdentifiabilityError(
+            f"The effect '{name}' cannot be hidden{near_match(name, known)} Those that can are "
+            f"{', '.join(known)}."
+        )
+    try:
+        share = float(number) if given else DEFAULT_SHARE
+    except ValueError:
+        share = -1.0
+    if not 0 < share < 10:
+        raise IdentifiabilityError(
+            f"The size of the hidden effect '{text}' is not understood; give its share of the "
+            "joint's torque, such as stribeck_friction=0.05."
+        )
+    return name, share
+
+
+def scaled(force: Array, tau: Array, share: float) -> Array:
+    """Return a force (N,) scaled to a share of the rms of a torque (N,)."""
+    size = np.sqrt(np.mean(force**2))
+    return force * (share * np.sqrt(np.mean(tau**2)) / size) if size > 0 else force

@@ -1,0 +1,285 @@
+"""The other road from motion to torque: MuJoCo's inverse dynamics along a prescribed motion.
+
+It reads the robot file by itself and shares nothing with the regressor but the names: loops are
+closed with MuJoCo's point Jacobians, one sample at a time, and torques of the tree are projected
+on the actuated joints through them. Agreement with the regressor is therefore a real test.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from identifiability.errors import ClosureError, RobotError
+from identifiability.names import Array
+from identifiability.robot import Robot
+
+TOLERANCE = 1e-12
+_MAX_STEPS = 30
+
+
+@dataclass(frozen=True)
+class RigidTorque:
+    """Inverse dynamics along a motion.
+
+    Attributes
+    ----------
+    tau : (N, n) [N·m or N]
+        Rigid-body torque of the actuated joints.
+    passive_q, passive_v : (N, n_e)
+        Motion of the passive one-dof joints, in the robot's order of degrees of freedom.
+    X : (N, n_e, n)
+        ``q̇_passive = -X q̇_actuated``.
+    """
+
+    tau: Array
+    passive_q: Array
+    passive_v: Array
+    X: Array
+
+
+@dataclass(frozen=True)
+class _Closure:
+    """A point closure in MuJoCo's terms: two bodies and a point in each frame."""
+
+    body: tuple[int, int]
+    point: tuple[Array, Array]
+
+
+class MujocoRobot:
+    """A robot file in MuJoCo, without friction, rotor inertia and contacts.
+
+    Parameters
+    ----------
+    robot : Robot
+        Names of the joints and where the file is.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.model = _load(robot)
+        self.data = mujoco.MjData(self.model)
+        self.model.dof_armature[:] = 0
+        self.model.dof_damping[:] = 0
+        self.model.dof_frictionloss[:] = 0
+        self.model.jnt_stiffness[:] = 0
+        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        self.actuated = np.array([self._dof(j) for j in robot.joints], int)
+        self.passive = np.setdiff1d(np.arange(self.model.nv), self.actuated)
+        self.closures = _closures(self.model, robot)
+        self.couplings = _couplings(self.model, robot)
+
+    def _joint(self, name: str) -> Any:
+        try:
+            return self.model.joint(name)
+        except KeyError:
+            raise RobotError(
+                f"MuJoCo does not find the joint '{name}' in {self.robot.path}."
+            ) from None
+
+    def _dof(self, name: str) -> int:
+        return int(self._joint(name).dofadr[0])
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> RigidTorque:
+        """Return rigid-body torques for a motion of the actuated joints, each (N, n).
+
+        Raises
+        ------
+        ClosureError
+            If the loops do not close at some sample.
+        """
+        address = np.array([int(self._joint(j).qposadr[0]) for j in self.robot.joints])
+        single = [(k, int(self._joint(d).qposadr[0]), self._dof(d)) for k, d in self._named()]
+        n, m = q.shape[1], len(self.robot.dependent)
+        out = RigidTorque(
+            np.zeros_like(q), np.zeros((len(q), m)), np.zeros((len(q), m)), np.zeros((len(q), m, n))
+        )
+        full = self._home()
+        for k in range(len(q)):
+            full = self._walk(full, address, q[k], k)
+            X = self._slope()
+            v = np.zeros(self.model.nv)
+            v[self.actuated], v[self.passive] = dq[k], -X @ dq[k]
+            a = np.zeros(self.model.nv)
+            a[self.actuated] = ddq[k]
+            a[self.passive] = self._passive_acceleration(v) - X @ ddq[k]
+            self.data.qvel[:], self.data.qacc[:] = v, a
+            mujoco.mj_inverse(self.model, self.data)
+            force = self.data.qfrc_inverse
+            out.tau[k] = force[self.actuated] - X.T @ force[self.passive]
+            for column, qadr, dof in single:
+                out.passive_q[k, column] = full[qadr]
+                out.passive_v[k, column] = v[dof]
+                out.X[k, column] = X[np.flatnonzero(self.passive == dof)[0]]
+        return out
+
+    def _named(self) -> list[tuple[int, str]]:
+        """Return the passive one-dof joints with their place among the robot's passive ones."""
+        names = {self.model.joint(j).name for j in range(self.model.njnt)}
+        return [(k, d) for k, d in enumerate(self.robot.passive) if d in names]
+
+    def _home(self) -> Array:
+        if self.model.nkey:
+            names = [self.model.key(k).name for k in range(self.model.nkey)]
+            chosen = names.index("home") if "home" in names else 0
+            return np.array(self.model.key_qpos[chosen])
+        home = np.array(self.model.qpos0)
+        for joint in self.robot.dofs:
+            home[int(self._joint(joint).qposadr[0])] = self.robot.dof_position(
+                self.robot.home[None], joint
+            )[0]
+        return home
+
+    def _walk(self, full: Array, address: np.ndarray, target: Array, sample: int) -> Array:
+        """Follow the actuated joints to a target in steps that keep the assembly."""
+        start = full[address]
+        steps = max(1, int(np.ceil(np.abs(target - start).max() / 0.02))) if self.closed else 1
+        for k in range(1, steps + 1):
+            full = np.array(full)
+            full[address] = start + (target - start) * k / steps
+            if not self._close(full):
+                raise ClosureError(
+                    f"MuJoCo cannot close the loops of {self.robot.name} at sample {sample + 1} of "
+                    "the motion; keep the motion inside the workspace."
+                )
+        return full
+
+    @property
+    def closed(self) -> bool:
+        """Whether there are loops."""
+        return bool(self.closures or self.couplings)
+
+    def _close(self, full: Array) -> bool:
+        """Close the loops by Newton steps of the passive joints; `full` is changed in place."""
+        before = np.inf
+        for _ in range(_MAX_STEPS):
+            self.data.qpos[:] = full
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_comPos(self.model, self.data)
+            if not self.closed:
+                return True
+            error = self._error()
+            size = float(np.abs(error).max())
+            if size < TOLERANCE and size >= 0.5 * before:  # polished until rounding stops it
+                return True
+            before = size
+            step = np.zeros(self.model.nv)
+            step[self.passive] = -np.linalg.lstsq(
+                self._jacobian()[:, self.passive], error, rcond=None
+            )[0]
+            mujoco.mj_integratePos(self.model, full, step, 1.0)
+        return bool(np.abs(self._error()).max() < 1e-9)
+
+    def _world(self, closure: _Closure, end: int) -> Array:
+        rotation = self.data.xmat[closure.body[end]].reshape(3, 3)
+        at: Array = self.data.xpos[closure.body[end]] + rotation @ closure.point[end]
+        return at
+
+    def _error(self) -> Array:
+        points = [self._world(c, 0) - self._world(c, 1) for c in self.closures]
+        joints = [
+            [self.data.qpos[qj] - poly(self.data.qpos[qo] if qo >= 0 else 0.0)]
+            for _, qj, _, qo, poly in self.couplings
+        ]
+        return np.concatenate([*points, *joints]) if points or joints else np.empty(0)
+
+    def _jacobian(self, *, dot: bool = False) -> Array:
+        """Return the Jacobian of the loop errors, or its time derivative."""
+        rows = []
+        jac = mujoco.mj_jacDot if dot else mujoco.mj_jac
+        for c in self.closures:
+            ends = []
+            for end in (0, 1):
+                J = np.zeros((3, self.model.nv))
+                jac(self.model, self.data, J, None, self._world(c, end), c.body[end])
+                ends.append(J)
+            rows.append(ends[0] - ends[1])
+        for dj, _, do, qo, poly in self.couplings:
+            row = np.zeros((1, self.model.nv))
+            if not dot:
+                row[0, dj] = 1.0
+            if do >= 0:
+                x = self.data.qpos[qo]
+                rate = poly.deriv(2)(x) * self.data.qvel[do] if dot else poly.deriv()(x)
+                row[0, do] = -rate
+            rows.append(row)
+        return np.concatenate(rows) if rows else np.empty((0, self.model.nv))
+
+    def _slope(self) -> Array:
+        """Return X with ``q̇_passive = -X q̇_actuated`` at the present configuration."""
+        if not self.closed:
+            return np.zeros((len(self.passive), len(self.actuated)))
+        A = self._jacobian()
+        return np.linalg.lstsq(A[:, self.passive], A[:, self.actuated], rcond=None)[0]
+
+    def _passive_acceleration(self, v: Array) -> Array:
+        """Return the passive accelerations that the loops demand at zero actuated acceleration."""
+        if not self.closed:
+            return np.zeros(len(self.passive))
+        self.data.qvel[:] = v
+        mujoco.mj_comVel(self.model, self.data)
+        bias = self._jacobian(dot=True) @ v
+        A = self._jacobian()
+        return np.linalg.lstsq(A[:, self.passive], -bias, rcond=None)[0]
+
+
+def _load(robot: Robot) -> Any:
+    """Load the robot file; a URDF loses its meshes, which have no part in the dynamics."""
+    try:
+        if robot.path.suffix.lower() == ".urdf" or _root_tag(robot) == "robot":
+            root = ET.parse(robot.path).getroot()
+            for link in root.findall("link"):
+                for child in [c for c in link if c.tag in ("visual", "collision")]:
+                    link.remove(child)
+            for old in root.findall("mujoco"):
+                root.remove(old)
+            options = ET.SubElement(root, "mujoco")
+            ET.SubElement(options, "compiler", fusestatic="false", balanceinertia="false")
+            return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+        return mujoco.MjModel.from_xml_path(str(robot.path))
+    except (ValueError, OSError) as error:
+        reason = " ".join(str(error).split())[:300].rstrip(".")
+        raise RobotError(f"MuJoCo cannot load {robot.path}: {reason}.") from None
+
+
+def _root_tag(robot: Robot) -> str:
+    return ET.parse(robot.path).getroot().tag
+
+
+def _closures(model: Any, robot: Robot) -> list[_Closure]:
+    """Return the point closures of the MJCF, or of the sidecar where it has its own."""
+    stated = [loop.stated for loop in robot.loops if loop.stated is not None]
+    if stated:
+        ends = [[(model.body(b).id, np.array(p)) for b, p in pair] for pair in stated]
+        return [_Closure((e[0][0], e[1][0]), (e[0][1], e[1][1])) for e in ends]
+    out = []
+    for k in range(model.neq):
+        if model.eq_type[k] != mujoco.mjtEq.mjEQ_CONNECT or not model.eq_active0[k]:
+            continue
+        first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        if model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
+            bodies = (int(model.site_bodyid[first]), int(model.site_bodyid[second]))
+            points = (np.array(model.site_pos[first]), np.array(model.site_pos[second]))
+        else:
+            bodies = (first, second)
+            points = (np.array(model.eq_data[k, :3]), np.array(model.eq_data[k, 3:6]))
+        out.append(_Closure(bodies, points))
+    return out
+
+
+def _couplings(model: Any, robot: Robot) -> list[tuple[int, int, int, int, Any]]:
+    """Return joint couplings as (dof, qpos, dof of source, qpos of source, polynomial)."""
+    out = []
+    for c in robot.couplings:
+        joint = model.joint(c.joint)
+        dj, qj = int(joint.dofadr[0]), int(joint.qposadr[0])
+        do = qo = -1
+        if c.of is not None:
+            source = model.joint(c.of)
+            do, qo = int(source.dofadr[0]), int(source.qposadr[0])
+        out.append((dj, qj, do, qo, np.polynomial.Polynomial(c.polynomial)))
+    return out

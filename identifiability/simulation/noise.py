@@ -1,0 +1,103 @@
+"""Noise on simulated logs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from identifiability.errors import IdentifiabilityError, near_match
+from identifiability.names import Array
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Measurement noise.
+
+    Attributes
+    ----------
+    motion : float
+        Standard deviation of q, dq and ddq, independently, as a share of each sample's value.
+    torque : float
+        The same of the torque [Díaz 2010, Eq. 17; 0.04 and 0.05 are the paper's].
+    additive : float
+        Standard deviation of additive torque noise as a share of each joint's torque rms.
+    correlation : float
+        AR(1) coefficient of the additive noise from sample to sample.
+    encoder : float [rad or m]
+        Resolution of the positions; 0 for none.
+    """
+
+    motion: float = 0.0
+    torque: float = 0.0
+    additive: float = 0.0
+    correlation: float = 0.0
+    encoder: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and 0 <= value) or (name == "correlation" and value >= 1):
+                raise IdentifiabilityError(
+                    f"The noise level {name} = {value:g} cannot be; give a number of at least 0"
+                    f"{' and below 1' if name == 'correlation' else ''}."
+                )
+
+    @staticmethod
+    def parse(text: str) -> Noise:
+        """Return the noise of ``paper``, ``none`` or ``motion=0.04,torque=0.05``.
+
+        Raises
+        ------
+        IdentifiabilityError
+        """
+        if text == "paper":
+            return PAPER_NOISE
+        if text == "none":
+            return Noise()
+        known = list(Noise.__dataclass_fields__)
+        values = {}
+        for part in text.split(","):
+            name, _, number = part.partition("=")
+            try:
+                values[name.strip()] = float(number)
+            except ValueError:
+                raise IdentifiabilityError(
+                    f"The noise '{text}' is not understood; give 'paper', 'none', or levels such "
+                    "as 'motion=0.04,torque=0.05'."
+                ) from None
+            if name.strip() not in known:
+                raise IdentifiabilityError(
+                    f"There is no noise level '{name.strip()}'{near_match(name.strip(), known)} "
+                    f"The levels are {', '.join(known)}."
+                )
+        return Noise(**values)
+
+    def on_motion(self, values: Array, rng: np.random.Generator) -> Array:
+        """Return positions, velocities or accelerations (N, n) with per-sample relative noise."""
+        return values * (1 + self.motion * rng.standard_normal(values.shape))
+
+    def on_torque(self, tau: Array, rng: np.random.Generator) -> Array:
+        """Return torques (N, n) with relative and with additive, autocorrelated noise."""
+        out = tau * (1 + self.torque * rng.standard_normal(tau.shape))
+        if self.additive:
+            out = out + self.additive * np.sqrt(np.mean(tau**2, 0)) * ar1(
+                tau.shape, self.correlation, rng
+            )
+        return out
+
+    def on_encoder(self, q: Array) -> Array:
+        """Return positions rounded to the encoder's resolution."""
+        return np.round(q / self.encoder) * self.encoder if self.encoder else q
+
+
+#: The paper's noise: δ = 4 % on the motion, η = 5 % on the forces, per sample.
+PAPER_NOISE = Noise(motion=0.04, torque=0.05)
+
+
+def ar1(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) -> Array:
+    """Return stationary AR(1) noise of unit variance along the first axis."""
+    white = rng.standard_normal(shape)
+    white[1:] *= np.sqrt(1 - correlation**2)
+    noise: Array = lfilter([1.0], [1.0, -correlation], white, axis=0)
+    return noise
