@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from identifiability.errors import LogError
-from identifiability.estimation import Estimate, Method, estimate
+from identifiability.errors import LogError, listing
+from identifiability.estimation import MIXED, Estimate, Method, dependence, estimate
 from identifiability.evaluation import (
     Prediction,
     choose_folds,
@@ -274,7 +274,7 @@ class Analysis:
         ]
         if not moving:
             return "the robot does not move in these logs"
-        rank = int(self.full.estimate.determined.sum())
+        rank = len(self.full.estimate.kept)
         if rank < self.base.rank:
             return (
                 f"the motion excites only {rank} independent combinations and none of them is "
@@ -450,25 +450,24 @@ def _column_rms(information: Information) -> Array:
 
 
 def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, ...]:
-    """Return, for each undetermined column, what this motion cannot tell it from."""
+    """Return, for each undetermined parameter, what this motion cannot tell it from."""
     out = [""] * len(rung)
-    if fit.determined.all():
-        return tuple(out)
-    R = information.factor(fit.weights)[:, : information.size]
-    length = np.linalg.norm(R, axis=0)
-    kept = np.flatnonzero(fit.determined)
+    dropped = [c for c in range(len(rung)) if c not in set(fit.kept)]
+    leans = dependence(information, fit.kept, fit.weights)
     for k in np.flatnonzero(~fit.determined):
-        if length[k] <= 1e-8 * length.max(initial=0.0) or not len(kept):
+        if k in fit.kept:
+            row = leans[fit.kept.index(int(k))]
+            others = [rung.columns[dropped[i]] for i in np.argsort(-np.abs(row))]
+            count = int((np.abs(row) > MIXED).sum())
+        else:
+            column = leans[:, dropped.index(int(k))]
+            others = [rung.columns[fit.kept[i]] for i in np.argsort(-np.abs(column))]
+            count = int((np.abs(column) > MIXED).sum())
+        if not count:
             out[k] = "This motion never makes it act on the torque."
             continue
-        solved = np.linalg.lstsq(R[:, kept] / length[kept], R[:, k] / length[k], rcond=None)[0]
-        strong = [
-            rung.columns[kept[i]] for i in np.argsort(-np.abs(solved))[:4] if abs(solved[i]) > 1e-3
-        ]
         out[k] = (
-            "This motion does not tell it from "
-            + (" and ".join(strong) if strong else "the other parameters")
-            + "; only their combination is determined."
+            f"This motion determines only its combination with {listing(others[:count], 4)}."
         )
     return tuple(out)
 

@@ -7,20 +7,24 @@ differ in size.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from identifiability.grouping import RANK_TOLERANCE, _scan
 from identifiability.information import Information
+from identifiability.linalg import RANK_TOLERANCE, scan_columns
 from identifiability.names import Array
 
 Method = Literal["ols", "wls"]
 
 #: Factor of the paper's rule: σ% below 10 × the smallest σ% [Khalil 2002, Díaz 2010].
 PAPER_FACTOR = 10.0
+
+#: Share of a unit column in a dependent one from which on the two are not told apart.
+MIXED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -31,11 +35,14 @@ class Estimate:
     ----------
     columns : tuple of str
     value : (k,)
-        Zero where not determined.
+        Least squares with the columns that depend on others held at zero.
     covariance : (k, k)
         Under independent residuals; infinite variance where not determined.
     determined : (k,) bool
-        False for columns that this motion cannot tell from those kept before them.
+        False for parameters that this motion determines in combination with others only, or
+        not at all.
+    kept : tuple of int
+        Independent columns, the ones that were fitted.
     variance : (n,)
         Residual variance of each actuator [torque²].
     rss : (n,)
@@ -54,6 +61,7 @@ class Estimate:
     value: Array
     covariance: Array
     determined: np.ndarray
+    kept: tuple[int, ...]
     variance: Array
     rss: Array
     dof: int
@@ -113,14 +121,13 @@ def _solve(information: Information, weights: Array) -> Estimate:
         return _embed(_solve(information.select(kept), weights), information, kept, singular)
     # Unknowns in the basis are y = S11 x - s12; the large part of τ that the basis already
     # explains never enters a difference of squares.
-    g11, g12, g22 = G[:k, :k], G[:k, k], G[k, k]
+    g11, g12 = G[:k, :k], G[:k, k]
     s22 = S[k, k]
     if k:
         y = np.linalg.solve(g11, g12) * s22
         x = solve_triangular(S[:k, :k], S[:k, k] + y)
     else:
         y, x = np.empty(0), np.empty(0)
-    del g22
     z = np.append(-y, s22)  # τ - W x = Z z
     rss = np.maximum(np.einsum("i,aij,j->a", z, information.per_actuator, z), 0.0)
     dof = information.rows - k
@@ -131,7 +138,8 @@ def _solve(information: Information, weights: Array) -> Estimate:
     covariance = sigma2 * inverse @ np.linalg.solve(g11, inverse.T) if k else np.empty((0, 0))
     low = float(singular[-1]) if len(singular) else 1.0
     return Estimate(
-        information.columns, x, 0.5 * (covariance + covariance.T), np.ones(k, bool), variance, rss,
+        information.columns, x, 0.5 * (covariance + covariance.T), np.ones(k, bool),
+        tuple(range(k)), variance, rss,
         dof, 1.0 / low if low > 0 else np.inf, singular, weights,
     )  # fmt: skip
 
@@ -147,18 +155,41 @@ def _determined(information: Information, weights: Array) -> tuple[list[int], Ar
         return [], np.empty(0)
     scaled = R / np.where(length > 0, length, 1.0)
     s = np.linalg.svd(scaled[:, used], compute_uv=False)
-    return _scan(scaled, used), s / s[0]
+    return scan_columns(scaled, used), s / s[0]
 
 
 def _embed(part: Estimate, whole: Information, kept: list[int], singular: Array) -> Estimate:
-    """Return the estimate of the determined columns among all columns."""
+    """Return the estimate of the independent columns among all columns."""
     k = whole.size
     value, determined = np.zeros(k), np.zeros(k, bool)
     covariance = np.diag(np.full(k, np.inf))
     value[kept] = part.value
-    determined[kept] = True
+    # A column that a dropped one leans on has a value only as long as that one is zero.
+    alone = np.abs(dependence(whole, kept, part.weights)).max(1, initial=0.0) < MIXED
+    determined[np.array(kept, int)[alone]] = True
     covariance[np.ix_(kept, kept)] = part.covariance
+    mixed = np.flatnonzero(~determined)
+    covariance[mixed, :] = 0.0
+    covariance[:, mixed] = 0.0
+    covariance[mixed, mixed] = np.inf
     return Estimate(
-        whole.columns, value, covariance, determined, part.variance, part.rss, part.dof,
-        part.condition, singular, part.weights,
+        whole.columns, value, covariance, determined, tuple(kept), part.variance, part.rss,
+        part.dof, part.condition, singular, part.weights,
     )  # fmt: skip
+
+
+def dependence(information: Information, kept: Sequence[int], weights: Array) -> Array:
+    """Return how the dropped columns depend on the kept ones, (kept, dropped).
+
+    Columns are scaled to unit length; a column that never acts depends on nothing.
+    """
+    k = information.size
+    dropped = [c for c in range(k) if c not in set(kept)]
+    R = information.factor(weights)[:, :k]
+    length = np.linalg.norm(R, axis=0)
+    acts = length > RANK_TOLERANCE * length.max(initial=0.0)
+    unit = np.where(acts, R / np.where(acts, length, 1.0), 0.0)
+    if not kept or not dropped:
+        return np.zeros((len(kept), len(dropped)))
+    solved: Array = np.linalg.lstsq(unit[:, list(kept)], unit[:, dropped], rcond=None)[0]
+    return solved

@@ -14,17 +14,15 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
+from identifiability.linalg import (
+    RANK_TOLERANCE,
+    SPAN_TOLERANCE,
+    scan_columns,
+    triangular_factor,
+)
 from identifiability.model import Model
 from identifiability.names import Array, Parameter
 from identifiability.robot import Motion, Robot, complete_motion
-
-#: Scaled singular values below this share of the largest are zero. Structural zeros are seen at
-#: 1e-12 or less and the weakest true directions of the shipped robots at 5e-4.
-RANK_TOLERANCE = 1e-8
-
-#: A column whose part outside the kept span is below this share of its length is dependent.
-SPAN_TOLERANCE = 1e-7
-
 
 @dataclass(frozen=True)
 class BaseParameters:
@@ -142,13 +140,13 @@ def group_columns(
     """
     preference = list(range(W.shape[1])) if preference is None else list(preference)
     if W.shape[0] > W.shape[1]:
-        W = np.linalg.qr(W, mode="r")
+        W = triangular_factor(W)
     length = np.linalg.norm(W, axis=0)
     used = length > 1e-12 * max(length.max(initial=0.0), 1e-300)
     scaled = np.where(used, W / np.where(used, length, 1.0), 0.0)
     s = np.linalg.svd(scaled[:, used], compute_uv=False) if used.any() else np.empty(0)
     rank = int((s > RANK_TOLERANCE * s[0]).sum()) if len(s) else 0
-    kept = _scan(scaled, [k for k in preference if used[k]])
+    kept = scan_columns(scaled, [k for k in preference if used[k]])
     G = np.zeros((len(kept), W.shape[1]))
     if kept:
         # Solved for scaled columns, so that units do not decide which digits survive.
@@ -160,21 +158,6 @@ def group_columns(
     base = BaseParameters(tuple(parameters), np.array(kept, int), G, s, rank != len(kept))
     base._order[:] = preference  # labels list their members in the order of preference
     return base
-
-
-def _scan(scaled: Array, order: Sequence[int]) -> list[int]:
-    """Keep each column that does not lie in the span of those kept before it."""
-    kept: list[int] = []
-    Q = np.empty((scaled.shape[0], 0))
-    for k in order:
-        v = scaled[:, k]
-        for _ in range(2):  # twice is enough [Giraud 2005]
-            v = v - Q @ (Q.T @ v)
-        size = np.linalg.norm(v)
-        if size > SPAN_TOLERANCE and len(kept) < scaled.shape[0]:
-            Q = np.hstack([Q, (v / size)[:, None]])
-            kept.append(k)
-    return kept
 
 
 def random_motion(robot: Robot, rng: np.random.Generator, count: int = 400) -> Motion:

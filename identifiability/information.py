@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from identifiability.linalg import triangular_factor
 from identifiability.model import Regression
 from identifiability.names import Array
 
@@ -82,14 +83,15 @@ class Information:
     def total(self, weights: Array | None = None) -> Array:
         """Return the Gram matrix in the basis, actuators weighted, (k + 1, k + 1)."""
         if weights is None:
-            return self.per_actuator.sum(0)
-        return np.einsum("a,aij->ij", weights, self.per_actuator)
+            weights = np.ones(self.actuators)
+        total: Array = np.einsum("a,aij->ij", weights, self.per_actuator)
+        return total
 
     def factor(self, weights: Array | None = None) -> Array:
         """Return R (k + 1, k + 1), upper triangular, with ``RᵀR = [W τ]ᵀ [W τ]``."""
         eigenvalues, vectors = np.linalg.eigh(self.total(weights))
         root = np.sqrt(np.maximum(eigenvalues, 0.0))[:, None] * vectors.T
-        return np.linalg.qr(root @ self.basis, mode="r")
+        return triangular_factor(root @ self.basis)
 
     def reduce(self, M: Array, columns: Sequence[str], held: Array | None = None) -> Information:
         """Return the information of the columns ``W M``, with torque ``τ - W held``.
@@ -190,9 +192,10 @@ def choose_basis(regression: Regression) -> Array:
         rows = np.concatenate([W, tau[:, :, None]], axis=2)[(-start) % step :: step]
         flat = rows.reshape(-1, k + 1)
         squares += np.einsum("ij,ij->j", flat, flat)
-        R = np.linalg.qr(np.vstack([R, flat]), mode="r")
+        R = triangular_factor(np.vstack([R, flat]))
     length = np.sqrt(squares)
     # A column that never acts gets the length of a typical one: it must not divide by zero.
     length[length == 0] = float(np.median(length[length > 0])) if length.any() else 1.0
-    basis = np.linalg.qr(np.vstack([R, FLOOR * np.diag(length)]), mode="r")
-    return basis * np.where(np.diag(basis) < 0, -1.0, 1.0)[:, None]
+    basis = triangular_factor(np.vstack([R, FLOOR * np.diag(length)]))
+    signs: Array = np.where(np.diag(basis) < 0, -1.0, 1.0)
+    return signs[:, None] * basis

@@ -149,7 +149,7 @@ def judge(
     least = float(e.sigma_percent.min(initial=np.inf))
     out = []
     for k, name in enumerate(e.columns):
-        reach = abs(e.value[k]) + 1.96 * sigma[k] if e.determined[k] else np.inf
+        reach = abs(e.value[k]) + 1.96 * sigma[k] if e.determined[k] else 0.0
         effect = reach * evidence.column_rms[k] / max(evidence.residual_rms, 1e-300)
         percent = _percent(float(sigma[k]), float(e.value[k]))
         kind, reason = _decide(

@@ -1,0 +1,96 @@
+"""Times of the hot paths: ``make bench``. In the test suite each runs once and asserts ratios only."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from threadpoolctl import threadpool_limits
+
+from identifiability.estimation import estimate
+from identifiability.grouping import find_base_parameters
+from identifiability.information import gather_information
+from identifiability.log import Log
+from identifiability.model import Model, Regression
+from identifiability.robot import Robot, complete_motion
+from identifiability.samples import prepare_samples
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
+
+
+def motion_of(name: str, samples: int):
+    robot = Robot.load(name)
+    trajectory = shipped_trajectory(robot, "601" if name == "3-rps" else "a")
+    move = PrescribedMotion.of(trajectory, samples)
+    return robot, move
+
+
+def bare_loop(model, data, q, v, a) -> None:
+    """What anybody would write: one Pinocchio call a sample, results thrown away."""
+    for k in range(len(q)):
+        pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])
+
+
+def best(function, rounds: int = 5) -> float:
+    times = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+@pytest.fixture
+def arm():
+    robot, move = motion_of("six-dof-arm", 10_000)
+    return robot, complete_motion(robot, move.t, move.q, move.dq, move.ddq)
+
+
+def chunked(robot, model, motion):
+    buffer = np.empty((1024, len(robot.joints), len(model.parameters(robot))))
+    for start in range(0, len(motion), 1024):
+        model.regressor(robot, motion[start : start + 1024], out=buffer)
+
+
+def test_open_chain_regressor(benchmark, arm):
+    robot, motion = arm
+    model = Model.of("rigid_body")
+    benchmark.pedantic(lambda: chunked(robot, model, motion), rounds=3)
+
+
+def test_open_chain_regressor_costs_at_most_half_again_a_bare_pinocchio_loop(arm):
+    robot, motion = arm
+    data = robot.model.createData()
+    model = Model.of("rigid_body")
+    ours = best(lambda: chunked(robot, model, motion))
+    bare = best(lambda: bare_loop(robot.model, data, motion.q, motion.v, motion.a))
+    assert ours <= 1.5 * bare, f"{ours / bare:.2f} × the bare loop"
+
+
+def test_closed_chain_from_actuated_motion_to_projected_regressor(benchmark):
+    robot, move = motion_of("3-rps", 10_000)
+    model = Model.of("rigid_body")
+
+    def work():
+        motion = complete_motion(robot, move.t, move.q, move.dq, move.ddq)
+        chunked(robot, model, motion)
+
+    with threadpool_limits(1, "blas"):
+        benchmark.pedantic(work, rounds=3)
+
+
+def test_rank_base_parameters_and_fit_of_the_arm(benchmark):
+    robot, move = motion_of("six-dof-arm", 20_000)
+    model = Model.of("rigid_body", "viscous_friction", "coulomb_friction")
+    tau = np.random.default_rng(0).normal(size=move.q.shape)
+    log = Log("arm", robot.joints, move.t, move.q, tau, move.dq, move.ddq, "")
+    samples = (prepare_samples(robot, log),)
+
+    def work():
+        base = find_base_parameters(robot, model)
+        return estimate(gather_information(Regression(robot, model, samples, base.kept)))
+
+    with threadpool_limits(1, "blas"):
+        fit = benchmark.pedantic(work, rounds=2)
+    assert fit.determined.all()

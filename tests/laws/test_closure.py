@@ -1,0 +1,141 @@
+"""Loops close, derivatives are derivatives, and nothing depends on order or spelling."""
+
+import re
+
+import numpy as np
+import pytest
+
+from identifiability.errors import ClosureError
+from identifiability.model import Model
+from identifiability.robot import Robot, complete_motion
+from identifiability.robot.closure import loop_error
+from identifiability.simulation import random_trajectory, shipped_trajectory
+
+CLOSED = ("3-rps", "six-ups", "five-bar")
+
+
+@pytest.fixture(params=CLOSED)
+def closed(request):
+    return Robot.load(request.param)
+
+
+def motion_of(robot, t, seed=2):
+    return complete_motion(
+        robot, t, *random_trajectory(robot, np.random.default_rng(seed)).motion(t)
+    )
+
+
+def test_every_loop_closes_along_a_motion(closed):
+    motion = motion_of(closed, np.linspace(0, 7.5, 300))
+    assert len(motion.dropped) == 0
+    assert loop_error(closed, motion.q).max() < 1e-10
+
+
+def test_velocities_and_accelerations_are_time_derivatives(closed):
+    h = 1e-4
+    t = 2.0 + np.array([-h, 0, h])
+    motion = motion_of(closed, t)
+    scale = np.abs(motion.a[1]).max()
+    np.testing.assert_allclose(
+        (motion.q[2] - motion.q[0]) / (2 * h), motion.v[1], atol=1e-6 * scale
+    )
+    np.testing.assert_allclose(
+        (motion.v[2] - motion.v[0]) / (2 * h), motion.a[1], atol=1e-6 * scale
+    )
+
+
+def test_the_motion_does_not_depend_on_the_order_or_number_of_samples(closed):
+    t = np.linspace(0, 7.5, 400)
+    q, dq, ddq = random_trajectory(closed, np.random.default_rng(2)).motion(t)
+    whole = complete_motion(closed, t, q, dq, ddq)
+    order = np.random.default_rng(0).permutation(len(t))
+    shuffled = complete_motion(closed, t[order], q[order], dq[order], ddq[order])
+    part = complete_motion(closed, t[100:130], q[100:130], dq[100:130], ddq[100:130])
+    np.testing.assert_allclose(shuffled.q, whole.q[order], atol=1e-10)
+    np.testing.assert_allclose(shuffled.a, whole.a[order], atol=1e-8)
+    np.testing.assert_allclose(part.q, whole.q[100:130], atol=1e-10)
+
+
+def test_the_home_keyframe_selects_the_assembly(rps):
+    trajectory = shipped_trajectory(rps, "601")
+    motion = complete_motion(rps, trajectory.times(), *trajectory.motion(trajectory.times()))
+    hinges = [rps.dofs.index(f"hinge{k}") for k in (1, 2, 3)]
+    # All legs lean inwards in the paper's assembly; others tip the platform over.
+    assert (motion.q[:, hinges] > 0).all()
+    assert (motion.q[:, hinges] < 0.6).all()
+
+
+def test_positions_out_of_reach_are_dropped_and_named(rps):
+    trajectory = shipped_trajectory(rps, "601")
+    t = trajectory.times(100)
+    q, dq, ddq = trajectory.motion(t)
+    q[[7, 30], 0] = 5.0
+    motion = complete_motion(rps, t, q, dq, ddq)
+    assert motion.dropped.tolist() == [7, 30]
+    assert len(motion) == 98
+    with pytest.raises(ClosureError, match=r"close at none of the 100 samples.*slider1 = 0\.7"):
+        complete_motion(rps, t, 1000 * q, dq, ddq)
+
+
+def with_ball(text):
+    """The same 3-RPS with a ball joint where the file has three hinges."""
+    three = re.compile(r'<joint name="ball1_x".*?<joint name="ball1_z"[^>]*/>', re.DOTALL)
+    text = three.sub('<joint name="ball1" type="ball"/>', text)
+    return re.sub(r"<keyframe>.*?</keyframe>", "", text, flags=re.DOTALL)
+
+
+def test_a_ball_joint_gives_the_same_regressor_as_three_hinges(rps, tmp_path):
+    from scipy.spatial.transform import Rotation
+
+    text = with_ball(rps.path.read_text())
+    turn = Rotation.from_euler("XYZ", rps.home[2:5])  # intrinsic: hinge x, then y, then z
+    x, y, z, w = turn.as_quat()
+    qpos = [*rps.home[:2], w, x, y, z, *rps.home[5:]]
+    key = f'<keyframe><key name="home" qpos="{" ".join(map(str, qpos))}"/></keyframe></mujoco>'
+    path = tmp_path / "ball.xml"
+    path.write_text(text.replace("</mujoco>", key))
+    ball = Robot.load(path)
+    assert ball.nv == 9
+    assert ball.passive == ("hinge1", "ball1.rx", "ball1.ry", "ball1.rz", "hinge2", "hinge3")
+    trajectory = shipped_trajectory(rps, "595")
+    t = trajectory.times(60)
+    model = Model.of("rigid_body")
+    W = [model.regressor(r, complete_motion(r, t, *trajectory.motion(t))) for r in (rps, ball)]
+    np.testing.assert_allclose(W[1], W[0], atol=1e-9)
+
+
+def test_a_floating_platform_on_four_closures_gives_the_same_regressor(rps, tmp_path):
+    """The platform as a free body, closed at all three balls, is the same robot."""
+    import mujoco
+
+    text = rps.path.read_text()
+    block = re.search(r'<body name="platform".*?</body>', text, re.DOTALL).group(0)
+    free = re.sub(
+        r'<joint name="ball1_x".*?<joint name="ball1_z"[^>]*/>',
+        '<joint name="float" type="free"/><site name="platform_B1"/>',
+        block,
+        flags=re.DOTALL,
+    )
+    data = mujoco.MjData(model := mujoco.MjModel.from_xml_path(str(rps.path)))
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    place = data.body("platform").xpos, data.body("platform").xquat
+    text = re.sub(r"<keyframe>.*?</keyframe>", "", text.replace(block, ""), flags=re.DOTALL)
+    # A free joint belongs at the top of the tree, beside the legs.
+    text = text.replace('<body name="base">', '<body name="base">' + free, 1)
+    text = text.replace(
+        "<equality>", '<equality><connect name="c1" site1="platform_B1" site2="leg1_B1"/>'
+    )
+    qpos = [*place[0], *place[1], *rps.home[[0, 1, 5, 6, 7, 8]]]
+    key = f'<keyframe><key name="home" qpos="{" ".join(map(str, qpos))}"/></keyframe></mujoco>'
+    path = tmp_path / "float.xml"
+    path.write_text(text.replace("</mujoco>", key))
+    floating = Robot.load(path)
+    assert floating.nv == 12
+    trajectory = shipped_trajectory(rps, "571")
+    t = trajectory.times(60)
+    both = [complete_motion(r, t, *trajectory.motion(t)) for r in (rps, floating)]
+    W = [Model.of("rigid_body").regressor(r, m) for r, m in zip((rps, floating), both, strict=True)]
+    order = [floating.bodies.index(b) for b in rps.bodies]
+    columns = np.concatenate([10 * k + np.arange(10) for k in order])
+    np.testing.assert_allclose(W[1][:, :, columns], W[0], atol=1e-8)

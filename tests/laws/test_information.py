@@ -1,0 +1,132 @@
+"""Compression loses nothing: the information gives what all rows give, however it was gathered."""
+
+import numpy as np
+import pytest
+
+from identifiability.estimation import estimate
+from identifiability.evaluation import leave_out
+from identifiability.grouping import find_base_parameters
+from identifiability.information import gather_information
+from identifiability.ladder import build_ladder, read_ladder
+from identifiability.model import Regression
+from identifiability.samples import prepare_samples
+
+
+@pytest.fixture
+def base(rps, paper_model):
+    return find_base_parameters(rps, paper_model)
+
+
+@pytest.fixture
+def regression(rps, paper_model, base, noisy_log):
+    return Regression(rps, paper_model, (prepare_samples(rps, noisy_log),), base.kept)
+
+
+@pytest.fixture
+def rows(regression):
+    parts = list(regression.chunks())
+    W = np.concatenate([W for _, _, W, _ in parts])
+    tau = np.concatenate([tau for *_, tau in parts])
+    return W, tau
+
+
+def test_the_estimate_equals_least_squares_on_all_rows(regression, rows):
+    W, tau = rows
+    flat = W.reshape(-1, W.shape[2])
+    expected, rss, _, _ = np.linalg.lstsq(flat, tau.ravel(), rcond=None)
+    fit = estimate(gather_information(regression), "ols")
+    np.testing.assert_allclose(fit.value, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    assert fit.rss.sum() == pytest.approx(rss[0], rel=1e-10)
+
+
+def test_sigma_is_the_formula_of_khalil_and_dombre(regression, rows):
+    W, tau = rows
+    flat = W.reshape(-1, W.shape[2])
+    fit = estimate(gather_information(regression), "ols")
+    residual = tau.ravel() - flat @ fit.value
+    variance = residual @ residual / (len(flat) - flat.shape[1])
+    sigma = np.sqrt(variance * np.diag(np.linalg.inv(flat.T @ flat)))
+    np.testing.assert_allclose(fit.sigma, sigma, rtol=1e-6)
+    np.testing.assert_allclose(fit.sigma_percent, 100 * sigma / np.abs(fit.value), rtol=1e-6)
+
+
+def test_weights_are_the_inverse_residual_variances(regression, rows):
+    W, tau = rows
+    plain = estimate(gather_information(regression), "ols")
+    fit = estimate(gather_information(regression), "wls")
+    scale = 1 / np.sqrt(plain.variance)
+    flat = (W * scale[None, :, None]).reshape(-1, W.shape[2])
+    expected = np.linalg.lstsq(flat, (tau * scale).ravel(), rcond=None)[0]
+    np.testing.assert_allclose(fit.value, expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max())
+
+
+def test_chunks_and_blocks_do_not_matter(regression):
+    whole = gather_information(regression)
+    few = gather_information(regression, blocks=7)
+    assert len(few.counts) <= 7
+    np.testing.assert_allclose(few.total(), whole.total(), rtol=1e-10, atol=1e-10 * whole.samples)
+    a, b = estimate(whole), estimate(few)
+    np.testing.assert_allclose(a.value, b.value, rtol=1e-9)
+    np.testing.assert_allclose(a.sigma, b.sigma, rtol=1e-9)
+
+
+def test_two_logs_add_up_to_their_union(rps, paper_model, base, simulated):
+    logs = [
+        prepare_samples(rps, simulated("3-rps", t, seed)) for t, seed in (("601", 0), ("595", 1))
+    ]
+    both = gather_information(Regression(rps, paper_model, tuple(logs), base.kept))
+    parts = [gather_information(Regression(rps, paper_model, (s,), base.kept)) for s in logs]
+    added = parts[0] + parts[1]
+    a, b = estimate(both), estimate(added)
+    np.testing.assert_allclose(a.value, b.value, rtol=1e-7)
+    np.testing.assert_allclose(a.sigma, b.sigma, rtol=1e-7)
+    assert sorted(set(added.log.tolist())) == [0, 1]
+    swapped = estimate(parts[1] + parts[0])
+    np.testing.assert_allclose(swapped.value, b.value, rtol=1e-7)
+
+
+def test_reducing_the_information_equals_reducing_the_columns(rps, base, regression, rows):
+    W, tau = rows
+    information = gather_information(regression)
+    for rung in build_ladder(read_ladder(rps.path.with_name("ladder.toml")), rps, base):
+        flat = (W @ rung.M).reshape(-1, len(rung))
+        expected = np.linalg.lstsq(flat, tau.ravel(), rcond=None)[0]
+        fit = estimate(rung.reduce(information), "ols")
+        np.testing.assert_allclose(fit.value, expected, rtol=1e-8, err_msg=rung.name)
+
+
+def test_held_values_are_taken_off_the_torque(regression, rows):
+    W, tau = rows
+    k = W.shape[2]
+    held = np.zeros(k)
+    held[3] = 1.5
+    kept = [c for c in range(k) if c != 3]
+    information = gather_information(regression)
+    M = np.eye(k)[:, kept]
+    reduced = information.reduce(M, [information.columns[c] for c in kept], held)
+    expected = np.linalg.lstsq(
+        W[:, :, kept].reshape(-1, k - 1), (tau - W @ held).ravel(), rcond=None
+    )[0]
+    np.testing.assert_allclose(estimate(reduced, "ols").value, expected, rtol=1e-8, atol=1e-7)
+
+
+def test_leaving_blocks_out_equals_leaving_rows_out(regression, rows):
+    W, tau = rows
+    information = gather_information(regression, blocks=10)
+    folds = np.arange(len(information.counts)) % 2
+    part = leave_out(information, folds, 0)
+    keep = np.repeat(folds, information.counts) == 1
+    expected = np.linalg.lstsq(W[keep].reshape(-1, W.shape[2]), tau[keep].ravel(), rcond=None)[0]
+    np.testing.assert_allclose(
+        estimate(part, "ols").value, expected, rtol=1e-7, atol=1e-8 * np.abs(expected).max()
+    )
+
+
+def test_the_triangular_factor_reproduces_the_gram_matrix(regression, rows):
+    W, tau = rows
+    flat = np.column_stack([W.reshape(-1, W.shape[2]), tau.ravel()])
+    R = gather_information(regression).factor()
+    length = np.linalg.norm(flat, axis=0)
+    np.testing.assert_allclose(
+        (R.T @ R) / np.outer(length, length), (flat.T @ flat) / np.outer(length, length), atol=1e-11
+    )

@@ -1,0 +1,95 @@
+"""Rank, fit and σ do not depend on units, column order or row order."""
+
+import numpy as np
+import pytest
+
+from identifiability.estimation import estimate
+from identifiability.grouping import find_base_parameters, group_columns, random_motion
+from identifiability.information import Information
+from identifiability.names import Parameter
+
+
+@pytest.fixture
+def problem(rps, paper_model):
+    motion = random_motion(rps, np.random.default_rng(0), 200)
+    W = paper_model.regressor(rps, motion)
+    return W, paper_model.parameters(rps)
+
+
+def information_of(W, tau):
+    """The information of rows by itself, in the basis of their own triangular factor."""
+    k = W.shape[2]
+    A = np.concatenate([W, tau[:, :, None]], 2)
+    basis = np.linalg.qr(A.reshape(-1, k + 1), mode="r")
+    Z = (A.reshape(-1, k + 1) @ np.linalg.inv(basis)).reshape(A.shape).transpose(1, 0, 2)
+    gram = (Z.transpose(0, 2, 1) @ Z)[None]
+    names = tuple(f"c{i}" for i in range(k))
+    return Information(names, basis, gram, np.array([len(W)]), np.zeros(1, int))
+
+
+def test_the_groupings_do_not_depend_on_units(problem):
+    W, parameters = problem
+    flat = W.reshape(-1, W.shape[2])
+    plain = group_columns(flat, parameters)
+    factor = 10.0 ** np.random.default_rng(1).integers(-4, 5, flat.shape[1])
+    scaled = group_columns(flat * factor, parameters)
+    assert scaled.kept.tolist() == plain.kept.tolist()
+    # A parameter in another unit has another coefficient, by the ratio of the units.
+    expected = plain.G * factor[None, :] / factor[plain.kept][:, None]
+    np.testing.assert_allclose(scaled.G, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_the_rank_does_not_depend_on_the_order_of_columns_and_rows(problem):
+    W, parameters = problem
+    flat = W.reshape(-1, W.shape[2])
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        columns = rng.permutation(flat.shape[1])
+        rows = rng.permutation(len(flat))
+        found = group_columns(flat[rows][:, columns], [parameters[c] for c in columns])
+        assert found.rank == 37
+        # Whatever represents the groups, together they explain every column.
+        base, other = flat[rows][:, columns][:, found.kept], flat[rows][:, columns]
+        np.testing.assert_allclose(base @ found.G, other, atol=1e-8 * np.abs(other).max())
+
+
+def test_fit_and_sigma_follow_units_and_orders(problem, rps, paper_model):
+    W, _ = problem
+    base = find_base_parameters(rps, paper_model)
+    W = W[:, :, base.kept]
+    rng = np.random.default_rng(3)
+    tau = W @ rng.normal(size=W.shape[2]) + rng.normal(size=W.shape[:2])
+    fit = estimate(information_of(W, tau))
+    columns, rows = rng.permutation(W.shape[2]), rng.permutation(len(W))
+    factor = 10.0 ** rng.integers(-3, 4, W.shape[2])
+    other = estimate(information_of((W * factor)[rows][:, :, columns], tau[rows]))
+    np.testing.assert_allclose(other.value * factor[columns], fit.value[columns], rtol=1e-7)
+    np.testing.assert_allclose(other.sigma * factor[columns], fit.sigma[columns], rtol=1e-7)
+    assert other.paper_rule.tolist() == fit.paper_rule[columns].tolist()
+
+
+def test_an_undetermined_column_is_said_to_be_so():
+    rng = np.random.default_rng(4)
+    W = rng.normal(size=(50, 1, 4))
+    W[:, :, 2] = W[:, :, 0] + 2 * W[:, :, 1]
+    W[:, :, 3] = 0.0
+    tau = W @ np.array([1.0, 2.0, 0.0, 0.0]) + 0.01 * rng.normal(size=(50, 1))
+    # The factor of dependent columns is singular: a basis for them must come from elsewhere.
+    A = np.concatenate([W, tau[:, :, None]], 2)[:, 0]
+    gram = (A.T @ A)[None, None]
+    information = Information(tuple("abcd"), np.eye(5), gram, np.array([50]), np.zeros(1, int))
+    fit = estimate(information)
+    assert fit.determined.tolist() == [True, True, False, False]
+    assert np.isinf(fit.sigma_percent[2:]).all()
+    assert not fit.paper_rule[2:].any()
+    np.testing.assert_allclose(fit.value[:2], [1, 2], atol=0.05)
+
+
+def test_labels_spell_groupings_with_signs_and_four_digits():
+    rng = np.random.default_rng(5)
+    a, b = rng.normal(size=(2, 30))
+    W = np.stack([a, b, a - 0.39517 * b], 1)
+    parameters = [Parameter("arm", kind, "kg", "rigid_body", "1") for kind in ("mx", "my", "m")]
+    found = group_columns(W, parameters)
+    assert found.labels == ("mx(1) + m(1)", "my(1) − 0.3952·m(1)")
+    assert found.names == ("arm.mx", "arm.my")

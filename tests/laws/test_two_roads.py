@@ -1,0 +1,102 @@
+"""Regressor times parameters equals the torque of a simulator that shares no code with it."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from identifiability.grouping import random_motion
+from identifiability.model import Model
+from identifiability.names import INERTIAL_KINDS
+from identifiability.simulation import MujocoRobot
+
+
+def random_inertia(rng):
+    """Ten parameters of a random rigid body: mass, centre, positive definite inertia."""
+    mass, centre = rng.uniform(0.5, 5), rng.uniform(-0.3, 0.3, 3)
+    root = rng.normal(size=(3, 3))
+    second = 0.05 * root @ root.T  # second moments of mass about the centre
+    inertia = np.trace(second) * np.eye(3) - second
+    about_origin = inertia + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    h = mass * centre
+    I = about_origin  # noqa: E741
+    values = [mass, *h, I[0, 0], I[0, 1], I[1, 1], I[0, 2], I[1, 2], I[2, 2]]
+    return np.array(values), inertia, centre
+
+
+def set_body(simulator, name, mass, inertia, centre):
+    body = simulator.model.body(name).id
+    moments, axes = np.linalg.eigh(inertia)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] *= -1
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, axes.ravel())
+    simulator.model.body_mass[body] = mass
+    simulator.model.body_ipos[body] = centre
+    simulator.model.body_iquat[body] = quat
+    simulator.model.body_inertia[body] = moments
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_regressor_equals_inverse_dynamics_at_random_states_and_parameters(robot, seed):
+    rng = np.random.default_rng(seed)
+    motion = random_motion(robot, rng, 25)
+    simulator = MujocoRobot(robot)
+    phi = []
+    for body in robot.bodies:
+        values, inertia, centre = random_inertia(rng)
+        phi.append(values)
+        set_body(simulator, body, values[0], inertia, centre)
+    mujoco.mj_setConst(simulator.model, simulator.data)
+    W = Model.of("rigid_body").regressor(robot, motion)
+    expected = simulator.inverse_dynamics(
+        motion.actuated_q, motion.actuated_v, motion.actuated_a
+    ).tau
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(W @ np.concatenate(phi), expected, rtol=0, atol=1e-9 * scale)
+
+
+def test_the_file_states_the_same_inertias_to_both_roads(robot):
+    motion = random_motion(robot, np.random.default_rng(3), 25)
+    phi = [robot.nominal[f"{b}.{kind}"] for b in robot.bodies for kind in INERTIAL_KINDS]
+    W = Model.of("rigid_body").regressor(robot, motion)
+    tau = (
+        MujocoRobot(robot)
+        .inverse_dynamics(motion.actuated_q, motion.actuated_v, motion.actuated_a)
+        .tau
+    )
+    np.testing.assert_allclose(W @ np.array(phi), tau, rtol=0, atol=1e-9 * np.abs(tau).max())
+
+
+def test_power_of_the_actuators_is_the_rate_of_change_of_energy(robot):
+    """τ·q̇ = dE/dt with MuJoCo's energy, along a smooth motion of the closed mechanism."""
+    from identifiability.robot import complete_motion
+    from identifiability.simulation import random_trajectory
+
+    trajectory = random_trajectory(robot, np.random.default_rng(5))
+    h = 1e-4
+    t = np.linspace(0.5, 7.0, 9)
+    now = complete_motion(robot, t, *trajectory.motion(t))
+    energy = [
+        _energy(robot, complete_motion(robot, s, *trajectory.motion(s))) for s in (t - h, t + h)
+    ]
+    rate = (energy[1] - energy[0]) / (2 * h)
+    phi = np.array([robot.nominal[f"{b}.{k}"] for b in robot.bodies for k in INERTIAL_KINDS])
+    tau = Model.of("rigid_body").regressor(robot, now) @ phi
+    power = np.einsum("ij,ij->i", tau, now.actuated_v)
+    # The central difference itself is off by h² times a third derivative.
+    np.testing.assert_allclose(power, rate, atol=1e-5 * np.abs(power).max())
+
+
+def _energy(robot, motion):
+    simulator = MujocoRobot(robot)
+    model, data = simulator.model, simulator.data
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    out = []
+    for k in range(len(motion)):
+        for dof, name in enumerate(robot.dofs):
+            joint = model.joint(name)
+            data.qpos[joint.qposadr[0]] = robot.dof_position(motion.q[[k]], name)[0]
+            data.qvel[joint.dofadr[0]] = motion.v[k, dof]
+        mujoco.mj_forward(model, data)
+        out.append(data.energy.sum())
+    return np.array(out)

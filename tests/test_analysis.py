@@ -1,0 +1,173 @@
+"""The main job from logs to the answer."""
+
+import json
+
+import numpy as np
+import pytest
+
+from identifiability import Log, Preparation, analyze
+from identifiability.noise import autocorrelation_time
+from identifiability.simulation import Noise
+from identifiability.simulation.noise import ar1
+from identifiability.verdict import Class, holm
+
+
+@pytest.fixture(scope="module")
+def result(request):
+    from functools import partial
+
+    simulated = request.getfixturevalue("simulated_session")
+    return analyze("3-rps", simulated("3-rps", "601", 0), partial(simulated, "3-rps")("595", 1))
+
+
+def test_models_1_to_4_are_fitted_validated_and_counted(result):
+    frame = result.ladder_frame()
+    assert frame["parameters"].tolist() == [37, 24, 18, 12]
+    assert frame["paper_identified"].tolist()[1:] == [12, 12, 12]
+    assert 3 <= frame["paper_identified"][0] <= 6
+    assert frame["error_ra"].between(0.041, 0.048).all()
+    assert (np.diff(frame["error_ra"]) > 0).all()  # fewer parameters never fit better
+    assert frame["error_ra_validation"].between(0.041, 0.055).all()
+
+
+def test_model_1_is_physically_infeasible_and_the_selected_model_is_not(result):
+    assert not result.full.feasible
+    assert result.full.infeasible
+    assert result.chosen.feasible
+    assert result.chosen.name in ("Model 3", "Model 4")
+
+
+def test_the_well_determined_parameters_are_near_the_truth(result):
+    frame = result.to_frame("Model 4").set_index("name")
+    assert (frame["verdict"] == "identifiable").all()
+    off = (frame["value"] / frame["nominal"] - 1).abs()
+    assert off.max() < 0.1
+
+
+def test_the_statement_names_the_model_its_error_and_the_counts(result):
+    text = result.statement
+    assert "85 parameters" in text
+    assert "37" in text
+    assert result.chosen.name in text
+    assert f"{100 * result.chosen.error_ra_validation:.3g} %" in text
+
+
+def test_every_verdict_has_a_reason_and_says_why_the_10x_rule_differs(result):
+    for model in result.models:
+        for v in model.verdicts:
+            assert v.reason.endswith(".")
+            differs = v.paper_rule != (v.verdict is Class.IDENTIFIABLE)
+            assert ("10× rule" in v.reason) == differs
+
+
+def test_the_json_follows_the_documented_schema(result, tmp_path):
+    path = result.to_json(tmp_path / "a.json")
+    content = json.loads(path.read_text())
+    assert content["schema"].startswith("identifiability/analysis/")
+    for key in (
+        "robot",
+        "samples",
+        "models",
+        "selected",
+        "parameters",
+        "full_parameters",
+        "physical",
+    ):
+        assert key in content
+    model = {"name", "parameters", "paper_identified", "identifiable", "error_ra",
+             "error_ra_validation", "feasible"}  # fmt: skip
+    assert all(model <= set(m) for m in content["models"])
+    wanted = {"name", "label", "unit", "value", "sigma_percent", "sigma_robust_percent",
+              "interval95", "paper_rule", "verdict", "reason"}  # fmt: skip
+    assert all(wanted <= set(p) for p in content["parameters"] + content["full_parameters"])
+    assert {"feasible", "margin"} <= set(content["physical"])
+    assert content["selected"] in [m["name"] for m in content["models"]]
+    assert len(content["full_parameters"]) == 37
+
+
+def test_without_validation_the_error_is_cross_validated(simulated):
+    out = analyze("3-rps", simulated("3-rps", "601", 0))
+    assert "cross-validation" in out.validation_kind
+    full, small = out.models[0], out.models[3]
+    assert full.error_ra_validation > full.error_ra
+    assert small.error_ra_validation < 0.055
+
+
+def test_several_logs_leave_one_out(simulated):
+    out = analyze("3-rps", [simulated("3-rps", t, k) for k, t in enumerate(("571", "595", "601"))])
+    assert "one log left out" in out.validation_kind
+    assert out.information.samples == 2250
+    assert 0.04 < out.chosen.error_ra_validation < 0.055
+
+
+def test_the_same_inputs_give_the_same_result(simulated):
+    a, b = (analyze("3-rps", simulated("3-rps", "601", 0)).to_dict() for _ in range(2))
+    assert a == b
+
+
+def test_a_data_frame_is_a_log(simulated):
+    log = simulated("3-rps", "601", 0)
+    a, b = analyze("3-rps", log), analyze("3-rps", log.to_frame())
+    assert a.to_dict()["models"] == b.to_dict()["models"]
+
+
+def test_other_robots_are_analysed_without_special_cases(simulated, robot):
+    noise = Noise(torque=0.02)
+    name = "601" if robot.name == "3-rps" else "a"
+    out = analyze(robot, simulated(robot.name, name, 0, noise))
+    assert np.isfinite(out.full.error_ra)
+    assert out.full.error_ra < 0.05
+    assert out.chosen.count(Class.IDENTIFIABLE) > 0
+
+
+def test_a_robot_that_never_moves_determines_nothing_and_says_why(rps):
+    n = 60
+    rng = np.random.default_rng(0)
+    frame = {"t": np.arange(n) * 0.01}
+    for j in rps.joints:
+        frame |= {f"{j}.q": np.full(n, 0.7), f"{j}.dq": np.zeros(n), f"{j}.ddq": np.zeros(n)}
+        frame[f"{j}.tau"] = 54 + rng.normal(size=n)
+    import pandas as pd
+
+    out = analyze(rps, Log.from_frame(pd.DataFrame(frame)))
+    assert out.full.count(Class.IDENTIFIABLE) == 0
+    assert "Nothing is identifiable, because the robot does not move" in out.statement
+    undetermined = [v for v in out.full.verdicts if np.isinf(v.sigma)]
+    assert len(undetermined) > 30
+    assert all(v.verdict is Class.NOT_IDENTIFIABLE and v.reason for v in undetermined)
+
+
+def test_computed_derivatives_give_the_same_parameters_as_true_ones(simulated):
+    """Two-link arm, no noise: filtering torque and columns alike leaves the parameters alone."""
+    log = simulated("two-link", "a", 0, Noise(), 3000)
+    exact = analyze("two-link", log)
+    computed = analyze("two-link", log, preparation=Preparation(derivatives="butterworth"))
+    a, b = exact.to_frame("full model"), computed.to_frame("full model")
+    assert any("low-pass" in note for note in computed.samples[0].notes)
+    big = a["torque_share"] > 0.02
+    np.testing.assert_allclose(b["value"][big], a["value"][big], rtol=0.02)
+
+
+def test_autocorrelated_residuals_inflate_sigma(simulated):
+    white = analyze("3-rps", simulated("3-rps", "601", 0, Noise(additive=0.05)))
+    red = analyze("3-rps", simulated("3-rps", "601", 0, Noise(additive=0.05, correlation=0.9)))
+    ratio = [
+        np.median([v.sigma_robust / v.sigma for v in out.chosen.verdicts]) for out in (white, red)
+    ]
+    assert ratio[0] < 1.3
+    assert ratio[1] > 2.0
+
+
+def test_the_autocorrelation_time_of_ar1_noise_is_its_formula():
+    rng = np.random.default_rng(0)
+    for rho in (0.0, 0.5, 0.9):
+        times = autocorrelation_time(ar1((20000, 8), rho, rng))
+        expected = (1 + rho) / (1 - rho)
+        # The windowed estimate scatters by about sqrt(2 (2 M + 1) / N), M five times the value.
+        scatter = expected * np.sqrt(2 * (10 * expected + 1) / 20000)
+        assert abs(times.mean() - expected) < 4 * scatter / np.sqrt(8) + 0.02 * expected
+
+
+def test_holm_adjusts_p_values_step_by_step():
+    np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03])), [0.03, 0.06, 0.06])
+    assert holm(np.array([0.6, 0.7])).max() <= 1.0

@@ -1,0 +1,83 @@
+"""The command line does what the README says."""
+
+import json
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from identifiability.cli import app
+
+
+@pytest.fixture
+def run():
+    runner = CliRunner()
+    return lambda *words: runner.invoke(app, list(map(str, words)))
+
+
+def test_simulate_then_analyze_writes_report_and_json(run, tmp_path):
+    train, test = tmp_path / "train.csv", tmp_path / "test.parquet"
+    for path, name, seed in ((train, "601", 1), (test, "595", 2)):
+        out = run("simulate", "3-rps", name, "--noise", "paper", "--seed", seed, "--out", path)
+        assert out.exit_code == 0, out.output
+    assert len(pd.read_csv(train)) == 750
+    report, result = tmp_path / "report.html", tmp_path / "result.json"
+    out = run("analyze", "3-rps", train, "--validate", test, "--report", report, "--json", result)
+    assert out.exit_code == 0, out.output
+    assert "Model 4" in out.output
+    assert str(report) in out.output
+    assert json.loads(result.read_text())["selected"].startswith("Model")
+    assert "<html" in report.read_text()
+
+
+def test_demo_writes_its_report_and_ends_with_the_path(run, tmp_path):
+    out = run("demo", "--quick", "--folder", tmp_path / "reports")
+    assert out.exit_code == 0, out.output
+    assert out.output.strip().splitlines()[-1].endswith("demo.html")
+    assert (tmp_path / "reports" / "demo.html").stat().st_size > 10_000
+
+
+def test_hidden_effects_are_in_the_data_and_not_in_the_robot(run, tmp_path):
+    plain, hidden = tmp_path / "plain.csv", tmp_path / "hidden.csv"
+    assert run("simulate", "3-rps", "601", "--out", plain).exit_code == 0
+    out = run("simulate", "3-rps", "601", "--hide", "stribeck_friction=0.1", "--out", hidden)
+    assert out.exit_code == 0, out.output
+    a, b = pd.read_csv(plain), pd.read_csv(hidden)
+    for joint in ("slider1", "slider2", "slider3"):
+        difference = b[f"{joint}.tau"] - a[f"{joint}.tau"]
+        share = (difference**2).mean() ** 0.5 / (a[f"{joint}.tau"] ** 2).mean() ** 0.5
+        assert share == pytest.approx(0.1, rel=1e-6)
+        pd.testing.assert_series_equal(a[f"{joint}.q"], b[f"{joint}.q"])
+
+
+def test_a_random_trajectory_stays_within_the_limits(run, tmp_path):
+    out = run(
+        "simulate", "six-ups", "random", "--seed", 3, "--samples", 60, "--out", tmp_path / "r.csv"
+    )
+    assert out.exit_code == 0, out.output
+    log = pd.read_csv(tmp_path / "r.csv")
+    positions = log[[c for c in log if c.endswith(".q")]]
+    assert positions.min().min() >= 0.71
+    assert positions.max().max() <= 0.83
+
+
+def test_help_is_quick_and_names_the_commands():
+    code = (
+        "import sys; import identifiability.cli; "
+        "heavy = {'numpy', 'pandas', 'pinocchio', 'matplotlib', 'mujoco'} & set(sys.modules); "
+        "sys.exit(f'heavy imports at start: {heavy}' if heavy else 0)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_module_runs_as_a_command():
+    out = subprocess.run(
+        [sys.executable, "-m", "identifiability", "--help"],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    for command in ("demo", "analyze", "simulate"):
+        assert command in out.stdout

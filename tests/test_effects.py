@@ -1,0 +1,194 @@
+"""Each effect's columns are what its equation says, on actuated, coupled and passive axes."""
+
+import numpy as np
+import pytest
+
+from identifiability.effects import EFFECTS, find_effect
+from identifiability.errors import ModelError
+from identifiability.grouping import find_base_parameters, random_motion
+from identifiability.log import Log
+from identifiability.model import Model, Regression
+from identifiability.robot import Robot
+from identifiability.samples import prepare_samples
+from identifiability.simulation import MujocoRobot, PrescribedMotion, shipped_trajectory, simulate
+
+
+@pytest.fixture
+def motion(robot):
+    return random_motion(robot, np.random.default_rng(0), 30)
+
+
+def columns(robot, motion, name):
+    effect = find_effect(name)
+    W = Model((effect,)).regressor(robot, motion)
+    return W, [p.name for p in effect.parameters(robot)]
+
+
+def test_every_effect_gives_one_named_column_a_parameter(robot, motion):
+    for name, effect in EFFECTS.items():
+        parameters = effect.parameters(robot)
+        assert len({p.name for p in parameters}) == len(parameters)
+        assert all(p.unit and p.group == name for p in parameters)
+        if parameters:
+            W = Model((effect,)).regressor(robot, motion)
+            assert W.shape == (len(motion), len(robot.joints), len(parameters))
+            assert np.isfinite(W).all()
+
+
+def test_friction_and_inertia_act_along_their_own_joint(robot, motion):
+    unit = np.eye(len(robot.joints))
+    for name, value in (
+        ("viscous_friction", motion.actuated_v),
+        ("coulomb_friction", np.sign(motion.actuated_v)),
+        ("torque_offset", np.ones_like(motion.actuated_v)),
+    ):
+        W, _ = columns(robot, motion, name)
+        np.testing.assert_array_equal(W, value[:, :, None] * unit)
+
+
+def test_asymmetric_friction_splits_the_symmetric_one_by_direction(robot, motion):
+    W, names = columns(robot, motion, "coulomb_asymmetry")
+    symmetric, _ = columns(robot, motion, "coulomb_friction")
+    np.testing.assert_array_equal(W[:, :, ::2] + W[:, :, 1::2], symmetric)
+    assert names[:2] == [f"{robot.joints[0]}.Fc+", f"{robot.joints[0]}.Fc-"]
+    # Both levels are positive numbers: the torque opposes backward motion too.
+    assert (W[:, :, 1::2] <= 0).all()
+
+
+def test_friction_dissipates(robot, motion):
+    for name in (
+        "viscous_friction",
+        "coulomb_friction",
+        "coulomb_asymmetry",
+        "passive_joint_friction",
+    ):
+        if not find_effect(name).parameters(robot):
+            continue
+        W, _ = columns(robot, motion, name)
+        power = np.einsum("nik,ni->nk", W, motion.actuated_v)
+        assert (power >= -1e-12).all(), name
+
+
+def test_passive_friction_loads_the_actuators_by_virtual_work(rps):
+    """Power at the actuators equals the power lost in the passive joints."""
+    motion = random_motion(rps, np.random.default_rng(0), 30)
+    W, names = columns(rps, motion, "passive_joint_friction")
+    k = names.index("hinge2.Fv")
+    power = np.einsum("ni,ni->n", W[:, :, k], motion.actuated_v)
+    np.testing.assert_allclose(power, motion.v[:, rps.dofs.index("hinge2")] ** 2, rtol=1e-9)
+
+
+def test_the_simulated_friction_of_passive_joints_is_the_columns_times_the_parameters(rps):
+    trajectory = shipped_trajectory(rps, "601")
+    parameters = {"hinge1.Fv": 490.8, "hinge1.Fc": 34.2, "hinge1.Fc+": 34.2, "hinge1.Fc-": 34.2}
+    plain = simulate(rps, trajectory)
+    added = simulate(rps, trajectory, parameters=parameters)
+    samples = prepare_samples(rps, plain)
+    W, names = columns(rps, samples.motion, "passive_joint_friction")
+    value = np.array([parameters.get(n, 0.0) for n in names])
+    np.testing.assert_allclose(added.tau - plain.tau, W @ value, atol=1e-8)
+
+
+def test_a_model_is_a_sum_of_effects_without_repeats():
+    model = Model.of("rigid_body", "coulomb_friction") + find_effect("coulomb_asymmetry")
+    assert model.names == ("rigid_body", "coulomb_asymmetry")
+    assert (model + find_effect("coulomb_friction")).names == model.names
+    assert (model + find_effect("rigid_body")).names == model.names
+
+
+def test_an_unknown_effect_is_named_with_its_near_match():
+    with pytest.raises(ModelError, match="'viscous_frition', did you mean 'viscous_friction'"):
+        Model.of("viscous_frition")
+
+
+COUPLED = """
+[transmission]
+motors = ["motor1", "motor2"]
+coupling = [[1, 0], [1, 1]]
+ratio = [50, -30]
+offset = [0.1, -0.2]
+"""
+
+
+@pytest.fixture
+def coupled(tmp_path):
+    path = tmp_path / "coupled.toml"
+    path.write_text(COUPLED)
+    return Robot.load("two-link", path)
+
+
+def test_friction_of_a_coupled_motor_acts_on_the_sum_of_its_joints(coupled):
+    assert [a.name for a in coupled.axes] == [*coupled.joints, "motor2"]
+    motion = random_motion(coupled, np.random.default_rng(0), 20)
+    W, names = columns(coupled, motion, "viscous_friction")
+    both = motion.actuated_v.sum(1)
+    k = names.index("motor2.Fv")
+    np.testing.assert_allclose(W[:, :, k], np.stack([both, both], 1))
+    W, names = columns(coupled, motion, "actuator_inertia")
+    both = motion.actuated_a.sum(1)
+    np.testing.assert_allclose(W[:, :, names.index("motor2.Ia")], np.stack([both, both], 1))
+
+
+def test_motor_logs_are_converted_to_the_joint_side(coupled):
+    trajectory = shipped_trajectory(coupled, "a")
+    joint = simulate(coupled, trajectory)
+    R = np.array([[50.0, 0.0], [-30.0, -30.0]])
+    offset = np.array([0.1, -0.2])
+    motor = Log(
+        "motor", ("motor1", "motor2"), joint.t, (joint.q - offset) @ R.T,
+        np.linalg.solve(R.T, joint.tau.T).T, joint.dq @ R.T, joint.ddq @ R.T, "",
+    )  # fmt: skip
+    a, b = prepare_samples(coupled, joint), prepare_samples(coupled, motor)
+    for kind in ("actuated_q", "actuated_v", "actuated_a"):
+        np.testing.assert_allclose(getattr(b.motion, kind), getattr(a.motion, kind), atol=1e-12)
+    np.testing.assert_allclose(b.tau, a.tau, atol=1e-12)
+    # Power is the same on either side of the gears.
+    np.testing.assert_allclose(
+        (motor.tau * motor.dq).sum(1), (joint.tau * joint.dq).sum(1), atol=1e-10
+    )
+
+
+def test_a_coupled_motor_can_be_told_from_the_joints_it_mixes(coupled):
+    base = find_base_parameters(
+        coupled, Model.of("rigid_body", "viscous_friction", "coulomb_friction")
+    )
+    assert {"motor2.Fv", "motor2.Fc"} <= set(base.names)
+
+
+def test_a_joint_coupling_is_a_closure():
+    """A gear pair: the second joint follows the first, and its inertia is felt at the first."""
+    text = """
+    <mujoco><worldbody><body name="base">
+      <body name="a"><joint name="j1" axis="0 1 0"/>
+        <inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.01 0.01"/></body>
+      <body name="b" pos="0.5 0 0"><joint name="j2" axis="0 1 0"/>
+        <inertial pos="0.2 0 0" mass="2" diaginertia="0.02 0.02 0.02"/></body>
+    </body></worldbody>
+    <equality><joint joint1="j2" joint2="j1" polycoef="0.3 -2 0.1 0 0"/></equality>
+    <actuator><motor joint="j1"/></actuator></mujoco>"""
+    import tempfile
+    from pathlib import Path
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "gear.xml"
+        path.write_text(text)
+        robot = Robot.load(path)
+        t = np.linspace(0, 1, 7)
+        move = PrescribedMotion(t, np.sin(t)[:, None], np.cos(t)[:, None], -np.sin(t)[:, None])
+        from identifiability.robot import complete_motion
+
+        motion = complete_motion(robot, t, move.q, move.dq, move.ddq)
+        q1 = np.sin(t)
+        np.testing.assert_allclose(motion.q[:, 1], 0.3 - 2 * q1 + 0.1 * q1**2, atol=1e-12)
+        W = Model.of("rigid_body").regressor(robot, motion)
+        phi = [robot.nominal[p.name] for p in Model.of("rigid_body").parameters(robot)]
+        tau = MujocoRobot(robot).inverse_dynamics(move.q, move.dq, move.ddq).tau
+        np.testing.assert_allclose(W @ np.array(phi), tau, atol=1e-10)
+
+
+def test_regressions_come_as_data_frames(rps, paper_model, noisy_log):
+    base = find_base_parameters(rps, paper_model)
+    frame = Regression(rps, paper_model, (prepare_samples(rps, noisy_log),), base.kept).to_frame()
+    assert list(frame.columns) == ["log", "sample", "joint", *base.names, "tau"]
+    assert len(frame) == 3 * len(noisy_log)
+    assert frame["joint"].iloc[:3].tolist() == list(rps.joints)
