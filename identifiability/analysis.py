@@ -244,12 +244,11 @@ class Analysis:
         chosen = self.chosen
         found = chosen.count(Class.IDENTIFIABLE)
         total = len(self.base.parameters)
-        if not any(v.verdict in (Class.IDENTIFIABLE, Class.WEAK) for v in self.full.verdicts) and (
-            not found
-        ):
+        why = self._why_nothing()
+        if why:
             return (
-                f"Nothing is identifiable, because {self._why_nothing()}. The robot has {total} "
-                f"parameters, {self.base.rank} of them independent in principle."
+                f"Nothing is identifiable, because {why}. The robot has {total} parameters, "
+                f"{self.base.rank} of them independent in principle."
             )
         held = 100 * chosen.error_ra_validation
         text = (
@@ -267,18 +266,20 @@ class Analysis:
         )
 
     def _why_nothing(self) -> str:
-        moving = [
-            j
-            for k, j in enumerate(self.robot.joints)
-            if any(np.ptp(s.motion.actuated_q[:, k]) > 1e-9 for s in self.samples)
-        ]
-        if not moving:
+        """Return why no parameter can be believed, or nothing if some can."""
+        if not any(np.ptp(s.motion.actuated_q, axis=0).max() > 1e-9 for s in self.samples):
             return "the robot does not move in these logs"
-        rank = len(self.full.estimate.kept)
-        if rank < self.base.rank:
+        if not self.chosen.error_ra_validation < 1:
             return (
-                f"the motion excites only {rank} independent combinations and none of them is "
-                "determined beyond the noise"
+                "no model predicts motion that it has not seen better than a constant torque would"
+            )
+        if self.chosen.count(Class.IDENTIFIABLE) or self.full.count(Class.IDENTIFIABLE):
+            return ""
+        excited = len(self.full.estimate.kept)
+        if excited < self.base.rank:
+            return (
+                f"the motion excites only {excited} independent combinations of parameters and "
+                "noise hides these"
             )
         return "the residual hides every parameter"
 
@@ -466,9 +467,7 @@ def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, 
         if not count:
             out[k] = "This motion never makes it act on the torque."
             continue
-        out[k] = (
-            f"This motion determines only its combination with {listing(others[:count], 4)}."
-        )
+        out[k] = f"This motion determines only its combination with {listing(others[:count], 4)}."
     return tuple(out)
 
 

@@ -24,6 +24,7 @@ from identifiability.model import Model
 from identifiability.names import Array, Parameter
 from identifiability.robot import Motion, Robot, complete_motion
 
+
 @dataclass(frozen=True)
 class BaseParameters:
     """Groupings ``beta = G phi`` of standard parameters phi, with ``W phi = W[:, kept] beta``.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation import estimate
+from identifiability.estimation import dependence, estimate
 from identifiability.grouping import find_base_parameters, group_columns, random_motion
 from identifiability.information import Information
 from identifiability.names import Parameter
@@ -68,21 +68,26 @@ def test_fit_and_sigma_follow_units_and_orders(problem, rps, paper_model):
     assert other.paper_rule.tolist() == fit.paper_rule[columns].tolist()
 
 
-def test_an_undetermined_column_is_said_to_be_so():
+def test_undetermined_parameters_are_said_to_be_so():
+    """c is a + 2 b, d never acts, e stands alone."""
     rng = np.random.default_rng(4)
-    W = rng.normal(size=(50, 1, 4))
+    W = rng.normal(size=(50, 1, 5))
     W[:, :, 2] = W[:, :, 0] + 2 * W[:, :, 1]
     W[:, :, 3] = 0.0
-    tau = W @ np.array([1.0, 2.0, 0.0, 0.0]) + 0.01 * rng.normal(size=(50, 1))
-    # The factor of dependent columns is singular: a basis for them must come from elsewhere.
+    tau = W @ np.array([1.0, 2.0, 0.0, 0.0, 3.0]) + 0.01 * rng.normal(size=(50, 1))
     A = np.concatenate([W, tau[:, :, None]], 2)[:, 0]
     gram = (A.T @ A)[None, None]
-    information = Information(tuple("abcd"), np.eye(5), gram, np.array([50]), np.zeros(1, int))
+    information = Information(tuple("abcde"), np.eye(6), gram, np.array([50]), np.zeros(1, int))
     fit = estimate(information)
-    assert fit.determined.tolist() == [True, True, False, False]
-    assert np.isinf(fit.sigma_percent[2:]).all()
-    assert not fit.paper_rule[2:].any()
-    np.testing.assert_allclose(fit.value[:2], [1, 2], atol=0.05)
+    assert fit.kept == (0, 1, 4)
+    assert fit.determined.tolist() == [False, False, False, False, True]
+    assert np.isinf(fit.sigma_percent[:4]).all()
+    assert not fit.paper_rule[:4].any()
+    # Held at c = 0 the others are what least squares gives, and predict as well.
+    np.testing.assert_allclose(fit.value[[0, 1, 4]], [1, 2, 3], atol=0.05)
+    leans = dependence(information, fit.kept, fit.weights)
+    assert (np.abs(leans[:, 0]) > 1e-3).tolist() == [True, True, False]
+    assert not leans[:, 1].any()
 
 
 def test_labels_spell_groupings_with_signs_and_four_digits():
