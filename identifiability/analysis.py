@@ -423,7 +423,7 @@ def _results(
                 float(spread[k]),
                 infeasible,
                 times,
-            )  # fmt: skip
+            )
         )
     return tuple(results)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,8 +16,7 @@ from identifiability.errors import IdentifiabilityError
 if TYPE_CHECKING:
     from identifiability.analysis import Analysis, Progress
     from identifiability.robot import Robot
-    from identifiability.samples import Preparation
-    from identifiability.simulation import PrescribedMotion, Trajectory
+    from identifiability.simulation import PrescribedMotion
 
 app = typer.Typer(
     name="identifiability",
@@ -29,7 +28,7 @@ app = typer.Typer(
 )
 
 
-class Derivatives(str, Enum):
+class Derivatives(StrEnum):
     """Where velocity and acceleration come from."""
 
     auto = "auto"
@@ -38,7 +37,7 @@ class Derivatives(str, Enum):
     fourier = "fourier"
 
 
-class Method(str, Enum):
+class Method(StrEnum):
     """Least squares, actuators weighted by their own variance or all alike."""
 
     wls = "wls"
@@ -243,9 +242,7 @@ def _load(robot: str, sidecar: str | None) -> Robot:
     return Robot.load(robot, sidecar)
 
 
-def _motion(
-    robot: Robot, source: str, samples: int | None, rng: Any
-) -> PrescribedMotion | Trajectory:
+def _motion(robot: Robot, source: str, samples: int | None, rng: Any) -> PrescribedMotion:
     from identifiability.simulation import motion  # noqa: PLC0415
 
     return motion.find_motion(robot, source, samples, rng)

@@ -1,4 +1,4 @@
-"""Prediction errors of models: ε_RA in sample, on held-out logs, and by blocked cross-validation."""
+"""Prediction errors of models: ε_RA in sample, on held-out logs, by blocked cross-validation."""
 
 from __future__ import annotations
 
@@ -46,12 +46,14 @@ class Prediction:
 
     def relative_error(self) -> Array:
         """Return ε_RA of each model, ``Σ|τ̂ - τ*| / Σ|τ* - mean τ*|`` [Díaz 2010, Eq. 18], (m,)."""
-        return np.abs(self.residual).sum((0, 1)) / self._spread()
+        error: Array = np.abs(self.residual).sum((0, 1)) / self._spread()
+        return error
 
     def joint_error(self) -> Array:
         """Return the same for each joint by itself, (n, m)."""
         spread = np.abs(self.tau - self.tau.mean(0)).sum(0)
-        return np.abs(self.residual).sum(0) / np.where(spread > 0, spread, np.nan)[:, None]
+        error: Array = np.abs(self.residual).sum(0) / np.where(spread > 0, spread, np.nan)[:, None]
+        return error
 
     def standard_error(self, against: int | None = None) -> Array:
         """Return the standard error of ε_RA, or of its difference to a model's, (m,).
@@ -65,7 +67,9 @@ class Prediction:
         parts = np.array_split(absolute, min(STRETCHES, len(absolute)))
         sums = np.array([p.sum(0) for p in parts])
         k = len(sums)
-        spread: Array = sums.std(0, ddof=1) * np.sqrt(k) / self._spread() if k > 1 else np.nan
+        if k < 2:
+            return np.full(absolute.shape[1], np.nan)
+        spread: Array = sums.std(0, ddof=1) * np.sqrt(k) / self._spread()
         return spread
 
     def _spread(self) -> float:
@@ -131,7 +135,7 @@ def parameter_error(value: Array, exact: Array, chosen: Sequence[bool] | np.ndar
     The paper averages over all parameters; with exact values of zero that cannot be, and its
     numbers fit the mean over the properly identified ones.
     """
-    chosen = np.asarray(chosen, bool) & (np.abs(exact) > 1e-12 * np.abs(exact).max(initial=0.0))
-    if not chosen.any():
+    used = np.asarray(chosen, bool) & (np.abs(exact) > 1e-12 * np.abs(exact).max(initial=0.0))
+    if not used.any():
         return float("nan")
-    return float(np.mean(np.abs((value[chosen] - exact[chosen]) / exact[chosen])))
+    return float(np.mean(np.abs((value[used] - exact[used]) / exact[used])))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+#: Arrays of floats; NumPy types many of its results too loosely to say so to a type checker.
+Array = NDArray[Any]
 
 #: Inertial parameters of a body in Pinocchio's order: mass, first moments, and the *tensor*
 #: entries of inertia (Ixy = -∫xy dm) about the origin of the body's joint frame.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -35,6 +36,9 @@ class Preparation:
     decimate : int or None
         Parallel filter and decimation of torque and regressor; None chooses a factor that keeps
         twice the cut-off where derivatives are computed by Butterworth, else 1.
+    keep_rest : bool
+        Keep the samples at which all joints stand still. Friction can be anything up to its
+        Coulomb level there, and the sign of a filtered zero velocity is noise.
     """
 
     derivatives: Derivatives = "auto"
@@ -42,6 +46,7 @@ class Preparation:
     period: float | None = None
     harmonics: int = 5
     decimate: int | None = None
+    keep_rest: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,7 @@ class Samples:
             return [(0, len(self.tau))]
         breaks = np.flatnonzero(np.diff(self.motion.kept) > 1) + 1
         edges = [0, *breaks.tolist(), len(self.tau)]
-        return list(zip(edges[:-1], edges[1:], strict=True))
+        return list(pairwise(edges))
 
     @property
     def outputs(self) -> int:
@@ -134,6 +139,14 @@ def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> S
     notes.append(note)
     motion = complete_motion(robot, log.t, q, dq, ddq)
     notes += _closure_notes(motion, len(log))
+    if not how.keep_rest:
+        rest = signals.find_rests(log.t, q, dq)[motion.kept]
+        if rest.any() and not rest.all():
+            motion = motion[~rest]
+            notes.append(
+                f"{rest.sum()} of {len(log)} samples were left out because all joints stand still "
+                "there and friction may be anything up to its Coulomb level"
+            )
     decimation = _choose_decimation(log, how, cutoff)
     if decimation is not None:
         rate = 1.0 / (signals.sampling_step(log.t) * decimation.factor)

@@ -17,6 +17,9 @@ from scipy import signal
 
 from identifiability.names import Array
 
+#: A joint slower than this share of its largest speed stands still.
+REST_SPEED = 0.01
+
 
 def sampling_step(t: Array) -> float:
     """Return the sampling step of uniform times, their median difference [s]."""
@@ -73,6 +76,28 @@ def differentiate(x: Array, dt: float) -> Array:
     """Return the time derivative of x (N, …) by central differences of second order."""
     slope: Array = np.gradient(x, dt, axis=0, edge_order=2)
     return slope
+
+
+def find_rests(t: Array, q: Array, dq: Array) -> np.ndarray:
+    """Return where all joints stand still, (N,) bool.
+
+    A joint stands still below `REST_SPEED` times its largest speed. Only stops that last longer
+    than half a period of the fastest motion count; shorter ones are reversals.
+
+    Parameters
+    ----------
+    t : (N,) [s]
+    q, dq : (N, n)
+    """
+    speed = np.abs(dq)
+    still = (speed <= REST_SPEED * speed.max(0)).all(1)
+    if still.all():
+        return np.zeros(len(t), bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]])))
+    least = 0.5 / max(motion_bandwidth(t, q) * sampling_step(t), 1e-300)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        still[start:stop] = stop - start > least
+    return still
 
 
 @dataclass(frozen=True)

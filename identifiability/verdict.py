@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 from scipy.stats import norm
@@ -13,7 +13,7 @@ from identifiability.estimation import PAPER_FACTOR, Estimate
 from identifiability.names import Array
 
 
-class Class(str, Enum):
+class Class(StrEnum):
     """The classes of verdict; the value is the public word."""
 
     IDENTIFIABLE = "identifiable"
@@ -171,7 +171,7 @@ def judge(
                 kind,
                 reason,
                 None if nominal is None else float(nominal[k]),
-            )  # fmt: skip
+            )
         )
     return tuple(out)
 

@@ -147,7 +147,8 @@ def complete_motion(robot: Robot, t: Array, q: Array, dq: Array, ddq: Array) -> 
 
 def loop_error(robot: Robot, q: Array) -> Array:
     """Return the largest loop error at each configuration, (N,) [m or rad]."""
-    return np.abs(_loop_equations(robot, q, jacobian=False)[0]).max(1)
+    error: Array = np.abs(_loop_equations(robot, q, jacobian=False)[0]).max(1)
+    return error
 
 
 def independent_rows(robot: Robot) -> np.ndarray:

@@ -56,7 +56,8 @@ class Coupling:
             return np.zeros(len(q))
         poly = np.polynomial.Polynomial(self.polynomial)
         rate = v[:, robot.dof_index(self.of)]
-        return -poly.deriv(2)(self._source(q, robot)) * rate**2
+        bias: Array = -poly.deriv(2)(self._source(q, robot)) * rate**2
+        return bias
 
     def _source(self, q: Array, robot: Robot) -> Array:
         return robot.dof_position(q, self.of) if self.of is not None else np.zeros(len(q))
@@ -188,7 +189,7 @@ class Robot:
         RobotError
             If the file cannot be read, lost bodies, or leaves the motion undetermined.
         """
-        from identifiability.robot.files import read_robot
+        from identifiability.robot.files import read_robot  # noqa: PLC0415 - it imports us
 
         return read_robot(source, sidecar)
 

@@ -271,7 +271,8 @@ def _assemble(
     last: dict[int, int] = tree._last  # type: ignore[attr-defined]
     bodies = _body_names(model)
     loops = [
-        replace(l, first=_on_tree(l.first, last), second=_on_tree(l.second, last)) for l in loops
+        replace(loop, first=_on_tree(loop.first, last), second=_on_tree(loop.second, last))
+        for loop in loops
     ]
     shell = Robot(
         name=path.parent.name if path.stem == "robot" else path.stem,
@@ -321,8 +322,7 @@ def _assemble(
         speed_limits=_rate_limits(robot, extra, "v"),
         acceleration_limits=_rate_limits(robot, extra, "a"),
     )
-    robot = replace(robot, transmission=_transmission(robot, extra))
-    return robot
+    return replace(robot, transmission=_transmission(robot, extra))
 
 
 def _on_tree(point: Point, last: dict[int, int]) -> Point:
@@ -476,6 +476,7 @@ def _transmission(robot: Robot, extra: Sidecar) -> Transmission | None:
     offset = np.zeros(n) if entry.offset is None else np.array(entry.offset, float)
     if ratio.shape != (n,) or offset.shape != (n,) or not np.all(ratio):
         raise RobotError(
-            f"The sidecar of {robot.path}: [transmission] needs {n} non-zero ratios and {n} offsets."
+            f"The sidecar of {robot.path}: [transmission] needs {n} non-zero ratios and {n} "
+            "offsets."
         )
     return Transmission(tuple(entry.motors), coupling, ratio, offset)

@@ -159,7 +159,8 @@ class Tree:
         """Return the position of a point in the world, (N, 3) [m]."""
         if point.joint == WORLD:
             return np.asarray(point.position, float)[None]
-        return frames.origin[point.joint] + frames.rotation[point.joint] @ point.position
+        at: Array = frames.origin[point.joint] + frames.rotation[point.joint] @ point.position
+        return at
 
     def point_jacobian(self, frames: Frames, point: Point, at: Array, out: Array) -> None:
         """Add ∂x/∂v of a point now at `at` (N, 3) to `out` (N, 3, nv), world axes."""

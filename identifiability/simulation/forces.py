@@ -57,15 +57,18 @@ def _quadratic(speed: Array, _position: Array, _load: Array) -> Array:
 
 
 def _spring(_speed: Array, position: Array, _load: Array) -> Array:
-    return position - position.mean()
+    force: Array = position - position.mean()
+    return force
 
 
 def _load(speed: Array, _position: Array, load: Array) -> Array:
-    return np.abs(load) * np.sign(speed)
+    force: Array = np.abs(load) * np.sign(speed)
+    return force
 
 
 def _ripple(_speed: Array, position: Array, _load: Array) -> Array:
-    return np.sin(2 * np.pi * 8 * (position - position.min()) / max(np.ptp(position), 1e-12))
+    force: Array = np.sin(16 * np.pi * (position - position.min()) / max(np.ptp(position), 1e-12))
+    return force
 
 
 #: Effects that can be hidden at actuated joints.

@@ -224,7 +224,8 @@ class MujocoRobot:
         mujoco.mj_comVel(self.model, self.data)
         bias = self._jacobian(dot=True) @ v
         A = self._jacobian()
-        return np.linalg.lstsq(A[:, self.passive], -bias, rcond=None)[0]
+        a: Array = np.linalg.lstsq(A[:, self.passive], -bias, rcond=None)[0]
+        return a
 
 
 def _load(robot: Robot) -> Any:

@@ -37,7 +37,7 @@ class Noise:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not (np.isfinite(value) and 0 <= value) or (name == "correlation" and value >= 1):
+            if not (np.isfinite(value) and value >= 0) or (name == "correlation" and value >= 1):
                 raise IdentifiabilityError(
                     f"The noise level {name} = {value:g} cannot be; give a number of at least 0"
                     f"{' and below 1' if name == 'correlation' else ''}."

@@ -1,4 +1,4 @@
-"""Prescribed motion of the actuated joints: finite Fourier series, from a file or drawn at random."""
+"""Prescribed motion of the actuated joints: finite Fourier series, from a file or at random."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Times of the hot paths: ``make bench``. In the test suite each runs once and asserts ratios only."""
+"""Times of the hot paths: ``make bench``; in the test suite only ratios are asserted."""
 
 from __future__ import annotations
 

@@ -73,9 +73,7 @@ def test_the_rigid_body_has_25_base_parameters_and_the_full_model_37_of_85(rps, 
 
 def test_every_grouping_and_coefficient_of_table_1_comes_from_the_robot_file(rps):
     base = find_base_parameters(rps, Model.of("rigid_body"))
-    found = []
-    for row in range(len(base)):
-        found.append({p.term: digits(c) for c, p in base.terms(row)})
+    found = [{p.term: digits(c) for c, p in base.terms(row)} for row in range(len(base))]
     for row, wanted in TABLE_1.items():
         assert wanted in found, f"row {row}: {wanted} is not among {found}"
     assert len(found) == 25
