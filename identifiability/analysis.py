@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from identifiability.errors import LogError, listing
-from identifiability.estimation import MIXED, Estimate, Method, dependence, estimate
+from identifiability.assessment import RungResult, assess_ladder, select_model
+from identifiability.errors import LogError
+from identifiability.estimation import Method, estimate
 from identifiability.evaluation import (
     Prediction,
     choose_folds,
@@ -37,12 +38,10 @@ from identifiability.ladder import (
 )
 from identifiability.log import Log
 from identifiability.model import Regression
-from identifiability.names import Array
-from identifiability.noise import autocorrelation_time
 from identifiability.output import write_json
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, Samples, prepare_samples
-from identifiability.verdict import Class, Evidence, Thresholds, Verdict, judge
+from identifiability.verdict import Class, Thresholds, Verdict
 
 SCHEMA = "identifiability/analysis/1"
 
@@ -50,67 +49,6 @@ LogLike = Log | str | Path | pd.DataFrame
 Progress = Callable[[str, float], None]
 
 _PACKAGES = ("identifiability", "pin", "mujoco", "numpy", "scipy", "pandas")
-
-
-@dataclass(frozen=True)
-class RungResult:
-    """One model of the ladder, fitted.
-
-    Attributes
-    ----------
-    rung : Rung
-    estimate : Estimate
-    verdicts : tuple of Verdict
-    error_ra : float
-        ε_RA on the logs it was fitted to.
-    error_ra_validation : float
-        ε_RA on the validation logs, or by blocked cross-validation where there are none.
-    error_se : float
-        Standard error of the difference of the latter to the best model's.
-    infeasible : tuple of str
-        Parameters with a sign that physics forbids.
-    autocorrelation_time : (n,)
-        Of the residual of each actuator [samples].
-    """
-
-    rung: Rung
-    estimate: Estimate
-    verdicts: tuple[Verdict, ...]
-    error_ra: float
-    error_ra_validation: float
-    error_se: float
-    infeasible: tuple[str, ...]
-    autocorrelation_time: Array
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-        return self.rung.name
-
-    @property
-    def feasible(self) -> bool:
-        """Whether no parameter has a sign that physics forbids."""
-        return not self.infeasible
-
-    @property
-    def paper_identified(self) -> int:
-        """How many parameters pass the 10× rule."""
-        return int(self.estimate.paper_rule.sum())
-
-    def count(self, kind: Class) -> int:
-        """Return how many parameters got a verdict."""
-        return sum(v.verdict is kind for v in self.verdicts)
-
-    @property
-    def margin(self) -> float:
-        """Smallest value of a sign-constrained parameter in units of its robust σ."""
-        pairs = zip(self.verdicts, self.rung.nonnegative, strict=True)
-        ratios = [
-            v.value / v.sigma_robust
-            for v, wanted in pairs
-            if wanted and 0 < v.sigma_robust < np.inf
-        ]
-        return min(ratios, default=float("inf"))
 
 
 @dataclass(frozen=True)
@@ -292,6 +230,7 @@ def analyze(
     *,
     preparation: Preparation | None = None,
     method: Method = "wls",
+    replicates: int = 2000,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Analysis:
@@ -310,6 +249,8 @@ def analyze(
     preparation : Preparation, optional
         How derivatives are made.
     method : {"wls", "ols"}
+    replicates : int
+        Refits of the block bootstrap.
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
@@ -321,6 +262,7 @@ def analyze(
         With one sentence on what to do.
     """
     say = progress or (lambda _text, _share: None)
+    streams = np.random.default_rng(seed).spawn(2)
     with threadpool_limits(1, "blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         if not isinstance(ladder, LadderEntry):
@@ -333,7 +275,7 @@ def analyze(
             raise LogError("No log was given; give at least one.")
         held = _prepare(robot, validate, preparation)
         say("finding base parameters", 0.2)
-        base = find_base_parameters(robot, model, np.random.default_rng(seed))
+        base = find_base_parameters(robot, model, streams[0])
         rungs = build_ladder(ladder, robot, base)
         say("building the regression", 0.3)
         regression = Regression(robot, model, train, base.kept)
@@ -349,9 +291,11 @@ def analyze(
         say("judging parameters", 0.9)
         thresholds = Thresholds()
         nominal = nominal_base(robot, base)
-        results = _results(rungs, fits, information, fitted, out, nominal, thresholds)
+        results = assess_ladder(
+            rungs, fits, information, fitted, out, nominal, thresholds, streams[1], replicates
+        )
         return Analysis(
-            robot, base, train, held, information, results, _select(results), fitted, out,
+            robot, base, train, held, information, results, select_model(results), fitted, out,
             model.names, method, seed, thresholds,
         )  # fmt: skip
 
@@ -381,105 +325,6 @@ def _cross_validate(
         fits = [r.expand(estimate(r.reduce(rest), method).value) for r in rungs]
         values.append(np.stack(fits, 1))
     return predict(regression, np.stack(values), fold_of_samples(information, folds))
-
-
-def _results(
-    rungs: Sequence[Rung],
-    fits: Sequence[Estimate],
-    information: Information,
-    fitted: Prediction,
-    out: Prediction,
-    nominal: Array,
-    thresholds: Thresholds,
-) -> tuple[RungResult, ...]:
-    error, held_error = fitted.relative_error(), out.relative_error()
-    best = int(np.nanargmin(held_error)) if np.isfinite(held_error).any() else 0
-    spread = np.broadcast_to(out.standard_error(best), held_error.shape)
-    results = []
-    for k, (rung, fit) in enumerate(zip(rungs, fits, strict=True)):
-        residual = fitted.residual[:, :, k]
-        times = _residual_times(residual, fitted.log)
-        inflation = float(np.sqrt(_mean_time(times, fit)))
-        reduced = rung.reduce(information)
-        evidence = Evidence(
-            fit,
-            fit.sigma * inflation,
-            _column_rms(reduced),
-            float(np.sqrt(np.mean(fitted.tau**2))),
-            float(np.sqrt(np.mean(residual**2))),
-            _aliases(reduced, fit, rung),
-        )
-        stated = np.linalg.lstsq(rung.M, nominal - rung.held, rcond=None)[0]
-        verdicts = judge(rung.labels, rung.units, evidence, stated, thresholds)
-        forbidden = rung.nonnegative & fit.determined & (fit.value < 0)
-        infeasible = tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad)
-        results.append(
-            RungResult(
-                rung,
-                fit,
-                verdicts,
-                float(error[k]),
-                float(held_error[k]),
-                float(spread[k]),
-                infeasible,
-                times,
-            )
-        )
-    return tuple(results)
-
-
-def _residual_times(residual: Array, log: np.ndarray) -> Array:
-    """Return the autocorrelation time of each actuator, averaged over logs by their length."""
-    total = np.zeros(residual.shape[1])
-    for k in np.unique(log):
-        part = residual[log == k]
-        total += len(part) * autocorrelation_time(part)
-    return total / len(residual)
-
-
-def _mean_time(times: Array, fit: Estimate) -> float:
-    """Return one autocorrelation time: that of the actuators that carry the residual."""
-    share = fit.weights * fit.rss
-    total = share.sum()
-    return float((share * times).sum() / total) if total > 0 else float(times.mean())
-
-
-def _column_rms(information: Information) -> Array:
-    squares = np.einsum("ki,kl,li->i", information.basis, information.total(), information.basis)
-    rms: Array = np.sqrt(np.maximum(squares[:-1], 0) / max(information.rows, 1))
-    return rms
-
-
-def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, ...]:
-    """Return, for each undetermined parameter, what this motion cannot tell it from."""
-    out = [""] * len(rung)
-    dropped = [c for c in range(len(rung)) if c not in set(fit.kept)]
-    leans = dependence(information, fit.kept, fit.weights)
-    for k in np.flatnonzero(~fit.determined):
-        if k in fit.kept:
-            row = leans[fit.kept.index(int(k))]
-            others = [rung.columns[dropped[i]] for i in np.argsort(-np.abs(row))]
-            count = int((np.abs(row) > MIXED).sum())
-        else:
-            column = leans[:, dropped.index(int(k))]
-            others = [rung.columns[fit.kept[i]] for i in np.argsort(-np.abs(column))]
-            count = int((np.abs(column) > MIXED).sum())
-        if not count:
-            out[k] = "This motion never makes it act on the torque."
-            continue
-        out[k] = f"This motion determines only its combination with {listing(others[:count], 4)}."
-    return tuple(out)
-
-
-def _select(results: Sequence[RungResult]) -> int:
-    """Return the smallest model within one standard error of the best, feasible if any is."""
-    pool = [k for k, r in enumerate(results) if r.feasible] or list(range(len(results)))
-    error = np.array([r.error_ra_validation for r in results])
-    if not np.isfinite(error[pool]).any():
-        return pool[-1]
-    best = min(pool, key=lambda k: error[k] if np.isfinite(error[k]) else np.inf)
-    good = [k for k in pool if error[k] <= error[best] + np.nan_to_num(results[k].error_se)]
-    return min(good, key=lambda k: (len(results[k].rung), error[k]))
 
 
 def _row(v: Verdict) -> dict[str, Any]:

@@ -32,6 +32,8 @@ class Thresholds:
         Largest robust σ% of an identifiable parameter [%].
     sign_level : float
         Family-wise level at which the sign must be certain (Holm over all parameters).
+    recurrence : float
+        Share of bootstrap replicates in which an identifiable parameter must be one again.
     negligible_share : float
         A parameter is negligible if no value in its 95 % interval moves the torque by more than
         this share of the residual's standard deviation.
@@ -39,6 +41,7 @@ class Thresholds:
 
     sigma_percent: float = 20.0
     sign_level: float = 0.05
+    recurrence: float = 0.9
     negligible_share: float = 0.1
 
 
@@ -104,6 +107,9 @@ class Evidence:
     ----------
     estimate : Estimate
     sigma_robust : (k,)
+    recurrence : (k,)
+        Share of bootstrap replicates in which the parameter is known as well, with the same sign;
+        NaN without a bootstrap.
     column_rms : (k,)
         Root mean square of each column of the regressor: torque per unit of the parameter.
     tau_rms, residual_rms : float
@@ -114,6 +120,7 @@ class Evidence:
 
     estimate: Estimate
     sigma_robust: Array
+    recurrence: Array
     column_rms: Array
     tau_rms: float
     residual_rms: float
@@ -154,7 +161,7 @@ def judge(
         percent = _percent(float(sigma[k]), float(e.value[k]))
         kind, reason = _decide(
             bool(e.determined[k]), bool(certain[k]), percent, float(effect),
-            evidence.aliases[k], rules,
+            float(evidence.recurrence[k]), evidence.aliases[k], rules,
         )  # fmt: skip
         reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
         share = abs(e.value[k]) * evidence.column_rms[k] / max(evidence.tau_rms, 1e-300)
@@ -177,11 +184,18 @@ def judge(
 
 
 def _decide(
-    determined: bool, certain: bool, percent: float, effect: float, alias: str, rules: Thresholds
+    determined: bool,
+    certain: bool,
+    percent: float,
+    effect: float,
+    recurrence: float,
+    alias: str,
+    rules: Thresholds,
 ) -> tuple[Class, str]:
     if not determined:
         return Class.NOT_IDENTIFIABLE, alias
-    if certain and percent <= rules.sigma_percent:
+    recurs = not recurrence < rules.recurrence  # NaN: there was no bootstrap to ask
+    if certain and percent <= rules.sigma_percent and recurs:
         return (
             Class.IDENTIFIABLE,
             f"Known to ±{percent:.2g} % (limit {rules.sigma_percent:g} %) and its sign is certain.",
@@ -191,6 +205,13 @@ def _decide(
             Class.NEGLIGIBLE,
             f"No value in its interval moves the torque by more than {100 * effect:.2g} % of the "
             "residual: about zero for this motion, safe to leave out.",
+        )
+    if certain and percent <= rules.sigma_percent:
+        return (
+            Class.WEAK,
+            f"Its sign is certain and it is known to ±{percent:.2g} %, but only "
+            f"{100 * recurrence:.0f} % of the resampled logs say so (limit "
+            f"{100 * rules.recurrence:.0f} %).",
         )
     if certain:
         return (

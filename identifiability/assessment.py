@@ -1,0 +1,284 @@
+"""Assess the models of a ladder: uncertainty, verdicts, errors, feasibility; select one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identifiability.bootstrap import Bootstrap, between_logs, bootstrap
+from identifiability.errors import IdentifiabilityError, listing
+from identifiability.estimation import MIXED, Estimate, dependence
+from identifiability.evaluation import Prediction
+from identifiability.information import Information
+from identifiability.ladder import Rung
+from identifiability.names import Array
+from identifiability.noise import autocorrelation_time, block_length
+from identifiability.verdict import Class, Evidence, Thresholds, Verdict, judge
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviations of one model's parameters by every road.
+
+    Attributes
+    ----------
+    white : (k,)
+        Under independent residuals.
+    inflated : (k,)
+        The same times the root of the residual's autocorrelation time.
+    bootstrap : Bootstrap or None
+        Refits on resampled blocks; None if there are too few blocks.
+    between : (k,) or None
+        Standard error of the mean over logs, with three or more logs.
+    times : (n,)
+        Autocorrelation time of each actuator's residual [samples].
+    block : float
+        Block length of the bootstrap [samples].
+    note : str
+        Why something is missing, if it is.
+    """
+
+    white: Array
+    inflated: Array
+    bootstrap: Bootstrap | None
+    between: Array | None
+    times: Array
+    block: float
+    note: str = ""
+
+    @property
+    def robust(self) -> Array:
+        """The largest of the estimates that allow for autocorrelation, (k,)."""
+        return self.inflated if self.bootstrap is None else self._with_bootstrap()
+
+    def _with_bootstrap(self) -> Array:
+        assert self.bootstrap is not None
+        spread = np.where(np.isfinite(self.white), self.bootstrap.sd, np.inf)
+        larger: Array = np.maximum(self.inflated, spread)
+        return larger
+
+
+@dataclass(frozen=True)
+class RungResult:
+    """One model of the ladder, fitted.
+
+    Attributes
+    ----------
+    rung : Rung
+    estimate : Estimate
+    uncertainty : Uncertainty
+    verdicts : tuple of Verdict
+    error_ra : float
+        ε_RA on the logs it was fitted to.
+    error_ra_validation : float
+        ε_RA on the validation logs, or by blocked cross-validation where there are none.
+    error_se : float
+        Standard error of the difference of the latter to the best model's.
+    infeasible : tuple of str
+        Parameters with a sign that physics forbids.
+    """
+
+    rung: Rung
+    estimate: Estimate
+    uncertainty: Uncertainty
+    verdicts: tuple[Verdict, ...]
+    error_ra: float
+    error_ra_validation: float
+    error_se: float
+    infeasible: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.rung.name
+
+    @property
+    def feasible(self) -> bool:
+        """Whether no parameter has a sign that physics forbids."""
+        return not self.infeasible
+
+    @property
+    def autocorrelation_time(self) -> Array:
+        """Autocorrelation time of each actuator's residual, (n,) [samples]."""
+        return self.uncertainty.times
+
+    @property
+    def paper_identified(self) -> int:
+        """How many parameters pass the 10× rule."""
+        return int(self.estimate.paper_rule.sum())
+
+    def count(self, kind: Class) -> int:
+        """Return how many parameters got a verdict."""
+        return sum(v.verdict is kind for v in self.verdicts)
+
+    @property
+    def margin(self) -> float:
+        """Smallest value of a sign-constrained parameter in units of its robust σ."""
+        pairs = zip(self.verdicts, self.rung.nonnegative, strict=True)
+        ratios = [
+            v.value / v.sigma_robust
+            for v, wanted in pairs
+            if wanted and 0 < v.sigma_robust < np.inf
+        ]
+        return min(ratios, default=float("inf"))
+
+
+def assess_ladder(
+    rungs: Sequence[Rung],
+    fits: Sequence[Estimate],
+    information: Information,
+    fitted: Prediction,
+    held_out: Prediction,
+    nominal: Array,
+    thresholds: Thresholds,
+    rng: np.random.Generator,
+    replicates: int,
+) -> tuple[RungResult, ...]:
+    """Return the results of all models.
+
+    Parameters
+    ----------
+    rungs, fits : sequences
+        Models and their estimates.
+    information : Information
+        About all base parameters.
+    fitted, held_out : Prediction
+        By all models, on the logs they were fitted to and on others.
+    nominal : (b,)
+        Base parameters that the robot file states.
+    thresholds : Thresholds
+    rng : numpy.random.Generator
+    replicates : int
+        Of the bootstrap.
+    """
+    error, held_error = fitted.relative_error(), held_out.relative_error()
+    best = int(np.nanargmin(held_error)) if np.isfinite(held_error).any() else 0
+    spread = held_out.standard_error(best)
+    results = []
+    for k, (rung, fit) in enumerate(zip(rungs, fits, strict=True)):
+        residual = fitted.residual[:, :, k]
+        reduced = rung.reduce(information)
+        uncertainty = assess_uncertainty(reduced, fit, residual, fitted.log, rng, replicates)
+        evidence = Evidence(
+            fit,
+            uncertainty.robust,
+            _recurrence(fit, uncertainty, thresholds),
+            column_rms(reduced),
+            float(np.sqrt(np.mean(fitted.tau**2))),
+            float(np.sqrt(np.mean(residual**2))),
+            _aliases(reduced, fit, rung),
+        )
+        stated = np.linalg.lstsq(rung.M, nominal - rung.held, rcond=None)[0]
+        verdicts = judge(rung.labels, rung.units, evidence, stated, thresholds)
+        forbidden = rung.nonnegative & fit.determined & (fit.value < 0)
+        infeasible = tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad)
+        results.append(
+            RungResult(
+                rung, fit, uncertainty, verdicts, float(error[k]), float(held_error[k]),
+                float(spread[k]), infeasible,
+            )
+        )  # fmt: skip
+    return tuple(results)
+
+
+def assess_uncertainty(
+    information: Information,
+    fit: Estimate,
+    residual: Array,
+    log: np.ndarray,
+    rng: np.random.Generator,
+    replicates: int,
+) -> Uncertainty:
+    """Return the standard deviations of a fit by every road.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+    residual : (N, n)
+    log : (N,) int
+        Which log a sample comes from.
+    rng : numpy.random.Generator
+    replicates : int
+        Of the bootstrap; 0 for none.
+    """
+    times, length = residual_times(residual, log)
+    inflated = fit.sigma * float(np.sqrt(_mean_time(times, fit)))
+    drawn, note = None, ""
+    if replicates and fit.kept:
+        try:
+            drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
+        except IdentifiabilityError as error:
+            note = str(error)
+    return Uncertainty(
+        fit.sigma, inflated, drawn, between_logs(information, fit), times, length, note
+    )
+
+
+def residual_times(residual: Array, log: np.ndarray) -> tuple[Array, float]:
+    """Return autocorrelation times (n,), averaged over logs, and the longest block length."""
+    total, length = np.zeros(residual.shape[1]), 1.0
+    for k in np.unique(log):
+        part = residual[log == k]
+        total += len(part) * autocorrelation_time(part)
+        length = max(length, block_length(part))
+    return total / len(residual), length
+
+
+def _mean_time(times: Array, fit: Estimate) -> float:
+    """Return one autocorrelation time: that of the actuators that carry the residual."""
+    share = fit.weights * fit.rss
+    total = share.sum()
+    return float((share * times).sum() / total) if total > 0 else float(times.mean())
+
+
+def _recurrence(fit: Estimate, uncertainty: Uncertainty, rules: Thresholds) -> Array:
+    """Return the share of replicates in which a parameter would be called well known, (k,)."""
+    if uncertainty.bootstrap is None:
+        return np.full(len(fit.columns), np.nan)
+    values = uncertainty.bootstrap.values
+    known = uncertainty.robust <= 0.01 * rules.sigma_percent * np.abs(values)
+    share: Array = (known & (np.sign(values) == np.sign(fit.value))).mean(0)
+    return share
+
+
+def column_rms(information: Information) -> Array:
+    """Return the root mean square of each column over all rows, (k,)."""
+    root = information.factor()[:, :-1]
+    rms: Array = np.linalg.norm(root, axis=0) / np.sqrt(max(information.rows, 1))
+    return rms
+
+
+def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, ...]:
+    """Return, for each undetermined parameter, what this motion cannot tell it from."""
+    out = [""] * len(rung)
+    dropped = [c for c in range(len(rung)) if c not in set(fit.kept)]
+    leans = dependence(information, fit.kept, fit.weights)
+    for k in np.flatnonzero(~fit.determined):
+        if k in fit.kept:
+            row = np.abs(leans[fit.kept.index(int(k))])
+            others = [rung.columns[dropped[i]] for i in np.argsort(-row)]
+        else:
+            row = np.abs(leans[:, dropped.index(int(k))])
+            others = [rung.columns[fit.kept[i]] for i in np.argsort(-row)]
+        count = int((row > MIXED).sum())
+        out[k] = (
+            f"This motion determines only its combination with {listing(others[:count], 4)}."
+            if count
+            else "This motion never makes it act on the torque."
+        )
+    return tuple(out)
+
+
+def select_model(results: Sequence[RungResult]) -> int:
+    """Return the smallest model within one standard error of the best, feasible if any is."""
+    pool = [k for k, r in enumerate(results) if r.feasible] or list(range(len(results)))
+    error = np.array([r.error_ra_validation for r in results])
+    if not np.isfinite(error[pool]).any():
+        return pool[-1]
+    best = min(pool, key=lambda k: error[k] if np.isfinite(error[k]) else np.inf)
+    good = [k for k in pool if error[k] <= error[best] + np.nan_to_num(results[k].error_se)]
+    return min(good, key=lambda k: (len(results[k].rung), error[k]))
