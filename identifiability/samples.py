@@ -28,14 +28,16 @@ class Preparation:
     derivatives : {"auto", "given", "butterworth", "fourier"}
         ``auto`` takes the log's own where it has them, else Butterworth.
     cutoff : float or None [Hz]
-        Low-pass for computed derivatives; None chooses 10 × the bandwidth of the motion.
+        Low-pass for computed derivatives; None chooses 10 × the bandwidth of the motion, within
+        5 Hz and a fifth of the sampling rate.
     period : float or None [s]
         Period for the Fourier fit; None finds the whole fraction of the duration that fits best.
     harmonics : int
         Harmonics of the Fourier fit.
     decimate : int or None
-        Parallel filter and decimation of torque and regressor; None chooses a factor that keeps
-        twice the cut-off where derivatives are computed by Butterworth, else 1.
+        Parallel filter and decimation of torque and regressor; None keeps the band up to the
+        cut-off where derivatives are computed by Butterworth (torque above it has no acceleration
+        left to explain it), else everything.
     keep_rest : bool
         Keep the samples at which all joints stand still. Friction can be anything up to its
         Coulomb level there, and the sign of a filtered zero velocity is noise.
@@ -141,12 +143,8 @@ def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> S
     notes += _closure_notes(motion, len(log))
     if not how.keep_rest:
         rest = signals.find_rests(log.t, q, dq)[motion.kept]
-        if rest.any() and not rest.all():
-            motion = motion[~rest]
-            notes.append(
-                f"{rest.sum()} of {len(log)} samples were left out because all joints stand still "
-                "there and friction may be anything up to its Coulomb level"
-            )
+        motion = motion[~rest] if rest.any() else motion
+        notes += _rest_notes(int(rest.sum()), len(log))
     decimation = _choose_decimation(log, how, cutoff)
     if decimation is not None:
         rate = 1.0 / (signals.sampling_step(log.t) * decimation.factor)
@@ -243,7 +241,7 @@ def _choose_decimation(
         return signals.Decimation(how.decimate) if how.decimate > 1 else None
     if cutoff is None:
         return None
-    factor = int(0.25 / (cutoff * signals.sampling_step(log.t)))
+    factor = int(0.5 / (cutoff * signals.sampling_step(log.t)))
     return signals.Decimation(factor) if factor > 1 else None
 
 
@@ -262,6 +260,15 @@ def _closure_notes(motion: Motion, total: int) -> list[str]:
             f"{motion.condition:.1e}); torques there are amplified errors"
         )
     return notes
+
+
+def _rest_notes(count: int, total: int) -> list[str]:
+    if not count:
+        return []
+    return [
+        f"{count} of {total} samples were left out because all joints stand still there and "
+        "friction may be anything up to its Coulomb level"
+    ]
 
 
 def _check_units(robot: Robot, log: Log) -> None:

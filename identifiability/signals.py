@@ -17,6 +17,10 @@ from scipy import signal
 
 from identifiability.names import Array
 
+#: No computed derivatives are low-passed below this: however slow the program, friction and
+#: flexibility make joints move at some hertz, and inertia is seen nowhere but there [Hz].
+LOWEST_CUTOFF = 5.0
+
 #: A joint slower than this share of its largest speed stands still.
 REST_SPEED = 0.01
 
@@ -54,14 +58,13 @@ def motion_bandwidth(t: Array, q: Array, share: float = 0.99) -> float:
 
 
 def choose_cutoff(t: Array, q: Array) -> float:
-    """Return a low-pass cut-off for the motion: 10 × its bandwidth, at most fs/5 [Hz].
+    """Return a low-pass cut-off: 10 × the motion's bandwidth, at least 5 Hz, at most fs/5 [Hz].
 
     Filtering q must not touch the motion itself: the literature takes 5 to 10 times its bandwidth
     [Gautier 1997].
     """
     fs = 1.0 / sampling_step(t)
-    lowest = 4.0 / (t[-1] - t[0])
-    return float(np.clip(10.0 * motion_bandwidth(t, q), lowest, fs / 5))
+    return float(min(max(10.0 * motion_bandwidth(t, q), LOWEST_CUTOFF), fs / 5))
 
 
 def lowpass(x: Array, dt: float, cutoff: float, order: int = 4) -> Array:
@@ -91,7 +94,7 @@ def find_rests(t: Array, q: Array, dq: Array) -> np.ndarray:
     """
     speed = np.abs(dq)
     still = (speed <= REST_SPEED * speed.max(0)).all(1)
-    if still.all():
+    if still.all() or not still.any():
         return np.zeros(len(t), bool)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]])))
     least = 0.5 / max(motion_bandwidth(t, q) * sampling_step(t), 1e-300)

@@ -1,0 +1,26 @@
+"""The command line: load, validate, call the function of the same name, print where results are.
+
+One file a command; heavy imports stand inside the functions, so that ``--help`` is quick.
+"""
+
+import typer
+
+from identifiability.cli.analyze import analyze
+from identifiability.cli.demo import demo
+from identifiability.cli.simulate import simulate
+
+app = typer.Typer(
+    name="identifiability",
+    help="Which dynamic parameters of a robot do your logs determine, and which model is worth "
+    "using?",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+for command in (demo, analyze, simulate):
+    app.command()(command)
+
+
+def main() -> None:
+    """Run the command line."""
+    app()

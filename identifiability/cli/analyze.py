@@ -1,0 +1,107 @@
+"""``identifiability analyze``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from identifiability.cli.common import (
+    Derivatives,
+    JsonOption,
+    LogsArgument,
+    Method,
+    ReportOption,
+    RobotArgument,
+    Seed,
+    SidecarOption,
+    check_outputs,
+    escaped,
+    load_robot,
+    progress,
+    sentences,
+    write_results,
+)
+
+if TYPE_CHECKING:
+    from identifiability.analysis import Analysis
+
+
+def analyze(
+    robot: RobotArgument,
+    logs: LogsArgument,
+    validate: Annotated[
+        list[str] | None, typer.Option(help="Held-out log; may be given several times.")
+    ] = None,
+    ladder: Annotated[
+        str | None, typer.Option(help="TOML ladder of models; default: the one beside the robot.")
+    ] = None,
+    sidecar: SidecarOption = None,
+    report: ReportOption = None,
+    json: JsonOption = None,
+    derivatives: Annotated[
+        Derivatives, typer.Option(help="Velocity and acceleration: the log's own or computed.")
+    ] = Derivatives.auto,
+    cutoff: Annotated[
+        float | None, typer.Option(min=0, help="Low-pass for computed derivatives [Hz].")
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(min=0, help="Period of periodic motion [s], for fourier.")
+    ] = None,
+    harmonics: Annotated[int, typer.Option(min=1, help="Harmonics of the Fourier fit.")] = 5,
+    decimate: Annotated[
+        int | None, typer.Option(min=1, help="Parallel filter and keep every k-th sample.")
+    ] = None,
+    method: Annotated[
+        Method, typer.Option(help="Weight actuators by their own variance, or all alike.")
+    ] = Method.wls,
+    seed: Seed = 0,
+    quick: Annotated[bool, typer.Option(help="A tenth of the random draws.")] = False,
+) -> None:
+    """Say which parameters the logs determine, and which model of a ladder to use.
+
+    ```
+    identifiability analyze 3-rps run1.csv --validate run2.csv --report report.html
+    identifiability analyze arm.urdf run.parquet --ladder models.toml --json result.json
+    ```
+    """
+    with sentences(), progress() as say:
+        from identifiability.analysis import analyze as run  # noqa: PLC0415
+        from identifiability.samples import Preparation  # noqa: PLC0415
+
+        check_outputs(report, json)
+        how = Preparation(derivatives.value, cutoff, period, harmonics, decimate)
+        result = run(
+            load_robot(robot, sidecar), logs, validate or (), ladder, preparation=how,
+            method=method.value,
+            replicates=200 if quick else 2000, seed=seed, progress=say,
+        )  # fmt: skip
+        written = write_results(result, report, json, say)
+    print_analysis(result, written)
+
+
+def print_analysis(result: Analysis, written: list[Path]) -> None:
+    """Print the statement, the ladder, and last the paths of what was written."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    console = Console()
+    table = Table(
+        title=f"{escaped(result.robot.title)}: models (▸ use this one)", title_justify="left"
+    )
+    for heading in ("model", "size", "10× rule", "identifiable", "error", "held out", "signs"):
+        table.add_column(heading, justify="left" if heading in ("model", "signs") else "right")
+    for k, m in enumerate(result.models):
+        mark = "▸ " if k == result.selected else "  "
+        table.add_row(
+            mark + escaped(m.name), str(len(m.rung)), str(m.paper_identified),
+            str(sum(v.verdict.value == "identifiable" for v in m.verdicts)),
+            f"{100 * m.error_ra:.2f} %", f"{100 * m.error_ra_validation:.2f} %",
+            "possible" if m.feasible else "impossible",
+        )  # fmt: skip
+    console.print(table)
+    console.print(escaped(result.statement), highlight=False, soft_wrap=not console.is_terminal)
+    for path in written:
+        sys.stdout.write(f"{path}\n")
