@@ -1,0 +1,76 @@
+"""A robot file written with other parameters gives these parameters on both roads."""
+
+import numpy as np
+import pytest
+
+from identifiability.errors import RobotError
+from identifiability.grouping import random_motion
+from identifiability.model import Model
+from identifiability.names import INERTIAL_KINDS
+from identifiability.robot import Robot
+from identifiability.robot.write import write_robot
+from identifiability.simulation import PrescribedMotion, simulate
+
+
+def other_parameters(robot, rng):
+    """Every body made heavier by a random solid, every joint parameter changed."""
+    values = dict(robot.nominal)
+    for body in robot.bodies:
+        mass, centre = rng.uniform(0.1, 1), rng.uniform(-0.1, 0.1, 3)
+        root = 0.05 * rng.normal(size=(3, 3))
+        second = root @ root.T + mass * np.outer(centre, centre)
+        inertia = np.trace(second) * np.eye(3) - second
+        added = [mass, *(mass * centre), inertia[0, 0], inertia[0, 1], inertia[1, 1],
+                 inertia[0, 2], inertia[1, 2], inertia[2, 2]]  # fmt: skip
+        for kind, value in zip(INERTIAL_KINDS, added, strict=True):
+            values[f"{body}.{kind}"] += value
+    for name in robot.joints:
+        values[f"{name}.Fv"] += rng.uniform(0.1, 1)
+        level = values[f"{name}.Fc"] + rng.uniform(0.1, 1)
+        values |= {f"{name}.{k}": level for k in ("Fc", "Fc+", "Fc-")}
+        values[f"{name}.{robot.inertia_parts[0]}"] += rng.uniform(0.1, 1)
+    return values
+
+
+def test_written_robots_give_the_written_parameters_on_both_roads(robot, tmp_path):
+    rng = np.random.default_rng(0)
+    values = other_parameters(robot, rng)
+    path = tmp_path / f"copy{robot.path.suffix}"
+    written = write_robot(robot, values, path)
+    assert written.left_out == ()
+    copy = Robot.load(path)
+    for name, value in values.items():
+        assert copy.nominal[name] == pytest.approx(value, rel=1e-12, abs=1e-12), name
+    model = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+    motion = random_motion(robot, rng, 20)
+    phi = np.array([values[p.name] for p in model.parameters(robot)])
+    fitted = model.regressor(robot, motion) @ phi
+    move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
+    simulated = simulate(copy, move).tau  # MuJoCo reads the written file by itself
+    np.testing.assert_allclose(simulated, fitted, atol=1e-9 * np.abs(fitted).max())
+
+
+def test_the_template_is_unchanged_and_the_other_format_is_refused(rps, tmp_path):
+    before = rps.path.read_bytes()
+    write_robot(rps, {"platform.m": 11.0}, tmp_path / "copy.xml")
+    assert rps.path.read_bytes() == before
+    with pytest.raises(RobotError, match=r"asks for URDF, but .*robot\.xml is MJCF"):
+        write_robot(rps, {}, tmp_path / "copy.urdf")
+
+
+def test_a_body_without_mass_is_refused_by_name(rps, tmp_path):
+    with pytest.raises(RobotError, match="'platform' has a mass of -1 kg"):
+        write_robot(rps, {"platform.m": -1.0}, tmp_path / "copy.xml")
+    assert not (tmp_path / "copy.xml").exists()
+
+
+def test_asymmetric_friction_goes_to_the_sidecar_and_its_mean_to_the_file(rps, tmp_path):
+    write_robot(rps, {"slider1.Fc+": 300.0, "slider1.Fc-": 200.0}, tmp_path / "copy.xml")
+    copy = Robot.load(tmp_path / "copy.xml")
+    assert copy.nominal["slider1.Fc"] == 250.0
+    assert (copy.nominal["slider1.Fc+"], copy.nominal["slider1.Fc-"]) == (300.0, 200.0)
+
+
+def test_what_no_file_can_hold_is_listed(rps, tmp_path):
+    written = write_robot(rps, {"slider1.off": 3.0}, tmp_path / "copy.xml")
+    assert written.left_out == ("slider1.off",)
