@@ -15,8 +15,8 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from identifiability.assessment import RungResult, assess_ladder, select_model
-from identifiability.errors import LogError
-from identifiability.estimation import Method, estimate
+from identifiability.errors import LogError, listing
+from identifiability.estimation import Estimate, Method, estimate
 from identifiability.evaluation import (
     Prediction,
     choose_folds,
@@ -24,6 +24,7 @@ from identifiability.evaluation import (
     leave_out,
     predict,
 )
+from identifiability.feasibility import PhysicalResult, assess_feasibility
 from identifiability.grouping import BaseParameters, find_base_parameters
 from identifiability.information import Information, gather_information
 from identifiability.ladder import (
@@ -38,6 +39,7 @@ from identifiability.ladder import (
 )
 from identifiability.log import Log
 from identifiability.model import Regression
+from identifiability.names import Array
 from identifiability.output import write_json
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, Samples, prepare_samples
@@ -67,7 +69,7 @@ class Analysis:
         The ladder, unpruned model first.
     selected : int
         The model to use: the smallest within one standard error of the best held-out error,
-        physically feasible if any is.
+        physically feasible ones first.
     fitted, held_out : Prediction
         Torque predicted by every model on the fitted and on the held-out samples.
     method, seed, thresholds
@@ -140,6 +142,9 @@ class Analysis:
                 "feasible": self.chosen.feasible,
                 "margin": self.chosen.margin,
                 "infeasible": list(self.chosen.infeasible),
+                "certificate": self.chosen.physical.sentence,
+                "error_ra_validation": self.chosen.error_ra_physical,
+                "parameters": self.chosen.physical.parameters(),
             },
             "structure": {
                 "parameters": len(self.base.parameters),
@@ -196,12 +201,23 @@ class Analysis:
             f"identifiable, and it predicts motion that it has not seen with an error of "
             f"{held:.3g} %."
         )
+        return f"{text} {self.physical_statement}"
+
+    @property
+    def physical_statement(self) -> str:
+        """What physics says of the selected model, in words."""
+        chosen = self.chosen
         if chosen.feasible:
-            return text + " All its signs are physically possible."
-        return text + (
-            f" But {len(chosen.infeasible)} of its values are physically impossible "
-            f"({', '.join(chosen.infeasible[:4])})."
-        )
+            return "A real robot can have its values."
+        near = f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
+        if chosen.infeasible:
+            return (
+                f"But {len(chosen.infeasible)} of its values have a sign that physics forbids "
+                f"({listing(chosen.infeasible, 4)}); {near}"
+            )
+        if chosen.physical.certificate is None:
+            return f"The motion leaves some of its parameters open; {near}"
+        return f"No real robot has exactly its values, although each sign is possible; {near}"
 
     def _why_nothing(self) -> str:
         """Return why no parameter can be believed, or nothing if some can."""
@@ -281,22 +297,30 @@ def analyze(
         regression = Regression(robot, model, train, base.kept)
         information = gather_information(regression)
         say("fitting models", 0.6)
-        fits = [estimate(rung.reduce(information), method) for rung in rungs]
-        values = np.stack([r.expand(e.value) for r, e in zip(rungs, fits, strict=True)], 1)
+        fits, physical, values = _fit(robot, base, rungs, information, method)
         fitted = predict(regression, values)
         if held:
             out = predict(Regression(robot, model, held, base.kept), values)
         else:
-            out = _cross_validate(regression, information, rungs, method)
+            out = _cross_validate(regression, base, information, rungs, method)
         say("judging parameters", 0.9)
         thresholds = Thresholds()
         nominal = nominal_base(robot, base)
         results = assess_ladder(
-            rungs, fits, information, fitted, out, nominal, thresholds, streams[1], replicates
+            rungs,
+            fits,
+            information,
+            physical,
+            fitted,
+            out,
+            nominal,
+            thresholds,
+            streams[1],
+            replicates,
         )
         return Analysis(
-            robot, base, train, held, information, results, select_model(results), fitted, out,
-            model.names, method, seed, thresholds,
+            robot, base, train, held, information, results, select_model(results),
+            fitted.first(len(rungs)), out.first(len(rungs)), model.names, method, seed, thresholds,
         )  # fmt: skip
 
 
@@ -314,16 +338,37 @@ def _prepare(
     return tuple(out)
 
 
+def _fit(
+    robot: Robot,
+    base: BaseParameters,
+    rungs: Sequence[Rung],
+    information: Information,
+    method: Method,
+) -> tuple[list[Estimate], list[PhysicalResult], Array]:
+    """Return the estimates, the nearest real robots, and the base parameters of both, (b, 2 m)."""
+    fits, physical = [], []
+    for rung in rungs:
+        reduced = rung.reduce(information)
+        fits.append(estimate(reduced, method))
+        physical.append(assess_feasibility(robot, base, rung, reduced, fits[-1]))
+    values = [r.expand(e.value) for r, e in zip(rungs, fits, strict=True)]
+    values += [r.expand(p.value) for r, p in zip(rungs, physical, strict=True)]
+    return fits, physical, np.stack(values, 1)
+
+
 def _cross_validate(
-    regression: Regression, information: Information, rungs: Sequence[Rung], method: Method
+    regression: Regression,
+    base: BaseParameters,
+    information: Information,
+    rungs: Sequence[Rung],
+    method: Method,
 ) -> Prediction:
     """Predict every stretch of the logs by models that were fitted to the others."""
     folds = choose_folds(information)
     values = []
     for fold in range(int(folds.max()) + 1):
         rest = leave_out(information, folds, fold)
-        fits = [r.expand(estimate(r.reduce(rest), method).value) for r in rungs]
-        values.append(np.stack(fits, 1))
+        values.append(_fit(regression.robot, base, rungs, rest, method)[2])
     return predict(regression, np.stack(values), fold_of_samples(information, folds))
 
 
@@ -356,6 +401,9 @@ def _model_row(m: RungResult) -> dict[str, Any]:
         "error_ra_validation": m.error_ra_validation,
         "error_ra_validation_se": m.error_se,
         "feasible": m.feasible,
+        "signs_possible": m.signs_possible,
         "infeasible": list(m.infeasible),
+        "physical_margin": m.margin,
+        "error_ra_physical": m.error_ra_physical,
         "condition": m.estimate.condition,
     }

@@ -11,6 +11,7 @@ from identifiability.bootstrap import Bootstrap, between_logs, bootstrap
 from identifiability.errors import IdentifiabilityError, listing
 from identifiability.estimation import MIXED, Estimate, dependence
 from identifiability.evaluation import Prediction
+from identifiability.feasibility import PhysicalResult
 from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.names import Array
@@ -76,8 +77,12 @@ class RungResult:
         ε_RA on the validation logs, or by blocked cross-validation where there are none.
     error_se : float
         Standard error of the difference of the latter to the best model's.
+    error_ra_physical : float
+        ε_RA of the nearest real robot, on the same samples as `error_ra_validation`.
     infeasible : tuple of str
-        Parameters with a sign that physics forbids.
+        Parameters with a sign that physics forbids, the paper's test.
+    physical : PhysicalResult
+        Whether a real robot has these parameters, and the nearest that has.
     """
 
     rung: Rung
@@ -87,7 +92,9 @@ class RungResult:
     error_ra: float
     error_ra_validation: float
     error_se: float
+    error_ra_physical: float
     infeasible: tuple[str, ...]
+    physical: PhysicalResult
 
     @property
     def name(self) -> str:
@@ -96,7 +103,12 @@ class RungResult:
 
     @property
     def feasible(self) -> bool:
-        """Whether no parameter has a sign that physics forbids."""
+        """Whether a real robot has these parameters: bodies with mass, friction that brakes."""
+        return self.physical.feasible and self.signs_possible
+
+    @property
+    def signs_possible(self) -> bool:
+        """Whether no parameter has a sign that physics forbids, the paper's test."""
         return not self.infeasible
 
     @property
@@ -115,20 +127,15 @@ class RungResult:
 
     @property
     def margin(self) -> float:
-        """Smallest value of a sign-constrained parameter in units of its robust σ."""
-        pairs = zip(self.verdicts, self.rung.nonnegative, strict=True)
-        ratios = [
-            v.value / v.sigma_robust
-            for v, wanted in pairs
-            if wanted and 0 < v.sigma_robust < np.inf
-        ]
-        return min(ratios, default=float("inf"))
+        """Margin of the physical certificate; negative when no real robot has the parameters."""
+        return self.physical.margin
 
 
 def assess_ladder(
     rungs: Sequence[Rung],
     fits: Sequence[Estimate],
     information: Information,
+    physical: Sequence[PhysicalResult],
     fitted: Prediction,
     held_out: Prediction,
     nominal: Array,
@@ -144,8 +151,11 @@ def assess_ladder(
         Models and their estimates.
     information : Information
         About all base parameters.
+    physical : sequence of PhysicalResult
+        Of each model.
     fitted, held_out : Prediction
-        By all models, on the logs they were fitted to and on others.
+        By all estimates, then by all nearest real robots, on the logs they were fitted to and on
+        others.
     nominal : (b,)
         Base parameters that the robot file states.
     thresholds : Thresholds
@@ -154,7 +164,8 @@ def assess_ladder(
         Of the bootstrap.
     """
     error, held_error = fitted.relative_error(), held_out.relative_error()
-    best = int(np.nanargmin(held_error)) if np.isfinite(held_error).any() else 0
+    ladder = held_error[: len(rungs)]
+    best = int(np.nanargmin(ladder)) if np.isfinite(ladder).any() else 0
     spread = held_out.standard_error(best)
     results = []
     for k, (rung, fit) in enumerate(zip(rungs, fits, strict=True)):
@@ -176,10 +187,18 @@ def assess_ladder(
         infeasible = tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad)
         results.append(
             RungResult(
-                rung, fit, uncertainty, verdicts, float(error[k]), float(held_error[k]),
-                float(spread[k]), infeasible,
+                rung,
+                fit,
+                uncertainty,
+                verdicts,
+                float(error[k]),
+                float(held_error[k]),
+                float(spread[k]),
+                float(held_error[len(rungs) + k]),
+                infeasible,
+                physical[k],
             )
-        )  # fmt: skip
+        )
     return tuple(results)
 
 
@@ -274,11 +293,19 @@ def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, 
 
 
 def select_model(results: Sequence[RungResult]) -> int:
-    """Return the smallest model within one standard error of the best, feasible if any is."""
-    pool = [k for k, r in enumerate(results) if r.feasible] or list(range(len(results)))
+    """Return the smallest model within one standard error of the best.
+
+    Among those that predict as well as the best, models that a real robot can have come first,
+    then those without forbidden signs.
+    """
     error = np.array([r.error_ra_validation for r in results])
-    if not np.isfinite(error[pool]).any():
-        return pool[-1]
-    best = min(pool, key=lambda k: error[k] if np.isfinite(error[k]) else np.inf)
-    good = [k for k in pool if error[k] <= error[best] + np.nan_to_num(results[k].error_se)]
-    return min(good, key=lambda k: (len(results[k].rung), error[k]))
+    if not np.isfinite(error).any():
+        return len(results) - 1
+    best = float(np.nanmin(error))
+    good = [k for k, r in enumerate(results) if error[k] <= best + np.nan_to_num(r.error_se)]
+
+    def rank(k: int) -> tuple[bool, bool, int, float]:
+        r = results[k]
+        return not r.feasible, not r.signs_possible, len(r.rung), float(error[k])
+
+    return min(good, key=rank)

@@ -44,6 +44,10 @@ class Prediction:
         """Measured less predicted torque, (N, n, m)."""
         return self.tau[:, :, None] - self.predicted
 
+    def first(self, models: int) -> Prediction:
+        """Return the prediction of the first few models."""
+        return Prediction(self.t, self.tau, self.predicted[:, :, :models], self.log)
+
     def relative_error(self) -> Array:
         """Return ε_RA of each model, ``Σ|τ̂ - τ*| / Σ|τ* - mean τ*|`` [Díaz 2010, Eq. 18], (m,)."""
         error: Array = np.abs(self.residual).sum((0, 1)) / self._spread()

@@ -19,25 +19,39 @@ Names are those of base parameters (the parameter that represents a group).
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from identifiability.documents import read_document
 from identifiability.errors import ModelError, listing, near_match
 from identifiability.grouping import BaseParameters
 from identifiability.information import Information
 from identifiability.model import Model
 from identifiability.names import Array
 from identifiability.robot import Robot
-from identifiability.robot.sidecar import first_problem
 
 #: The model that a log is analysed with when no ladder is given.
 DEFAULT_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
+
+
+#: Beyond this no value in SI units is meant.
+LARGEST = 1e12
+
+
+def _held(value: Any) -> Any:
+    """Refuse what is neither a number nor the word, in one sentence instead of one for each."""
+    number = isinstance(value, (int, float)) and abs(value) < LARGEST
+    if not number and value != "nominal":
+        raise ValueError("give a finite number in SI units, or 'nominal'")
+    return value
+
+
+Held = Annotated[float | Literal["nominal"], BeforeValidator(_held)]
 
 
 class RungEntry(BaseModel):
@@ -50,7 +64,7 @@ class RungEntry(BaseModel):
     effects: list[str] | None = None
     start: str | None = Field(default=None, alias="from")
     zero: list[str] = []
-    hold: dict[str, float | Literal["nominal"]] = {}
+    hold: dict[str, Held] = {}
     tie: dict[str, list[str]] = {}
     keep: list[str] | None = None
 
@@ -179,17 +193,7 @@ def read_ladder(path: str | Path) -> LadderEntry:
     ModelError
         With the file, the key and what was expected.
     """
-    path = Path(path)
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ModelError(f"There is no ladder file '{path}'; give a TOML file.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise ModelError(f"{path} is not valid TOML: {error}.") from None
-    try:
-        return LadderEntry.model_validate(content)
-    except ValidationError as error:
-        raise ModelError(f"{path}: {first_problem(error)}.") from None
+    return read_document(path, LadderEntry, "TOML", "ladder", ModelError)
 
 
 def ladder_model(entry: LadderEntry) -> Model:
@@ -247,6 +251,12 @@ def _build_rung(item: RungEntry, start: Rung, robot: Robot, base: BaseParameters
             raise ModelError(
                 f"The rung '{item.name}' ties '{name}' = {members}; give two or more different "
                 "parameters and a name that no other parameter has."
+            )
+        units = {rung.units[rung.columns.index(m)] for m in members}
+        if len(units) > 1:
+            raise ModelError(
+                f"The rung '{item.name}' ties {listing(members)} of the units {listing(units)}; "
+                "only parameters of one unit can be equal."
             )
         rung = rung.tied(name, members)
     if item.keep is not None:

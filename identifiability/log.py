@@ -6,9 +6,11 @@ One row a sample: ``t`` [s], ``<joint>.q`` and ``<joint>.tau`` for every actuate
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,12 @@ PARQUET = (".parquet", ".pq")
 
 #: Fewer samples than this say nothing about any robot.
 FEWEST = 20
+
+#: No time, position or torque in SI units is larger (time since 1970 in s is 1.7e9).
+LARGEST = 1e12
+
+#: No log is sampled faster than this [s].
+SHORTEST_STEP = 1e-7
 
 
 @dataclass(frozen=True)
@@ -80,15 +88,18 @@ class Log:
             If the file is missing or is no table.
         """
         path = Path(path)
-        if not path.is_file():
-            raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
+        form = "Parquet" if path.suffix.lower() in PARQUET else "CSV"
         try:
-            if path.suffix.lower() in PARQUET:
-                return pd.read_parquet(path)
-            return pd.read_csv(path)
+            if path.is_file():
+                return pd.read_parquet(path) if form == "Parquet" else _read_csv(path)
+        except pd.errors.ParserWarning:
+            raise LogError(
+                f"{path} has rows with more fields than its header; repair it."
+            ) from None
         except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
-            reason = " ".join(str(error).split())[:200].rstrip(".")
-            raise LogError(f"{path} cannot be read as CSV or Parquet: {reason}.") from None
+            reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+            raise LogError(f"{path} cannot be read as {form}: {reason}.") from None
+        raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
 
     @staticmethod
     def from_frame(frame: pd.DataFrame, name: str = "DataFrame") -> Log:
@@ -98,9 +109,11 @@ class Log:
         ------
         LogError
         """
-        values = pd.util.hash_pandas_object(frame, index=False).to_numpy()
-        digest = hashlib.sha256(values.tobytes()).hexdigest()
-        return _from_frame(frame, name, name, digest)
+        log = _from_frame(frame, name, name, "")
+        values = log.to_frame()
+        digest = hashlib.sha256(",".join(values.columns).encode())
+        digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
+        return replace(log, sha256=digest.hexdigest())
 
     def to_frame(self) -> pd.DataFrame:
         """Return the log as a DataFrame that `from_frame` accepts."""
@@ -164,17 +177,36 @@ class Log:
         )  # fmt: skip
 
 
-def _from_frame(frame: pd.DataFrame, source: str, name: str, digest: str) -> Log:
-    columns = [str(c).strip() for c in frame.columns]
-    frame = frame.set_axis(columns, axis=1)
+def _read_csv(path: Path) -> pd.DataFrame:
+    """Read a CSV by its own header; pandas would rename repeated columns and shift long rows."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
+        warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
+        frame = pd.read_csv(path, index_col=False)
+    with path.open(encoding="utf-8-sig", newline="") as stream:
+        header = next((row for row in csv.reader(stream) if row), [])
+    return frame.set_axis(header, axis=1) if len(header) == frame.shape[1] else frame
+
+
+def _check_columns(columns: list[str], source: str) -> None:
+    """Refuse a table without time, or with a column twice."""
     if "t" not in columns:
+        if len(columns) == 1 and any(mark in columns[0] for mark in ";\t"):
+            raise LogError(f"{source} is not separated by commas; write it as CSV with commas.")
+        likely = [c for c in columns if c == "T" or c.casefold().startswith("time")]
+        guess = f", did you mean '{likely[0]}'?" if likely else "."
         raise LogError(
-            f"{source} has no column 't' (time in s){near_match('t', columns)} It has the columns "
-            f"{listing(columns)}."
+            f"{source} has no column 't' (time in s){guess} It has the columns {listing(columns)}."
         )
     repeated = sorted({c for c in columns if columns.count(c) > 1})
     if repeated:
-        raise LogError(f"{source} has the column '{repeated[0]}' more than once.")
+        raise LogError(f"{source} has the column '{repeated[0]}' more than once; keep one of them.")
+
+
+def _from_frame(frame: pd.DataFrame, source: str, name: str, digest: str) -> Log:
+    columns = [str(c).strip() for c in frame.columns]
+    frame = frame.set_axis(columns, axis=1)
+    _check_columns(columns, source)
     joints = [c.removesuffix(".q") for c in columns if c.endswith(".q")]
     if not joints:
         raise LogError(
@@ -186,11 +218,16 @@ def _from_frame(frame: pd.DataFrame, source: str, name: str, digest: str) -> Log
         if joint not in named:
             raise LogError(
                 f"{source} has '{joint}.q' but no torque column '{joint}.tau'"
-                f"{near_match(joint + '.tau', [c for c in columns if c != joint + '.q'])}"
+                f"{near_match(joint + '.tau', _loose(columns, joint))} "
+                "Every actuated joint needs both."
             )
     for joint in sorted(named):
         if joint not in joints:
-            raise LogError(f"{source} has '{joint}.tau' but no position column '{joint}.q'.")
+            raise LogError(
+                f"{source} has '{joint}.tau' but no position column '{joint}.q'"
+                f"{near_match(joint + '.q', _loose(columns, joint))} "
+                "Every actuated joint needs both."
+            )
     values = {c: _numbers(frame, c, source) for c in columns if _wanted(c, joints)}
     _check_times(values["t"], source)
     channels = {kind: _channel(values, joints, kind) for kind in CHANNELS}
@@ -198,6 +235,13 @@ def _from_frame(frame: pd.DataFrame, source: str, name: str, digest: str) -> Log
     assert q is not None
     assert tau is not None
     return Log(name, tuple(joints), values["t"], q, tau, channels["dq"], channels["ddq"], digest)
+
+
+def _loose(columns: list[str], joint: str) -> list[str]:
+    """Return the columns that may be a misspelt one of a joint: those that belong nowhere else."""
+    owners = [(c, *c.rpartition(".")[::2]) for c in columns]
+    paired = {joint, *(o for _, o, _ in owners if {f"{o}.q", f"{o}.tau"} <= set(columns))}
+    return [c for c, owner, kind in owners if owner not in paired or kind not in CHANNELS]
 
 
 def _wanted(column: str, joints: list[str]) -> bool:
@@ -212,13 +256,30 @@ def _channel(values: dict[str, Array], joints: list[str], kind: str) -> Array | 
 
 def _numbers(frame: pd.DataFrame, column: str, source: str) -> Array:
     """Return a column as floats, or say which row is not a finite number."""
-    numbers = pd.to_numeric(frame[column], errors="coerce").to_numpy(float, na_value=np.nan)
+    given = frame[column]
+    if getattr(given.dtype, "kind", "O") in "mMcb":
+        raise LogError(
+            f"{source}: column '{column}' holds {given.dtype} (first '{given.iloc[0]}'); give "
+            f"numbers in SI units{', seconds' if column == 't' else ''}."
+        )
+    numbers = pd.to_numeric(given, errors="coerce").to_numpy(float, na_value=np.nan)
     bad = np.flatnonzero(~np.isfinite(numbers))
     if len(bad):
+        advice = (
+            "give numbers with a decimal point"
+            if len(bad) == len(numbers)
+            else "remove or repair these rows"
+        )
         raise LogError(
             f"{source}: column '{column}' is not a finite number in {len(bad)} of {len(numbers)} "
-            f"rows, first in data row {bad[0] + 1} ('{frame[column].iloc[bad[0]]}'); remove or "
-            "repair these rows."
+            f"rows, first in data row {bad[0] + 1} ('{given.iloc[bad[0]]}'); {advice}."
+        )
+    bad = np.flatnonzero(np.abs(numbers) > LARGEST)
+    if len(bad):
+        raise LogError(
+            f"{source}: column '{column}' is {numbers[bad[0]]:g} in data row {bad[0] + 1}, more "
+            f"than anything in SI units can be{' (time in s)' if column == 't' else ''}; repair "
+            "the value or convert the unit."
         )
     return numbers
 
@@ -235,4 +296,9 @@ def _check_times(t: Array, source: str) -> None:
         raise LogError(
             f"{source}: time does not increase after data row {k + 1} (t = {t[k]:g} s, then "
             f"{t[k + 1]:g} s); sort the rows and remove repeated ones."
+        )
+    step = float(np.median(np.diff(t)))
+    if step < SHORTEST_STEP:
+        raise LogError(
+            f"{source} has a sampling step of {step:.3g} s, which no robot has; give the time in s."
         )

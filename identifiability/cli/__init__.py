@@ -7,6 +7,7 @@ import typer
 
 from identifiability.cli.analyze import analyze
 from identifiability.cli.demo import demo
+from identifiability.cli.export import export
 from identifiability.cli.simulate import simulate
 
 app = typer.Typer(
@@ -17,7 +18,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, analyze, simulate):
+for command in (demo, analyze, simulate, export):
     app.command()(command)
 
 

@@ -11,7 +11,7 @@ starts from the nearest seed, so the result does not depend on the order or the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import qr
@@ -26,8 +26,11 @@ from identifiability.robot.kinematics import Point
 TOLERANCE = 1e-12
 #: A sample whose loop error stays above this is dropped.
 ACCEPTED = 1e-9
-#: Condition number of A_e above which a configuration is called near-singular.
-SINGULAR = 1e4
+#: Condition number of A_e above which a configuration is called near-singular; within their
+#: limits the shipped robots stay below 130.
+SINGULAR = 1e3
+#: Condition number of A_e above which no digit of its inverse is left.
+HOPELESS = 1e12
 #: A dependent coordinate that ends this far from its prediction may have changed assembly [rad].
 LEAP = 0.7
 
@@ -54,8 +57,9 @@ class Motion:
         Samples whose loops could not be closed.
     condition : float
         Largest condition number of A_e (1 for an open chain).
-    singular : int
-        Number of samples with a condition number above `SINGULAR`.
+    near_singular : (S,) int
+        Samples of the log with a condition number above `SINGULAR`, and those before which the
+        determinant of A_e changed its sign: a singular configuration was passed.
     """
 
     t: Array
@@ -69,7 +73,12 @@ class Motion:
     kept: np.ndarray
     dropped: np.ndarray
     condition: float = 1.0
-    singular: int = 0
+    near_singular: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+
+    @property
+    def singular(self) -> int:
+        """Number of samples near a singular configuration."""
+        return len(self.near_singular)
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -81,7 +90,7 @@ class Motion:
         return Motion(
             self.t[rows], self.q[rows], self.v[rows], self.a[rows],
             self.actuated_q[rows], self.actuated_v[rows], self.actuated_a[rows],
-            X, self.kept[rows], self.dropped, self.condition, self.singular,
+            X, self.kept[rows], self.dropped, self.condition, self.near_singular,
         )  # fmt: skip
 
 
@@ -107,7 +116,7 @@ def complete_motion(robot: Robot, t: Array, q: Array, dq: Array, ddq: Array) -> 
     Raises
     ------
     ClosureError
-        If the loops close at no sample.
+        If the loops close at no sample, or leave the passive joints undetermined at all of them.
     """
     n = len(t)
     if not robot.closed:
@@ -118,31 +127,37 @@ def complete_motion(robot: Robot, t: Array, q: Array, dq: Array, ddq: Array) -> 
         return Motion(t, full, v, a, q, dq, ddq, None, np.arange(n), none)
 
     closed = _close(robot, q)
-    good = closed.error < ACCEPTED
-    dropped = np.flatnonzero(~good)
-    if not good.any():
+    good = np.flatnonzero(closed.error < ACCEPTED)
+    if not len(good):
         raise ClosureError(
             f"The loops of {robot.name} close at none of the {n} samples (smallest loop error "
             f"{closed.error.min():.2g} m): the actuated positions are given in another unit or "
             "from another zero than the robot file expects, or they are out of reach; check them "
             f"against the home position {robot.describe_home()}."
         )
-    rows = np.flatnonzero(good)
+    inverse, condition = _invert(closed.A[good][:, :, robot.dependent])
+    regular = condition < HOPELESS
+    if not regular.any():
+        raise ClosureError(
+            f"All samples at which the loops of {robot.name} close are singular configurations: "
+            "the passive joints are not determined there; move away from them."
+        )
+    rows, inverse, condition = good[regular], inverse[regular], condition[regular]
     q, dq, ddq = q[rows], dq[rows], ddq[rows]
     full, A = closed.q[rows], closed.A[rows]
-    Ae, Ai = A[:, :, robot.dependent], A[:, :, robot.actuated]
-    inverse = np.linalg.inv(Ae)
-    condition = np.abs(Ae).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
-    X = inverse @ Ai
+    X = inverse @ A[:, :, robot.actuated]
     v, a = np.zeros((len(rows), robot.nv)), np.zeros((len(rows), robot.nv))
     v[:, robot.actuated], a[:, robot.actuated] = dq, ddq
     v[:, robot.dependent] = -np.einsum("nij,nj->ni", X, dq)
     b = -_loop_bias(robot, full, v)
     a[:, robot.dependent] = np.einsum("nij,nj->ni", inverse, b) - np.einsum("nij,nj->ni", X, ddq)
-    singular = int((condition > SINGULAR).sum())
+    sign = np.linalg.slogdet(A[:, :, robot.dependent])[0]
+    near = condition > SINGULAR
+    near[1:] |= sign[1:] != sign[:-1]
+    dropped = np.setdiff1d(np.arange(n), rows)
     return Motion(
-        t[rows], full, v, a, q, dq, ddq, X, rows, dropped, float(condition.max()), singular
-    )
+        t[rows], full, v, a, q, dq, ddq, X, rows, dropped, float(condition.max()), rows[near]
+    )  # fmt: skip
 
 
 def loop_error(robot: Robot, q: Array) -> Array:
@@ -193,9 +208,9 @@ def _close(robot: Robot, q: Array) -> _Closed:
         good = seeds.error < ACCEPTED
         if not good.any():
             return _follow_from_home(robot, q, 2 * _HOMOTOPY_STEPS)
-    slope = -np.linalg.solve(
-        seeds.A[good][:, :, robot.dependent], seeds.A[good][:, :, robot.actuated]
-    )
+    inverse, condition = _invert(seeds.A[good][:, :, robot.dependent])
+    inverse[~(condition < HOPELESS)] = 0.0  # no prediction from there
+    slope = -inverse @ seeds.A[good][:, :, robot.actuated]
     at = q[chosen[good]]
     nearest = cKDTree(at).query(q)[1]
     change = q - at[nearest]
@@ -268,6 +283,17 @@ def _solve(A: Array, b: Array) -> Array:
             except np.linalg.LinAlgError:
                 continue
         return out
+
+
+def _invert(A: Array) -> tuple[Array, Array]:
+    """Return inverses and condition numbers of batched matrices, infinite for singular ones."""
+    try:
+        inverse = np.linalg.inv(A)
+    except np.linalg.LinAlgError:
+        singular = np.array([np.linalg.matrix_rank(a) < len(a) for a in A])
+        inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(A.shape[1]), A))
+        inverse[singular] = np.inf
+    return inverse, np.abs(A).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
 
 
 def _loop_equations(robot: Robot, q: Array, *, jacobian: bool = True) -> tuple[Array, Array]:

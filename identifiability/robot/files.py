@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import tempfile
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -16,6 +21,7 @@ from identifiability.names import INERTIAL_KINDS, Array
 from identifiability.robot import closure
 from identifiability.robot.description import Coupling, Loop, Robot, Transmission
 from identifiability.robot.kinematics import WORLD, Joint, Point, Tree
+from identifiability.robot.markup import as_file, read_markup
 from identifiability.robot.sidecar import Sidecar, read_sidecar
 
 
@@ -38,8 +44,11 @@ def locate_robot(source: str | Path) -> Path:
     RobotError
     """
     path = Path(source)
-    if path.is_file():
-        return path
+    try:
+        if path.is_file():
+            return path
+    except OSError as error:
+        raise RobotError(f"'{source}' cannot be a robot file: {error.strerror}.") from None
     folder = shipped_folder() / str(source)
     for name in ("robot.xml", "robot.urdf"):
         if str(source) in shipped_robots() and (folder / name).is_file():
@@ -58,7 +67,7 @@ def read_robot(source: str | Path, sidecar: str | Path | None = None) -> Robot:
     beside = path.with_suffix(".toml")
     chosen = Path(sidecar) if sidecar is not None else (beside if beside.is_file() else None)
     extra = read_sidecar(chosen)
-    root = _parse_xml(path)
+    root = read_markup(path)
     if root.tag == "mujoco":
         model, loops, couplings, actuated = _read_mjcf(path, root)
     else:
@@ -68,59 +77,36 @@ def read_robot(source: str | Path, sidecar: str | Path | None = None) -> Robot:
     return _assemble(path, chosen, extra, model, tree, (loops, couplings, actuated))
 
 
-def _parse_xml(path: Path) -> ET.Element:
-    """Return the root element, with MJCF includes expanded."""
-    try:
-        root = ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise RobotError(f"{path} is not an MJCF or URDF file: it is not XML ({error}).") from None
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise RobotError(f"{path} cannot be read: {error}.") from None
-    if root.tag not in ("mujoco", "robot"):
-        raise RobotError(
-            f"{path} is not an MJCF or URDF file: its root element is <{root.tag}>, expected "
-            "<mujoco> or <robot>."
-        )
-    for parent in list(root.iter()):
-        for child in list(parent):
-            if child.tag == "include" and child.get("file"):
-                inner = _parse_xml(path.parent / str(child.get("file")))
-                at = list(parent).index(child)
-                parent.remove(child)
-                for k, grandchild in enumerate(list(inner)):
-                    parent.insert(at + k, grandchild)
-    return root
-
-
 Closures = tuple[Any, list[Loop], list[Coupling], list[str] | None]
 
 
 def _read_mjcf(path: Path, root: ET.Element) -> Closures:
     """Build the Pinocchio model of an MJCF, with its closures and actuated joints."""
     try:
-        model, points, frames = pin.buildModelAndConstraintsFromMJCF(str(path))
+        with as_file(path, root) as file:
+            model, points, _ = pin.buildModelAndConstraintsFromMJCF(str(file))
     except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
         raise RobotError(f"{path} cannot be read as MJCF: {_one_line(error)}.") from None
-    if len(frames):
-        raise RobotError(
-            f"{path} closes a loop with <weld>; only <connect> and <joint> equalities are "
-            "supported: close the loop at a joint with <connect> instead."
-        )
     loops = []
     for k, c in enumerate(points):
         first = Point(c.joint1_id - 1, np.array(c.joint1_placement.translation))
         second = Point(c.joint2_id - 1, np.array(c.joint2_placement.translation))
         loops.append(Loop(c.name or f"closure{k + 1}", first, second))
-    wanted = [e for e in root.findall("./equality/connect") if e.get("active") != "false"]
+    wanted = root.findall("./equality/connect")
     if len(wanted) != len(loops):
         raise RobotError(
             f"{path} has {len(wanted)} active <connect> closures but {len(loops)} were read; name "
             "their bodies or sites as MuJoCo documents it."
         )
-    refs = {j.get("name"): float(j.get("ref", 0.0)) for j in root.iter("joint")}
+    radians = any(c.get("angle") == "radian" for c in root.findall("compiler"))
+    refs = {}
+    for j in root.iter("joint"):
+        unit = 1.0 if radians or j.get("type") == "slide" else np.pi / 180
+        refs[j.get("name")] = unit * float(j.get("ref", 0.0))
     couplings = [_read_coupling(e, refs) for e in root.findall("./equality/joint")]
     motors = [e.get("joint") for parent in root.findall("./actuator") for e in parent]
-    actuated = [m for m in motors if m is not None] or None
+    # A joint may have several actuators, say one that holds a position and one that damps.
+    actuated = list(dict.fromkeys(m for m in motors if m is not None)) or None
     return model, loops, couplings, actuated
 
 
@@ -131,16 +117,21 @@ def _read_coupling(element: ET.Element, refs: dict[str | None, float]) -> Coupli
     # MuJoCo writes it in displacements from the reference positions.
     shift = np.polynomial.Polynomial([-refs.get(of, 0.0), 1.0])
     poly = np.polynomial.Polynomial(coefficients)(shift) + refs.get(joint, 0.0)
-    values = np.atleast_1d(poly.coef) if of is not None else [coefficients[0]]
+    values = poly.coef if of is not None else [coefficients[0] + refs.get(joint, 0.0)]
     return Coupling(element.get("name", joint), joint, of, tuple(float(c) for c in values))
 
 
 def _read_urdf(path: Path, root: ET.Element) -> Closures:
     """Build the Pinocchio model of a URDF; mimic joints become couplings."""
-    try:
-        model = pin.buildModelFromUrdf(str(path))
-    except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
-        raise RobotError(f"{path} cannot be read as URDF: {_one_line(error)}.") from None
+    reason = ""
+    with _printed_errors() as printed:
+        try:
+            model = pin.buildModelFromUrdf(str(path))
+        except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
+            reason = _one_line(error)
+    if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
+        reason = printed[0] if printed else reason
+        raise RobotError(f"{path} cannot be read as URDF: {reason}.")
     couplings, mimics = [], set()
     for joint in root.findall("joint"):
         mimic = joint.find("mimic")
@@ -149,35 +140,56 @@ def _read_urdf(path: Path, root: ET.Element) -> Closures:
             mimics.add(name)
             line = (float(mimic.get("offset", 0.0)), float(mimic.get("multiplier", 1.0)))
             couplings.append(Coupling(name, name, of, line))
-    actuated = [model.names[j] for j in range(1, model.njoints) if model.names[j] not in mimics]
+    driven = [j for j in range(1, model.njoints) if model.joints[j].nv == 1]
+    actuated = [model.names[j] for j in driven if model.names[j] not in mimics]
     return model, [], couplings, actuated
 
 
+@contextmanager
+def _printed_errors() -> Iterator[list[str]]:
+    """Collect the errors that a C++ library prints instead of raising them."""
+    found: list[str] = []
+    with tempfile.TemporaryFile() as file:
+        sys.stderr.flush()
+        kept = os.dup(2)
+        os.dup2(file.fileno(), 2)
+        try:
+            yield found
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            file.seek(0)
+            lines = file.read().decode(errors="replace").splitlines()
+            marked = (line.partition("Error:") for line in lines)
+            found += [" ".join(text.split()).rstrip(".") for _, mark, text in marked if mark]
+
+
 def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()).rstrip(".")[:300] or type(error).__name__
+    text = str(error).rpartition("message:")[2]  # Pinocchio puts its source file before it
+    return " ".join(text.split()).rstrip(".")[:300] or type(error).__name__
 
 
 def _check_bodies(path: Path, root: ET.Element, model: Any) -> None:
     """Refuse a file of which the parser lost bodies."""
     read = {f.name for f in model.frames if f.type == pin.FrameType.BODY}
     if root.tag == "mujoco":
-        world = root.find("worldbody")
-        wanted = [] if world is None else [b.get("name", "") for b in world.iter("body")]
-        lost = [b for b in wanted if b and b not in read]
-        if lost:
-            raise RobotError(
-                f"{path}: {len(lost)} of {len(wanted)} bodies were lost in reading "
-                f"({listing(lost)}); Pinocchio reads only the first body of <worldbody>: wrap "
-                "the robot in one root <body>."
-            )
+        what, wanted = (
+            "bodies",
+            [b.get("name", "") for w in root.findall("worldbody") for b in w.iter("body")],
+        )
+        advice = (
+            "Pinocchio reads only the first body of <worldbody>, and only bodies with names: name "
+            "them all and wrap the robot in one root <body>"
+        )
     else:
-        wanted = [link.get("name", "") for link in root.findall("link")]
-        lost = [b for b in wanted if b not in read]
-        if lost:
-            raise RobotError(
-                f"{path}: {len(lost)} of {len(wanted)} links were lost in reading "
-                f"({listing(lost)}); connect them to the root link by joints."
-            )
+        what, wanted = "links", [link.get("name", "") for link in root.findall("link")]
+        advice = "connect them to the root link by joints"
+    lost = [b or "one without a name" for b in wanted if b not in read]
+    if lost and len(read) < len(wanted):
+        raise RobotError(
+            f"{path}: {len(wanted) - len(read)} of {len(wanted)} {what} were lost in reading "
+            f"({listing(dict.fromkeys(lost))}); {advice}."
+        )
     if model.njoints < 2:
         raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
 
@@ -251,6 +263,8 @@ def _read_joint(
             f"{path}: joint '{name}' is of a type ({kind}) that is not supported; use hinge, "
             "slide, ball or free joints."
         )
+    if type_ in ("revolute", "prismatic") and not abs(np.linalg.norm(axis) - 1) < 1e-6:
+        raise RobotError(f"{path}: joint '{name}' has no axis; give one that is not all zero.")
     dofs = {
         "ball": tuple(f"{name}.{k}" for k in ("rx", "ry", "rz")),
         "free": tuple(f"{name}.{k}" for k in ("tx", "ty", "tz", "rx", "ry", "rz")),
@@ -302,12 +316,15 @@ def _assemble(
     _check_known(path, "symbols", extra.symbols, known)
     _check_known(path, "base_parameters.bodies", extra.base_parameters.bodies, bodies)
     _check_known(path, "limits", extra.limits, shell.dofs)
+    tied = [name for s in extra.symmetry for members in s.tie.values() for name in members]
+    for key, names in (("nominal", extra.nominal), ("symmetry", tied)):
+        _check_known(path, key, (name.rpartition(".")[0] for name in names), known)
     if extra.base_parameters.bodies:
         named = tuple(extra.base_parameters.bodies)
         shell = replace(shell, body_order=named + tuple(b for b in bodies if b not in named))
     if extra.loops is not None:
         shell = replace(
-            shell, loops=tuple(_sidecar_loop(path, e, model, bodies, last) for e in extra.loops)
+            shell, loops=tuple(_sidecar_loop(path, e, model, last) for e in extra.loops)
         )
     if extra.couplings:
         added = (
@@ -360,16 +377,15 @@ def _home(model: Any) -> Array:
     return np.array(pin.neutral(model))
 
 
-def _sidecar_loop(
-    path: Path, entry: Any, model: Any, bodies: tuple[str, ...], last: dict[int, int]
-) -> Loop:
+def _sidecar_loop(path: Path, entry: Any, model: Any, last: dict[int, int]) -> Loop:
     ends = []
     for body, point in ((entry.body1, entry.point1), (entry.body2, entry.point2)):
         frames = [f for f in model.frames if f.name == body and f.type == pin.FrameType.BODY]
         if not frames:
+            known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
             raise RobotError(
                 f"The sidecar of {path}: a loop names the body '{body}', which the robot does not "
-                f"have{near_match(body, bodies)} Known: {listing(bodies)}."
+                f"have{near_match(body, known)} Known: {listing(known)}."
             )
         place = frames[0].placement
         position = np.array(place.rotation) @ np.array(point) + np.array(place.translation)
@@ -402,7 +418,8 @@ def _choose_joints(robot: Robot, extra: Sidecar, actuated: list[str] | None) -> 
         raise RobotError(
             f"{robot.path}: {len(dependent)} joints have no actuator ({listing(robot.passive)}) "
             f"but the loops give only {len(rows)} independent equations; name the missing "
-            "actuated joints (<actuator> in MJCF, 'actuated' in the sidecar) or add the closures."
+            "actuated joints (<actuator> in MJCF, 'actuated' in the sidecar), add the closures, or "
+            "choose a home position away from singularities."
         )
     if len(rows) > len(dependent):
         raise RobotError(
@@ -466,8 +483,9 @@ def _transmission(robot: Robot, extra: Sidecar) -> Transmission | None:
     entry, n = extra.transmission, len(robot.actuated)
     if entry is None:
         return None
-    coupling = np.array(entry.coupling, float) if entry.coupling else np.empty((0, 0))
-    if len(entry.motors) != n or coupling.shape != (n, n) or abs(np.linalg.det(coupling)) < 1e-9:
+    square = len(entry.coupling) == n and all(len(row) == n for row in entry.coupling)
+    coupling = np.array(entry.coupling, float) if square else np.zeros((n, n))
+    if len(entry.motors) != n or not np.linalg.cond(coupling) < 1e9:
         raise RobotError(
             f"The sidecar of {robot.path}: [transmission] needs {n} motors and an invertible "
             f"{n}×{n} coupling for the actuated joints {listing(robot.joints)}."

@@ -47,12 +47,12 @@ Every key is optional::
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from identifiability.documents import read_document
 from identifiability.errors import RobotError
 
 Triple = tuple[float, float, float]
@@ -60,6 +60,22 @@ Triple = tuple[float, float, float]
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+def _unique(names: list[str]) -> list[str]:
+    if len(set(names)) != len(names):
+        raise ValueError("name each one once")
+    return names
+
+
+def _rising(span: tuple[float, float]) -> tuple[float, float]:
+    if not span[0] < span[1]:
+        raise ValueError("the lower limit must be below the upper one")
+    return span
+
+
+Names = Annotated[list[str], AfterValidator(_unique)]
+Span = Annotated[tuple[float, float], AfterValidator(_rising)]
 
 
 class LoopEntry(_Strict):
@@ -81,11 +97,17 @@ class CouplingEntry(_Strict):
     of: str | None = None
     polynomial: list[float] = Field(default=[0.0, 1.0], min_length=1)
 
+    @model_validator(mode="after")
+    def _two_joints(self) -> CouplingEntry:
+        if self.joint == self.of:
+            raise ValueError("a joint cannot be coupled to itself; name another")
+        return self
+
 
 class TransmissionEntry(_Strict):
     """Motors that mix joints."""
 
-    motors: list[str]
+    motors: Names
     coupling: list[list[float]]
     ratio: list[float] | None = None
     offset: list[float] | None = None
@@ -94,13 +116,13 @@ class TransmissionEntry(_Strict):
 class BaseParametersEntry(_Strict):
     """Preference of the grouping."""
 
-    bodies: list[str] = []
+    bodies: Names = []
 
 
 class LimitEntry(_Strict):
     """Motion limits of an actuated joint."""
 
-    q: tuple[float, float] | None = None
+    q: Span | None = None
     v: float | None = Field(default=None, gt=0)
     a: float | None = Field(default=None, gt=0)
 
@@ -118,7 +140,7 @@ class Sidecar(_Strict):
     name: str = ""
     description: str = ""
     actuated: list[str] | None = None
-    inertia_parts: list[str] = ["Ia"]
+    inertia_parts: Names = Field(default=["Ia"], min_length=1)
     home: dict[str, float] = {}
     loops: list[LoopEntry] | None = None
     couplings: list[CouplingEntry] = []
@@ -140,22 +162,4 @@ def read_sidecar(path: Path | None) -> Sidecar:
     """
     if path is None:
         return Sidecar()
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RobotError(f"There is no sidecar file {path}.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise RobotError(f"{path} is not valid TOML: {error}.") from None
-    try:
-        return Sidecar.model_validate(content)
-    except ValidationError as error:
-        raise RobotError(f"{path}: {first_problem(error)}.") from None
-
-
-def first_problem(error: ValidationError) -> str:
-    """Return the first problem of a validation as ``key: what was expected``."""
-    problem = error.errors()[0]
-    where = ".".join(str(part) for part in problem["loc"]) or "file"
-    if problem["type"] == "extra_forbidden":
-        return f"'{where}' is not a key that is known here; remove it or check its spelling"
-    return f"'{where}': {problem['msg'][0].lower()}{problem['msg'][1:]}"
+    return read_document(path, Sidecar, "TOML", "sidecar", RobotError)

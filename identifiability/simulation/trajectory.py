@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
+from identifiability.documents import read_document
 from identifiability.errors import LogError, listing, near_match
 from identifiability.names import Array
 from identifiability.robot import Robot
-from identifiability.robot.sidecar import first_problem
+
+#: Longer simulated logs are refused; the simulator takes one sample at a time.
+MOST_SAMPLES = 10_000_000
+
+Amplitude = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
 class SeriesEntry(BaseModel):
@@ -23,9 +28,9 @@ class SeriesEntry(BaseModel):
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
-    offset: float
-    sin: list[float] = Field(min_length=1)
-    cos: list[float] = Field(min_length=1)
+    offset: Amplitude
+    sin: list[Amplitude] = Field(min_length=1)
+    cos: list[Amplitude] = Field(min_length=1)
 
 
 class TrajectoryFile(BaseModel):
@@ -33,8 +38,8 @@ class TrajectoryFile(BaseModel):
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
-    period: float = Field(gt=0)
-    samples: int = Field(ge=2)
+    period: float = Field(ge=1e-3, le=1e6)
+    samples: int = Field(ge=2, le=MOST_SAMPLES)
     trajectories: dict[str, dict[str, SeriesEntry]]
 
 
@@ -85,19 +90,16 @@ def read_trajectories(path: str | Path, robot: Robot) -> dict[str, Trajectory]:
         If the file is no trajectory file, or a joint is missing.
     """
     path = Path(path)
-    try:
-        content = TrajectoryFile.model_validate(json.loads(path.read_text(encoding="utf-8")))
-    except FileNotFoundError:
-        raise LogError(f"There is no trajectory file '{path}'.") from None
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError, OSError) as error:
-        raise LogError(f"{path} is not valid JSON: {error}.") from None
-    except ValidationError as error:
-        raise LogError(f"{path}: {first_problem(error)}.") from None
+    content = read_document(path, TrajectoryFile, "JSON", "trajectory", LogError)
     out = {}
     for name, joints in content.trajectories.items():
         missing = [j for j in robot.joints if j not in joints]
         if missing:
-            raise LogError(f"{path}: trajectory '{name}' has no entry for {listing(missing)}.")
+            others = [j for j in joints if j not in robot.joints]
+            raise LogError(
+                f"{path}: trajectory '{name}' has no entry for {listing(missing)}"
+                f"{near_match(missing[0], others)}"
+            )
         rows = [joints[j] for j in robot.joints]
         if len({len(r.sin) for r in rows} | {len(r.cos) for r in rows}) != 1:
             raise LogError(f"{path}: trajectory '{name}' has joints with different harmonics.")

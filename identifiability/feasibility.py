@@ -1,0 +1,185 @@
+"""From a fitted model to a real robot: the physical set, and the nearest parameters in it.
+
+The stages before this one speak of base parameters; physics speaks of bodies. Here the information
+about base parameters becomes a problem in the full standard parameters, ``W_base G phi``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identifiability.errors import IdentifiabilityError
+from identifiability.estimation import Estimate
+from identifiability.grouping import BaseParameters
+from identifiability.information import Information
+from identifiability.ladder import Rung
+from identifiability.names import Array
+from identifiability.physical.certify import Certificate, certify
+from identifiability.physical.feasible_set import PhysicalSet, scale_from
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.project import FeasibleEstimate, build_projection
+from identifiability.physical.pseudo_inertia import INERTIAL, BodyCheck, check_body
+from identifiability.robot import Robot
+
+
+@dataclass(frozen=True)
+class PhysicalResult:
+    """What physics says of a fitted model.
+
+    Attributes
+    ----------
+    region : PhysicalSet
+    certificate : Certificate or None
+        Whether a real robot has the estimated base parameters; None where the motion leaves some
+        of them undetermined.
+    nearest : FeasibleEstimate
+        The real robot nearest to the data under the model.
+    value : (m,)
+        Its values of the model's parameters.
+    sentence : str
+        The certificate in words.
+    """
+
+    region: PhysicalSet
+    certificate: Certificate | None
+    nearest: FeasibleEstimate
+    value: Array
+    sentence: str
+
+    @property
+    def feasible(self) -> bool:
+        """Whether a real robot has the estimated base parameters."""
+        return self.certificate is not None and self.certificate.feasible
+
+    @property
+    def margin(self) -> float:
+        """Smallest scaled eigenvalue that all bodies can keep; negative when infeasible."""
+        return float("nan") if self.certificate is None else self.certificate.margin
+
+    def parameters(self) -> dict[str, float]:
+        """Return the standard parameters of the nearest real robot by name."""
+        return {n: float(v) for n, v in zip(self.region.columns, self.nearest.phi, strict=True)}
+
+
+def nominal_vector(robot: Robot, base: BaseParameters) -> Array:
+    """Return the standard parameters that the robot file states, (p,)."""
+    return np.array([robot.nominal.get(p.name, 0.0) for p in base.parameters])
+
+
+def body_index(robot: Robot, base: BaseParameters) -> np.ndarray:
+    """Return the columns of each body's ten parameters in the order of `INERTIAL`, (nb, 10)."""
+    at = {p.name: k for k, p in enumerate(base.parameters)}
+    rows = [[at[f"{body}.{kind}"] for kind in INERTIAL] for body in robot.bodies if
+            f"{body}.m" in at]  # fmt: skip
+    return np.array(rows, int).reshape(-1, 10)
+
+
+def physical_set(robot: Robot, base: BaseParameters) -> PhysicalSet:
+    """Return the parameter vectors that a real robot of this structure can have."""
+    bodies = body_index(robot, base)
+    mass, length = _scales(nominal_vector(robot, base), bodies)
+    return PhysicalSet(
+        bodies,
+        np.array([p.nonnegative for p in base.parameters]),
+        tuple(b for b in robot.bodies if f"{b}.m" in {p.name for p in base.parameters}),
+        tuple(p.name for p in base.parameters),
+        mass,
+        length,
+    )
+
+
+def _scales(nominal: Array, bodies: np.ndarray) -> tuple[Array, Array]:
+    """Return the mass [kg] and length [m] in which each body's margin is measured, (nb,)."""
+    mass, length = np.ones(len(bodies)), np.full(len(bodies), 0.1)
+    for k, columns in enumerate(bodies):
+        theta = nominal[columns]
+        if theta[9] > 0 and theta[[0, 3, 5]].sum() > 0:  # a file may state no mass at all
+            mass[k : k + 1], length[k : k + 1] = scale_from(nominal, columns[None])
+    return mass, length
+
+
+def check_nominal(robot: Robot) -> tuple[BodyCheck, ...]:
+    """Check the bodies that the robot file states.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If one of them cannot exist, with its name and what is wrong.
+    """
+    checks = []
+    for body in robot.bodies:
+        theta = np.array([robot.nominal[f"{body}.{kind}"] for kind in INERTIAL])
+        check = check_body(theta, body)
+        if not check.feasible:
+            raise IdentifiabilityError(
+                f"{robot.path}: {check.reason} Correct the body's <inertial> in the robot file."
+            )
+        checks.append(check)
+    return tuple(checks)
+
+
+def full_problem(
+    information: Information, estimate: Estimate, rung: Rung, G: Array
+) -> LeastSquares:
+    """Return the data on the standard parameters under a model, weighted like the estimate.
+
+    The model says that base parameters are ``held + M x``; the part of ``G phi`` outside the span
+    of M is what the model leaves out, and does not enter the prediction.
+
+    Parameters
+    ----------
+    information : Information
+        About the rung's columns.
+    estimate : Estimate
+    rung : Rung
+    G : (b, p)
+        Base parameters of standard parameters.
+    """
+    R = information.factor(estimate.weights)
+    m = len(rung)
+    # x of the standard parameters: tied columns take the mean of their members.
+    to_x = np.linalg.pinv(rung.M) @ G if m else np.zeros((0, G.shape[1]))
+    variance = float(estimate.weights @ estimate.rss) / max(estimate.dof, 1)
+    rss = max(float(R[m, m] ** 2), variance * 1e-12)
+    return LeastSquares(R[:m, :m] @ to_x, R[:m, m], rss, max(float(estimate.dof), 1.0))
+
+
+def assess_feasibility(
+    robot: Robot,
+    base: BaseParameters,
+    rung: Rung,
+    information: Information,
+    estimate: Estimate,
+) -> PhysicalResult:
+    """Say whether a real robot has the estimated parameters, and find the nearest that has.
+
+    Parameters
+    ----------
+    robot : Robot
+    base : BaseParameters
+    rung : Rung
+        The model that was fitted.
+    information : Information
+        About the rung's columns.
+    estimate : Estimate
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the solver fails.
+    """
+    region = physical_set(robot, base)
+    nominal = nominal_vector(robot, base)
+    data = full_problem(information, estimate, rung, base.G)
+    to_x = np.linalg.pinv(rung.M) @ base.G if len(rung) else np.zeros((0, base.G.shape[1]))
+    certificate, sentence = None, "The motion leaves parameters of the model undetermined."
+    try:
+        if len(estimate.kept) == len(rung) and len(rung):
+            certificate = certify(to_x, estimate.value, region)
+            sentence = certificate.sentence(rung.columns)
+        nearest = build_projection(region, reference=nominal).solve(data)
+    except ValueError as error:
+        raise IdentifiabilityError(f"Physical consistency of {rung.name}: {error}") from None
+    return PhysicalResult(region, certificate, nearest, to_x @ nearest.phi, sentence)

@@ -1,0 +1,161 @@
+"""Can base parameters belong to a real robot? The answer with its proof.
+
+A vector ``beta`` of base parameters is feasible exactly when some full vector ``phi`` of the
+physical set has ``G phi = beta``. The proof of yes is that ``phi``; the proof of no is a
+combination of the base parameters that every real robot keeps at or above a bound, and ``beta``
+does not [Boyd2004, §5.8].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cvxpy as cp
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
+
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.program import (
+    ADVICE,
+    adjoint,
+    body_columns,
+    body_scale,
+    matrix,
+    scaled_cones,
+    scaled_rows,
+    solve_program,
+)
+from identifiability.physical.pseudo_inertia import BOUNDARY
+
+Floats = NDArray[np.float64]
+
+ROOM = 1.0
+"""Margins beyond one body scale are not pursued: the question is whether there is any."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Whether base parameters are feasible, and the proof.
+
+    Attributes
+    ----------
+    margin : float
+        Largest margin (dimensionless) that all bodies and signs can keep at once, at most `ROOM`.
+    phi : (p,)
+        Full parameters with these base parameters that attain it: a real robot when `feasible`,
+        else the least impossible one.
+    combination : (b,)
+        Coefficients over the base parameters, zero when feasible: no real robot has
+        ``combination @ beta`` below `bound`.
+    bound, value : float
+        What every real robot keeps, and what was found.
+    """
+
+    margin: float
+    phi: Floats
+    combination: Floats
+    bound: float
+    value: float
+
+    @property
+    def feasible(self) -> bool:
+        """Whether a real robot has these base parameters; bodies without volume have margin 0."""
+        return self.margin >= -BOUNDARY
+
+    def sentence(self, names: Sequence[str]) -> str:
+        """Say the certificate in words.
+
+        Parameters
+        ----------
+        names : (b,) str
+            Names of the base parameters.
+        """
+        if self.feasible:
+            return f"A real robot has these base parameters (margin {self.margin:.2g})."
+        size = np.abs(self.combination)
+        terms = [i for i in np.argsort(-size) if size[i] > 1e-3 * size.max()]
+        text = " ".join(f"{self.combination[i]:+.3g}·[{names[i]}]" for i in terms)
+        return (
+            f"No real robot has these base parameters: {text} is at least {self.bound:.3g} for any "
+            f"real bodies, and {self.value:.3g} was found."
+        )
+
+
+def certify(base_map: ArrayLike, beta: ArrayLike, region: PhysicalSet) -> Certificate:
+    """Decide whether base parameters can belong to a real robot.
+
+    Parameters
+    ----------
+    base_map : (b, p)
+        ``G`` with ``beta = G phi``.
+    beta : (b,)
+        Base parameters.
+    region : PhysicalSet
+        What is possible.
+
+    Returns
+    -------
+    Certificate
+
+    Raises
+    ------
+    ValueError
+        When shapes disagree, no vector at all maps to `beta`, or the solver finds no answer.
+    """
+    G, wanted = np.asarray(base_map, float), np.asarray(beta, float)
+    if G.shape != (wanted.size, region.size):
+        raise ValueError(
+            f"certificate: a map {G.shape} and {wanted.size} base parameters were given; expected "
+            f"({wanted.size}, {region.size}); build the map from the model of the physical set."
+        )
+    with threadpool_limits(1):
+        scale = _column_scale(G, wanted, region)
+        start, null = _solutions(G * scale, wanted)
+        u, t = cp.Variable(null.shape[1]), cp.Variable()
+        x = start + null @ u
+        A, c = scaled_rows(region)
+        rows = A @ x - c >= t
+        bodies = [matrix(map_, x) >> t * np.eye(4) for map_ in scaled_cones(region)]
+        status = solve_program(cp.Problem(cp.Maximize(t), [rows, t <= ROOM, *bodies]))
+        if u.value is None or t.value is None:
+            raise ValueError(
+                f"certificate: the solver found no answer ({status}); expected one; {ADVICE}."
+            )
+        phi, margin = scale * (start + null @ u.value), float(t.value)
+        if margin >= -BOUNDARY:
+            return Certificate(margin, phi, np.zeros_like(wanted), 0.0, 0.0)
+        Z = np.array([body.dual_value.ravel() for body in bodies]).reshape(-1, 16)
+        force = adjoint(scaled_cones(region), Z) + rows.dual_value @ A
+        combination = np.linalg.lstsq((G * scale).T, force)[0]
+        bound = float(rows.dual_value @ c)
+        return Certificate(margin, phi, combination, bound, float(combination @ wanted))
+
+
+def _solutions(G: Floats, beta: Floats) -> tuple[Floats, Floats]:
+    """One solution of ``G x = beta`` and a basis of its null space, of at least one column."""
+    heights = np.linalg.norm(G, axis=1)
+    heights = np.where(heights > 0, heights, 1.0)
+    U, s, Vt = np.linalg.svd(G / heights[:, None])
+    rank = int(np.sum(s > 1e-9 * s[0])) if s.size else 0
+    x: Floats = Vt[:rank].T @ ((U.T @ (beta / heights))[:rank] / s[:rank])
+    missed = np.abs(G @ x - beta) > 1e-6 * (np.abs(G) @ np.abs(x) + np.abs(beta))
+    if missed.any():
+        raise ValueError(
+            f"certificate: no parameter vector at all has base parameters {np.flatnonzero(missed)}; "
+            "expected values of independent combinations; leave dependent ones out."
+        )
+    null = Vt[rank:].T if rank < G.shape[1] else np.zeros((G.shape[1], 1))
+    return x, null
+
+
+def _column_scale(G: Floats, beta: Floats, region: PhysicalSet) -> Floats:
+    # A column outside the bodies takes its scale from the base parameters it enters.
+    scale = body_scale(region)
+    for j in np.flatnonzero(~body_columns(region)):
+        rows = G[:, j] != 0
+        sizes = np.abs(beta[rows] / G[rows, j])
+        if sizes.size and sizes.max() > 0:
+            scale[j] = sizes.max()
+    return scale

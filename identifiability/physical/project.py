@@ -1,0 +1,306 @@
+"""The parameters of a real robot nearest to the data: a semidefinite program, and its evidence.
+
+    minimise  ‖R phi − z‖²   over   J_k(phi) ⪰ margin (every body k),  A phi ≥ c
+
+What to use when: `project` for one estimate; `build_projection` when many data sets share one
+robot, since the program is compiled once and each further `Projection.solve` takes milliseconds. A
+`CadPrior` pulls what the data do not determine towards a nominal robot.
+
+Two things keep the optimum right: R is factored, never squared, and the columns are scaled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cvxpy as cp
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from identifiability.physical.cad_prior import CadPrior, divergence, prior_gap
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.program import (
+    ADVICE,
+    adjoint,
+    adjoint_inverse,
+    body_columns,
+    body_scale,
+    matrix,
+    scaled_cones,
+    scaled_rows,
+    semidefinite,
+    solve_program,
+)
+from identifiability.physical.pseudo_inertia import BOUNDARY
+
+Floats = NDArray[np.float64]
+
+MARGIN = 1e-6
+"""Smallest dimensionless eigenvalue of a body in the answer: simulators refuse singular inertia."""
+
+RIDGE = 1e-8
+"""Pull [σ²] to the reference per squared column scale: it decides where the data say nothing."""
+
+GAP = 1e-3
+"""Largest accepted distance to the optimum [σ²], relative to ``1 + excess``."""
+
+ROUNDING = 1e-12
+"""The same relative to ``‖z‖²``, for data with next to no noise."""
+
+
+@dataclass(frozen=True)
+class FeasibleEstimate:
+    """The nearest parameters of a real robot.
+
+    Attributes
+    ----------
+    phi : (p,)
+    rss : float [torque²]
+    excess : float
+        What feasibility costs: rise of the residual sum of squares over least squares, in σ².
+    margins : (nb,)
+        Smallest dimensionless eigenvalue of every body.
+    active_bodies, active_rows : tuple of str
+        Constraints that hold the estimate back.
+    status : str
+        What the solver says; `gap` is what holds.
+    gap : float
+        Upper bound of the distance to the optimum [σ²], from gradient and multipliers.
+    """
+
+    phi: Floats
+    rss: float
+    excess: float
+    margins: Floats
+    active_bodies: tuple[str, ...]
+    active_rows: tuple[str, ...]
+    status: str
+    gap: float
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """A data set in scaled parameters: ``phi = scale * x``, cost ``‖factor x − target‖²`` in σ²."""
+
+    scale: Floats
+    factor: Floats
+    target: Floats
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A compiled program: solve it for as many data sets as there are, one at a time.
+
+    Attributes
+    ----------
+    region : PhysicalSet
+    margin : float
+    reference : (p,)
+    prior : CadPrior or None
+    """
+
+    region: PhysicalSet
+    margin: float
+    reference: Floats
+    prior: CadPrior | None
+    _problem: cp.Problem
+    _step: cp.Variable
+    _factor: cp.Parameter
+    _free: cp.Parameter
+    _rows: cp.Constraint
+
+    def solve(self, data: LeastSquares) -> FeasibleEstimate:
+        """Project one data set.
+
+        Parameters
+        ----------
+        data : LeastSquares
+
+        Raises
+        ------
+        ValueError
+            When the data are of another model, or the solver finds no optimum.
+        """
+        if data.R.shape[1] != self.region.size:
+            raise ValueError(
+                f"projection: data on {data.R.shape[1]} parameters were given; expected the "
+                f"{self.region.size} of the physical set; build both from the same model."
+            )
+        with threadpool_limits(1):
+            scaled = self._scale(data)
+            free = np.linalg.solve(scaled.factor, scaled.target)
+            if self.prior is None and self._holds(free):
+                return self._read(data, scaled, free, np.zeros(self._rows.shape), "optimal")
+            self._factor.value, self._free.value = scaled.factor[np.triu_indices(free.size)], free
+            status = solve_program(self._problem)
+            if self._step.value is None or self._rows.dual_value is None:
+                raise ValueError(
+                    f"projection: the solver found no answer ({status}); expected one, since every "
+                    f"body has room; {ADVICE}."
+                )
+            y = np.maximum(self._rows.dual_value, 0.0)
+            return self._read(data, scaled, free + self._step.value, y, status)
+
+    def _scale(self, data: LeastSquares) -> _Scaled:
+        norms = np.linalg.norm(data.R, axis=0)
+        whole = np.linalg.norm(data.z)
+        seen = (norms > 0) & (whole > 0)
+        scale = np.where(seen, whole / np.where(seen, norms, 1.0), 1.0)
+        scale = np.where(body_columns(self.region), body_scale(self.region), scale)
+        pull = np.sqrt(RIDGE)
+        stacked = np.vstack([data.R * scale / data.unit, pull * np.eye(scale.size)])
+        Q, factor = np.linalg.qr(stacked)
+        wanted = np.concatenate([data.z / data.unit, pull * self.reference / scale])
+        return _Scaled(scale, factor, Q.T @ wanted)
+
+    def _holds(self, x: Floats) -> bool:
+        A, c = scaled_rows(self.region)
+        J = (scaled_cones(self.region) @ x).reshape(-1, 4, 4)
+        return bool((A @ x >= c).all() and (np.linalg.eigvalsh(J)[:, 0] >= self.margin).all())
+
+    def _read(
+        self, data: LeastSquares, scaled: _Scaled, x: Floats, y: Floats, status: str
+    ) -> FeasibleEstimate:
+        region, phi = self.region, x * scaled.scale
+        Z, gap = self._judge(scaled, x, y)
+        excess = (float(data.rss(phi)) - data.rss_min) / data.unit**2
+        allowed = GAP * (1 + excess) + ROUNDING * float(scaled.target @ scaled.target)
+        if not gap <= allowed:
+            raise ValueError(
+                f"projection: the solver stopped {gap:.2g} σ² from the optimum ({status}); "
+                f"expected at most {allowed:.2g}; {ADVICE}."
+            )
+        A, c = scaled_rows(region)
+        margins = region.margins(phi)
+        # Complementarity: of slack and multiplier one is zero, and the larger one says which.
+        pressed = np.linalg.norm(Z, axis=1) > margins - self.margin
+        held = y > A @ x - c
+        return FeasibleEstimate(
+            phi, float(data.rss(phi)), excess, margins,
+            tuple(str(n) for n, on in zip(region.names, pressed, strict=True) if on),
+            tuple(str(n) for n, on in zip(region.rows[2], held, strict=True) if on),
+            status, gap,
+        )  # fmt: skip
+
+    def _judge(self, scaled: _Scaled, x: Floats, y: Floats) -> tuple[Floats, float]:
+        """Multipliers (nb, 16) of the bodies, and the distance to the optimum by convexity.
+
+        f(x) − f(x*) ≤ ⟨Z, J(x) − m⟩ + yᵀ(Ax − c) + eᵀd − ‖F d‖² for any Z ⪰ 0 and y ≥ 0, where e is
+        what they leave of the gradient and d = x − x*, taken to be no longer than 2‖x‖. The
+        solver's claim is not used: Z is the semidefinite part of the gradient itself.
+        """
+        (A, c), cones = scaled_rows(self.region), scaled_cones(self.region)
+        slope = 2 * scaled.factor.T @ (scaled.factor @ x - scaled.target) - y @ A
+        reach, held = 2 * float(np.linalg.norm(x)), float(y @ (A @ x - c))
+        if self.prior is not None:
+            rest = np.where(body_columns(self.region), 0.0, slope)
+            gap = prior_gap(self.region, self.prior, x, slope)
+            gap += abs(held) + _most(rest, scaled.factor, reach)
+            return np.zeros(cones.shape[:2]), gap  # the divergence keeps bodies off the edge
+        Z = semidefinite(adjoint_inverse(cones, slope))
+        room = cones @ x - self.margin * np.eye(4).ravel()
+        error = slope - adjoint(cones, Z)
+        gap = abs(held + float(np.sum(Z * room))) + _most(error, scaled.factor, reach)
+        return Z, gap
+
+
+def build_projection(
+    region: PhysicalSet,
+    *,
+    margin: float = MARGIN,
+    reference: Floats | None = None,
+    prior: CadPrior | None = None,
+) -> Projection:
+    """Compile the program of a robot.
+
+    Parameters
+    ----------
+    region : PhysicalSet
+        What is possible.
+    margin : float
+        Smallest dimensionless eigenvalue every body must keep.
+    reference : (p,), optional
+        Where the parameters go that the data do not determine; the CAD values, else zero.
+    prior : CadPrior, optional
+        Nominal robot that pulls.
+
+    Returns
+    -------
+    Projection
+
+    Raises
+    ------
+    ValueError
+        When bounds leave no room for a body, or the prior holds one that cannot exist; it is named.
+    """
+    _check_room(region, margin)
+    # The unknown is the step from the unconstrained optimum, so that the solver's accuracy is
+    # relative to what feasibility changes, not to the data.
+    step, free = cp.Variable(region.size), cp.Parameter(region.size)
+    factor = cp.Parameter(region.size * (region.size + 1) // 2)  # no zeros below the diagonal
+    x = step + free
+    A, c = scaled_rows(region)
+    rows = A @ x >= c
+    bodies = [matrix(map_, x) >> margin * np.eye(4) for map_ in scaled_cones(region)]
+    cost = cp.sum_squares(cp.vec_to_upper_tri(factor) @ step)
+    if prior is not None:
+        cost = cost + prior.weight * divergence(region, prior, x)
+    problem = cp.Problem(cp.Minimize(cost), [rows, *bodies])
+    centre = np.zeros(region.size) if reference is None else np.array(reference, float)
+    return Projection(region, margin, centre, prior, problem, step, factor, free, rows)
+
+
+def project(
+    data: LeastSquares,
+    region: PhysicalSet,
+    *,
+    margin: float = MARGIN,
+    reference: Floats | None = None,
+    prior: CadPrior | None = None,
+) -> FeasibleEstimate:
+    """Parameters of a real robot nearest to the data: `build_projection` and `Projection.solve`.
+
+    Parameters
+    ----------
+    data : LeastSquares
+        What the data say.
+    region : PhysicalSet
+        What is possible.
+    margin, reference, prior
+        As in `build_projection`.
+
+    Returns
+    -------
+    FeasibleEstimate
+    """
+    return build_projection(region, margin=margin, reference=reference, prior=prior).solve(data)
+
+
+def _most(e: Floats, F: Floats, reach: float) -> float:
+    """Bound of eᵀd − ‖F d‖² over ‖d‖ ≤ reach, direction by direction."""
+    _, s, Vt = np.linalg.svd(F)
+    force = np.abs(Vt @ e)
+    d = np.minimum(force / (2 * s**2), reach)
+    return float(np.sum(force * d - (s * d) ** 2))
+
+
+def _check_room(region: PhysicalSet, margin: float) -> None:
+    """Refuse bounds that leave no room for a body; no constraint touches two bodies."""
+    A, c = scaled_rows(region)
+    for k, (name, columns) in enumerate(zip(region.names, region.bodies, strict=True)):
+        own = np.flatnonzero((A[:, columns] != 0).any(axis=1))
+        if not own.size:
+            continue
+        x, t = cp.Variable(region.size), cp.Variable()
+        body = matrix(scaled_cones(region)[k], x) >> t * np.eye(4)
+        status = solve_program(
+            cp.Problem(cp.Maximize(t), [body, A[own] @ x >= c[own], t <= max(1.0, 2 * margin)])
+        )
+        if t.value is None or t.value < max(margin, BOUNDARY):
+            given = "; ".join(dict.fromkeys(region.rows[2][i] for i in own))
+            raise ValueError(
+                f"{name}: no body satisfies its bounds together ({given}; {status}); expected "
+                "bounds that leave room for a real body; widen or remove one of them."
+            )

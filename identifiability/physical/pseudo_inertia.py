@@ -1,0 +1,206 @@
+"""Inertial parameters of a body as a 4×4 pseudo-inertia matrix, and what is wrong with it.
+
+The ten parameters ``[Ixx Ixy Ixz Iyy Iyz Izz mx my mz m]`` (tensor entries, ``Ixy = -∫xy dm``, about the
+origin of the body frame) belong to a real mass distribution exactly when the matrix
+
+    J = ∫ [r; 1] [r; 1]ᵀ dm = [[S, h], [hᵀ, m]],   S = ½ tr(I) 1 − I,   h = (mx, my, mz)
+
+is positive semidefinite [Traversaro2016, §III; Wensing2017, eq. 8].
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+INERTIAL = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
+"""Order of the ten parameters of a body; [kg m²] ×6, [kg m] ×3, [kg]."""
+
+BOUNDARY = 1e-7
+"""A body whose margin is above ``-BOUNDARY`` is on or inside the cone: a thin disc has margin 0."""
+
+
+def _basis() -> Floats:
+    basis = np.zeros((10, 4, 4))
+    for column, axis in ((0, 0), (3, 1), (5, 2)):
+        basis[column, [0, 1, 2], [0, 1, 2]] = 0.5
+        basis[column, axis, axis] = -0.5
+    for column, (i, j) in ((1, (0, 1)), (2, (0, 2)), (4, (1, 2))):
+        basis[column, i, j] = basis[column, j, i] = -1.0
+    for axis in range(3):
+        basis[6 + axis, axis, 3] = basis[6 + axis, 3, axis] = 1.0
+    basis[9, 3, 3] = 1.0
+    basis.flags.writeable = False
+    return basis
+
+
+BASIS = _basis()
+"""(10, 4, 4): ``J = Σ theta[i] BASIS[i]``."""
+
+
+def to_matrix(theta: ArrayLike) -> Floats:
+    """Pseudo-inertia matrices of bodies.
+
+    Parameters
+    ----------
+    theta : (..., 10) [kg m², kg m, kg]
+
+    Returns
+    -------
+    (..., 4, 4) symmetric
+
+    Examples
+    --------
+    >>> to_matrix([2.0, 0, 0, 3.0, 0, 4.0, 0, 0, 0, 1.0]).diagonal()
+    array([2.5, 1.5, 0.5, 1. ])
+    """
+    values = np.asarray(theta, float)
+    return (values @ BASIS.reshape(10, 16)).reshape(*values.shape[:-1], 4, 4)
+
+
+def to_vector(matrix: ArrayLike) -> Floats:
+    """Inertial parameters of pseudo-inertia matrices, the inverse of `to_matrix`.
+
+    Parameters
+    ----------
+    matrix : (..., 4, 4) symmetric
+
+    Returns
+    -------
+    (..., 10) [kg m², kg m, kg]
+    """
+    J = np.asarray(matrix, float)
+    xx, yy, zz = J[..., 0, 0], J[..., 1, 1], J[..., 2, 2]
+    columns = (yy + zz, -J[..., 0, 1], -J[..., 0, 2], xx + zz, -J[..., 1, 2], xx + yy)
+    return np.stack((*columns, J[..., 0, 3], J[..., 1, 3], J[..., 2, 3], J[..., 3, 3]), axis=-1)
+
+
+def scale_matrix(mass: ArrayLike, length: ArrayLike) -> Floats:
+    """Diagonal of the congruence that makes J dimensionless: ``J[i, j] / (s[i] s[j])``.
+
+    Parameters
+    ----------
+    mass : (...) [kg] > 0
+    length : (...) [m] > 0
+
+    Returns
+    -------
+    (..., 4), the square roots of ``mass * (length², length², length², 1)``
+    """
+    m, ell = np.broadcast_arrays(np.asarray(mass, float), np.asarray(length, float))
+    root: Floats = np.sqrt(m)[..., None] * np.stack((ell, ell, ell, np.ones_like(ell)), axis=-1)
+    return root
+
+
+def natural_scale(theta: ArrayLike) -> tuple[Floats, Floats]:
+    """Mass and length by which bodies may be compared: their own mass and radius of gyration.
+
+    A body without mass or extent falls back to 1 kg and 0.1 m, so that the scale is never zero.
+
+    Parameters
+    ----------
+    theta : (..., 10) [kg m², kg m, kg]
+
+    Returns
+    -------
+    mass : (...) [kg]
+    length : (...) [m]
+    """
+    values = np.asarray(theta, float)
+    mass = np.abs(values[..., 9])
+    mass = np.where(mass > 0, mass, 1.0)
+    second_moment = np.abs(values[..., [0, 3, 5]].sum(axis=-1)) / 2  # tr S [kg m²]
+    length = np.sqrt(second_moment / (3 * mass))
+    return mass, np.where(length > 0, length, 0.1)
+
+
+def margin(theta: ArrayLike, mass: ArrayLike = 1.0, length: ArrayLike = 0.1) -> Floats:
+    """Smallest eigenvalue of the dimensionless pseudo-inertia; negative when no body can be so.
+
+    Parameters
+    ----------
+    theta : (..., 10) [kg m², kg m, kg]
+    mass, length : (...) [kg], [m], the scale; its choice never changes the sign
+
+    Returns
+    -------
+    (...) dimensionless
+    """
+    s = scale_matrix(mass, length)
+    smallest: Floats = np.linalg.eigvalsh(to_matrix(theta) / (s[..., :, None] * s[..., None, :]))[
+        ..., 0
+    ]
+    return smallest
+
+
+@dataclass(frozen=True)
+class BodyCheck:
+    """Whether ten numbers are a body, and in words why not.
+
+    Attributes
+    ----------
+    name : str
+    margin : float
+        Smallest eigenvalue of J in the body's own scale (`natural_scale`); ≥ −`BOUNDARY` when feasible.
+    feasible : bool
+    reason : str
+        One sentence; for a feasible body it says so.
+    """
+
+    name: str
+    margin: float
+    feasible: bool
+    reason: str
+
+
+def check_body(theta: ArrayLike, name: str) -> BodyCheck:
+    """Say whether the parameters of one body can belong to a mass distribution.
+
+    Parameters
+    ----------
+    theta : (10,) [kg m², kg m, kg]
+    name : str
+
+    Returns
+    -------
+    BodyCheck
+    """
+    values = np.asarray(theta, float)
+    if values.shape != (10,) or not np.isfinite(values).all():
+        raise ValueError(
+            f"{name}: expected ten finite inertial parameters {' '.join(INERTIAL)}, "
+            f"got {values.tolist()}; give the full set of the body."
+        )
+    value = float(margin(values, *natural_scale(values)))
+    feasible = value >= -BOUNDARY
+    reason = (
+        f"{name}: a body with these parameters exists." if feasible else _violation(values, name)
+    )
+    return BodyCheck(name, value, feasible, reason)
+
+
+def _violation(theta: Floats, name: str) -> str:
+    mass, first = theta[9], theta[6:9]
+    if mass <= 0:
+        what = "must be positive" if mass < 0 else "cannot be zero while its moments are not"
+        return f"{name}: mass {mass:.4g} kg {what}."
+    S = to_matrix(theta)[:3, :3] - np.outer(first, first) / mass  # about the centre of mass
+    moments, axes = np.linalg.eigh(S)
+    principal = moments.sum() - moments  # descending
+    axis = ", ".join(f"{x:.2f}" for x in axes[:, 0] * np.sign(axes[np.abs(axes[:, 0]).argmax(), 0]))
+    if principal.min() < 0:
+        return (
+            f"{name}: the principal moments about its centre of mass are "
+            f"{_list(principal)} kg m²; none may be negative."
+        )
+    return (
+        f"{name}: the principal moments about its centre of mass, {_list(principal)} kg m², break the "
+        f"triangle inequality: {principal[0]:.4g} > {principal[1]:.4g} + {principal[2]:.4g} "
+        f"(largest about the axis [{axis}])."
+    )
+
+
+def _list(values: Floats) -> str:
+    return ", ".join(f"{value:.4g}" for value in values)

@@ -1,0 +1,189 @@
+"""Is the posterior right? Simulation-based calibration on sufficient statistics, all replicates at once.
+
+If parameters are drawn from the prior, data from the parameters, and draws from the posterior of the data,
+then the rank of the true value among the draws is uniform [Talts2018]. The data need not be simulated
+sample by sample: the posterior sees only ``z`` and ``rss_min``. The chains are reversible, so the true value
+is put at a random place of its own chain, which makes the ranks uniform exactly, whatever the
+autocorrelation and without warm-up [Gandy2020].
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+from threadpoolctl import threadpool_limits
+
+from identifiability.posterior.exact import (
+    ExactSampler,
+    Progress,
+    build_sampler,
+    interior,
+)
+from identifiability.posterior.target import Diagonal, Target
+
+Floats = NDArray[np.float64]
+
+NOISE_DOF = 10.0
+"""Degrees of freedom of the inverse gamma from which replicates draw their noise variance."""
+
+PRIOR_STEPS = 60
+"""Transitions from the starting point to a draw of the prior on the physical set."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Ranks of true values among posterior draws.
+
+    Attributes
+    ----------
+    ranks : (replicates, p) int, from 0 to `draws`
+    draws : int
+    """
+
+    ranks: NDArray[np.int64]
+    draws: int
+
+    def p_values(self, bins: int = 16) -> Floats:
+        """Chi-square test that the ranks are uniform, a p-value a parameter.
+
+        Parameters
+        ----------
+        bins : int
+            Best a divisor of ``draws + 1``.
+
+        Returns
+        -------
+        (p,)
+        """
+        edges = np.linspace(0, self.draws + 1, bins + 1)
+        inside = np.histogram(np.arange(self.draws + 1), edges)[0] / (self.draws + 1)
+        found = np.array([np.histogram(column, edges)[0] for column in self.ranks.T])
+        return np.asarray(stats.chisquare(found, inside * len(self.ranks), axis=1).pvalue)
+
+
+def calibrate_posterior(
+    target: Target,
+    start: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    replicates: int = 1000,
+    draws: int = 31,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Rank true parameters among draws of their posterior, over replicates of the experiment.
+
+    Parameters
+    ----------
+    target : Target
+        With a proper prior; of its data only R, the size of the noise and dof count.
+    start : (p,)
+        Any point inside the physical set.
+    rng : numpy.random.Generator
+    replicates, draws : int
+    progress : callable, optional
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ValueError
+        When a prior is flat: no true value can be drawn from it.
+    """
+    if np.isinf(target.prior.sd).any():
+        raise ValueError(
+            "calibration: the prior is flat for some parameters; expected a finite sd for each, "
+            "since true values are drawn from it; state one."
+        )
+    sampler = build_sampler(target)
+    with threadpool_limits(1):
+        truth = _draw_prior(sampler, interior(target, sampler, start), replicates, rng)
+        own = ExactSampler(_observe(sampler, target, truth, rng), sampler.region)
+        value, below = target.to_phi(truth), np.zeros(truth.shape, np.int64)
+        place = rng.integers(0, draws + 1, replicates)
+        for wanted, offset in ((place, 0), (draws - place, draws)):
+            eta = truth
+            for i in range(draws):
+                eta = own.step(eta, rng)
+                below += (target.to_phi(eta) < value) & (i < wanted)[:, None]
+                if progress is not None:
+                    progress(offset + i + 1, 2 * draws)
+    return Calibration(below, draws)
+
+
+def sample_replicates(
+    target: Target,
+    z: Floats,
+    rss_min: Floats,
+    start: ArrayLike,
+    draws: int,
+    rng: np.random.Generator,
+    *,
+    warmup: int = 20,
+) -> Floats:
+    """Draw from the posteriors of many outcomes of one experiment, a chain each.
+
+    Parameters
+    ----------
+    target : Target
+        Its R, prior, physical set, dof and IACT hold for every outcome.
+    z : (K, r) [torque]
+    rss_min : (K,) [torque²]
+    start : (p,) or (K, p)
+        Inside the physical set and near the data.
+    draws : int
+    rng : numpy.random.Generator
+    warmup : int
+
+    Returns
+    -------
+    (K, draws, p)
+    """
+    prepared = build_sampler(target)
+    sampler = ExactSampler(target.replicates(z, rss_min), prepared.region)
+    points = np.broadcast_to(np.asarray(start, float), (len(z), target.size))
+    eta = np.array([interior(target, prepared, point) for point in points])
+    kept = np.empty((len(z), draws, target.size))
+    with threadpool_limits(1):
+        for i in range(-warmup, draws):
+            eta = sampler.step(eta, rng)
+            if i >= 0:
+                kept[:, i] = target.to_phi(eta)
+    return kept
+
+
+def _draw_prior(
+    sampler: ExactSampler, start: Floats, count: int, rng: np.random.Generator
+) -> Floats:
+    blind = replace(
+        sampler.model,
+        gain=np.zeros_like(sampler.model.gain),
+        signal=np.zeros_like(sampler.model.signal),
+        variance=1.0,
+    )
+    eta = np.repeat(start[None], count, axis=0)
+    prior = ExactSampler(blind, sampler.region)
+    for _ in range(PRIOR_STEPS):
+        eta = prior.step(eta, rng)
+    return eta
+
+
+def _observe(
+    sampler: ExactSampler, target: Target, eta: Floats, rng: np.random.Generator
+) -> Diagonal:
+    """Data of each replicate, and the posterior that knows how their noise variance was drawn."""
+    model, count = sampler.model, len(eta)
+    rank = np.count_nonzero(model.gain)
+    dof = 2 * model.shape - rank
+    if model.variance is not None:
+        v, known, shape = np.full(count, model.variance), 0.0, model.shape
+    else:
+        scale = NOISE_DOF * target.data.variance * target.iact
+        v = scale / rng.chisquare(NOISE_DOF, count)
+        known, shape = scale, model.shape + NOISE_DOF / 2
+    noise = np.sqrt(v)[:, None] * rng.standard_normal(eta.shape)
+    signal = np.where(model.gain > 0, model.gain * eta + noise, 0.0)
+    rest = v * rng.chisquare(dof, count) + known
+    return replace(model, signal=signal, rss_min=rest, shape=shape)

@@ -1,0 +1,167 @@
+"""The exit of a circular trajectory from the cone of pseudo-inertias.
+
+Along ``J(t) = M + A sin t + B cos t`` the first t with det J = 0 is a quadratic eigenvalue problem in
+``u = tan(t/2)``: ``u² (M − B) + 2u A + (M + B)``, whose matrix at u = 0 is J(0) ≻ 0, so that with v = 1/u it
+becomes an ordinary 8×8 eigenvalue problem, and the largest real positive v is the exit.
+
+Most bodies do not leave in a short stretch, and that is cheap to prove: the three Bernstein coefficients of
+the quadratic on [0, U] are positive definite. Only the others cost an eigenvalue problem.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identifiability.posterior.truncated import Bools, Circles, Floats, exit_through_rows
+
+SKIN = 1e-9
+"""Reflection happens where the smallest eigenvalue is this share of the trace: J(0) stays invertible."""
+
+GRAZE = 1e-6
+"""Longest step back to the skin [rad]."""
+
+HALVINGS = 8
+"""A stretch is halved while some body is outside at its middle: then few bodies need eigenvalues."""
+
+TRIANGLE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
+"""A symmetric matrix from its ten entries ``y[..., TRIANGLE]``."""
+
+UPPER = np.array([0, 1, 2, 3, 5, 6, 7, 10, 11, 15])
+"""The ten entries among the flattened sixteen."""
+
+
+@dataclass(frozen=True)
+class Cone:
+    """Rows ``y ≥ 0`` followed by ten entries a body of matrices that must stay positive definite.
+
+    Attributes
+    ----------
+    map : (m + 10 nb, p)
+    offset : (m + 10 nb,)
+    rows : int
+        ``m``
+    """
+
+    map: Floats
+    offset: Floats
+    rows: int
+
+    def contains(self, y: Floats) -> Bools:
+        """Whether points (K, M) are inside."""
+        J = y[:, self.rows :].reshape(len(y), -1, 10)[..., TRIANGLE]
+        inside: Bools = (y[:, : self.rows] >= 0).all(axis=1) & positive(J).all(axis=1)
+        return inside
+
+    def first_exit(self, path: Circles, limit: Floats) -> tuple[Floats, Bools, Floats]:
+        """First exit; see `truncated.Region`."""
+        m = self.rows
+        time, row = exit_through_rows(Circles(*(y[:, :m] for y in _parts(path))))
+        inward = np.zeros_like(path.centre)
+        hit = time < limit
+        inward[hit, row[hit]] = 1.0
+        time = np.minimum(time, limit)
+        M, A, B = (y[:, m:].reshape(len(limit), -1, 10)[..., TRIANGLE] for y in _parts(path))
+        limit = _bracket(M, A, B, time)
+        hit, time = hit & (time <= limit), np.minimum(time, limit)
+        chain, body, when = _crossings(M, A, B, time)
+        if chain.size:
+            first = np.unique(chain, return_index=True)[1]  # sorted by chain, then time
+            chain, body, when = chain[first], body[first], when[first]
+            t, null, leaves = _polish(M[chain, body], A[chain, body], B[chain, body], when)
+            time[chain] = t
+            hit[chain] = leaves
+            inward[chain] = 0.0
+            columns = m + 10 * body[:, None] + np.arange(10)
+            inward[chain[:, None], columns] = _gradient(null)
+        return time, hit, inward
+
+
+def _parts(path: Circles) -> tuple[Floats, Floats, Floats]:
+    return path.centre, path.sine, path.cosine
+
+
+def _bracket(M: Floats, A: Floats, B: Floats, limit: Floats) -> Floats:
+    """Shorter stretches (K,) that still hold the first exit of every chain, if it has one."""
+    upper, k = limit.copy(), np.arange(len(limit))
+    for _ in range(HALVINGS):
+        half = (upper[k] / 2)[:, None, None, None]
+        inside = positive(M[k] + A[k] * np.sin(half) + B[k] * np.cos(half)).all(axis=1)
+        k = k[~inside]
+        if not k.size:
+            break
+        upper[k] /= 2
+    return upper
+
+
+def _crossings(
+    M: Floats, A: Floats, B: Floats, limit: Floats
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
+    """Chains, bodies and times of all crossings before the limit, sorted by chain and time."""
+    U = np.tan(limit / 2)[:, None, None, None]
+    start = M + B
+    middle = start + U * A
+    end = middle + U * (A + U * (M - B))
+    chain, body = np.nonzero(~(positive(middle) & positive(end)))
+    u = _first_root(start[chain, body], A[chain, body], (M - B)[chain, body])
+    found = u < np.tan(limit / 2)[chain]
+    chain, body, u = chain[found], body[found], u[found]
+    order = np.lexsort((u, chain))
+    return chain[order], body[order], 2 * np.arctan(u[order])
+
+
+def _first_root(C0: Floats, C1: Floats, C2: Floats) -> Floats:
+    """Smallest positive u at which ``C0 + 2u C1 + u² C2`` is singular, infinite if none."""
+    if not len(C0):
+        return np.zeros(0)
+    # In a corner of the cone a path may start on the edge itself; the shift is far below the skin.
+    lifted = C0 + 1e-14 * np.trace(C0, axis1=1, axis2=2)[:, None, None] * np.eye(4)
+    companion = np.zeros((len(C0), 8, 8))
+    companion[:, :4] = -np.linalg.solve(lifted, np.concatenate([2 * C1, C2], axis=2))
+    companion[:, 4:, :4] = np.eye(4)
+    v = np.linalg.eigvals(companion)
+    real = (v.imag == 0) & (v.real > 0)  # LAPACK returns real eigenvalues exactly real
+    largest = np.where(real, v.real, 0.0).max(axis=1)
+    return np.divide(1.0, largest, out=np.full(len(v), np.inf), where=largest > 0)
+
+
+def _polish(M: Floats, A: Floats, B: Floats, t: Floats) -> tuple[Floats, Floats, Bools]:
+    """One Newton step to the skin of the cone: time, null vector, and whether the path leaves."""
+    sin, cos = np.sin(t)[:, None, None], np.cos(t)[:, None, None]
+    values, vectors = np.linalg.eigh(M + A * sin + B * cos)
+    null = vectors[:, :, 0]
+    rate = np.einsum("ki,kij,kj->k", null, A * cos - B * sin, null)
+    skin = SKIN * values.sum(axis=1)
+    leaves = rate < 0
+    step = np.divide(skin - values[:, 0], rate, out=np.zeros_like(t), where=leaves)
+    # A grazing path has no rate to divide by: its step back is cut short.
+    return np.clip(t + np.clip(step, -GRAZE, 0.0), 0.0, None), null, leaves
+
+
+def _gradient(null: Floats) -> Floats:
+    outer = null[:, :, None] * null[:, None, :]
+    gradient: Floats = outer.reshape(-1, 16)[:, UPPER] * np.where(UPPER % 5 == 0, 1.0, 2.0)
+    return gradient
+
+
+def positive(J: Floats) -> Bools:
+    """Whether symmetric matrices are positive definite, by their pivots.
+
+    Parameters
+    ----------
+    J : (..., n, n)
+
+    Returns
+    -------
+    (...) bool
+    """
+    rest = J
+    pivot = rest[..., 0, 0]
+    good: Bools = pivot > 0
+    for _ in range(J.shape[-1] - 1):
+        column = rest[..., 1:, 0]
+        safe = np.where(good, pivot, 1.0)[..., None]
+        rest = rest[..., 1:, 1:] - (column / safe)[..., :, None] * column[..., None, :]
+        pivot = rest[..., 0, 0]
+        good = good & (pivot > 0)
+    return good

@@ -1,0 +1,162 @@
+"""May a posterior be shown? Convergence between independent ensembles, and the sentence if not.
+
+The walkers of one ensemble may depend on each other, so the plain R-hat over walkers proves nothing. Nested
+R-hat [Margossian2024] compares ensembles that started apart; effective sample sizes [Vehtari2021] and the
+integrated autocorrelation time say whether there are enough draws.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from arviz_stats.base import array_stats
+from numpy.typing import NDArray
+
+from identifiability.posterior.ensemble import ENSEMBLES, Posterior
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What a posterior must satisfy to be shown.
+
+    Attributes
+    ----------
+    rhat : float
+        Largest nested R-hat [Vehtari2021, Margossian2024].
+    ess : float
+        Fewest effective draws, in the bulk and in the 5 % tails [Vehtari2021].
+    lengths : float
+        Fewest draws a walker in autocorrelation times, below which the time itself is not known
+        [Foreman-Mackey2013].
+    acceptance : float
+        Smallest accepted share of proposals.
+    """
+
+    rhat: float = 1.01
+    ess: float = 400.0
+    lengths: float = 50.0
+    acceptance: float = 0.1
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Whether a posterior may be shown.
+
+    Attributes
+    ----------
+    rhat, ess_bulk, ess_tail, tau : (p,)
+        `tau` in draws of one walker.
+    acceptance : float
+    reasons : tuple of str
+        Why the posterior may not be shown; empty when it may.
+    """
+
+    rhat: Floats
+    ess_bulk: Floats
+    ess_tail: Floats
+    tau: Floats
+    acceptance: float
+    reasons: tuple[str, ...]
+
+    @property
+    def trustworthy(self) -> bool:
+        """Whether the posterior may be shown."""
+        return not self.reasons
+
+
+def diagnose_convergence(
+    posterior: Posterior, names: Sequence[str] = (), thresholds: Thresholds | None = None
+) -> Convergence:
+    """Judge the draws of a posterior.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    names : (p,) str, optional
+        Parameter names, for the sentences.
+    thresholds : Thresholds, optional
+
+    Returns
+    -------
+    Convergence
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than four independent ensembles, or fewer than four draws.
+    """
+    limits = thresholds or Thresholds()
+    E, K, N, p = posterior.draws.shape
+    if E < ENSEMBLES or N < 4:
+        raise ValueError(
+            f"convergence: {E} ensembles of {N} draws were given; expected at least {ENSEMBLES} "
+            "independent ensembles of 4 draws; sample more."
+        )
+    chains = posterior.draws.reshape(E * K, N, p)
+    axes = {"chain_axis": 0, "draw_axis": 1}
+    members = np.repeat(np.arange(E), K)
+    rhat = np.asarray(array_stats.rhat_nested(chains, superchain_ids=members, **axes))
+    bulk = np.asarray(array_stats.ess(chains, method="bulk", **axes))
+    tail = np.asarray(array_stats.ess(chains, method="tail", prob=(0.05, 0.95), **axes))
+    tau = autocorrelation_time(chains)
+    labels = tuple(names) or tuple(f"parameter {j}" for j in range(p))
+    found = Convergence(rhat, bulk, tail, tau, posterior.acceptance, ())
+    return Convergence(
+        rhat, bulk, tail, tau, posterior.acceptance, _reasons(found, N, labels, limits)
+    )
+
+
+def autocorrelation_time(chains: Floats) -> Floats:
+    """Integrated autocorrelation time over all walkers, with Sokal's window [Foreman-Mackey2013].
+
+    Parameters
+    ----------
+    chains : (C, N, p)
+
+    Returns
+    -------
+    (p,), in draws; 1 for independent draws
+    """
+    N = chains.shape[1]
+    centred = chains - chains.mean(axis=(0, 1))
+    spectrum = np.abs(np.fft.rfft(centred, n=2 * N, axis=1)) ** 2
+    covariance = np.fft.irfft(spectrum.mean(axis=0), axis=0)[:N]
+    variance = np.where(covariance[0] > 0, covariance[0], 1.0)
+    time = 2 * np.cumsum(covariance / variance, axis=0) - 1
+    closed = np.arange(N)[:, None] >= 5 * time
+    window = np.where(closed.any(axis=0), closed.argmax(axis=0), N - 1)
+    tau: Floats = time[window, np.arange(chains.shape[2])]
+    return tau
+
+
+def _reasons(
+    found: Convergence, draws: int, names: Sequence[str], limits: Thresholds
+) -> tuple[str, ...]:
+    reasons = []
+    worst = int(np.argmax(np.nan_to_num(found.rhat, nan=np.inf)))
+    if not found.rhat[worst] <= limits.rhat:
+        reasons.append(
+            f"The ensembles disagree: nested R-hat of {names[worst]} is {found.rhat[worst]:.3f} "
+            f"(at most {limits.rhat:g}); sample longer."
+        )
+    for ess, where in ((found.ess_bulk, "bulk"), (found.ess_tail, "tail")):
+        j = int(np.argmin(np.nan_to_num(ess, nan=0.0)))
+        if not ess[j] >= limits.ess:
+            reasons.append(
+                f"Too few effective draws: {ess[j]:.0f} in the {where} of {names[j]} "
+                f"(at least {limits.ess:g}); sample longer."
+            )
+    j = int(np.argmax(found.tau))
+    if draws < limits.lengths * found.tau[j]:
+        reasons.append(
+            f"The chains are short: {draws} draws are {draws / found.tau[j]:.0f} autocorrelation times "
+            f"of {names[j]} (at least {limits.lengths:g}); sample longer."
+        )
+    if found.acceptance < limits.acceptance:
+        reasons.append(
+            f"Only {100 * found.acceptance:.1f} % of the proposals were accepted "
+            f"(at least {100 * limits.acceptance:g} %): the model differs too much from its Gaussian part."
+        )
+    return tuple(reasons)

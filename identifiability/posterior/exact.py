@@ -1,0 +1,177 @@
+"""Exact draws from a posterior: noise variance and parameters in turn, many chains at once.
+
+What to use when: `ExactSampler` alone is the fastest way to a posterior whose model is the one of `target`,
+and to many replicates of an experiment at once (calibration). `ensemble` runs it inside emcee, where other
+likelihoods and priors may be multiplied in, and where independent ensembles give the diagnostics.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
+
+from identifiability.posterior.cone import UPPER, Cone
+from identifiability.posterior.target import Diagonal, Target
+from identifiability.posterior.truncated import Bools, Floats, HalfSpaces, Region, travel
+
+Progress = Callable[[int, int], None]
+"""Called with the number of steps done and to do."""
+
+
+@dataclass(frozen=True)
+class ExactSampler:
+    """A transition that leaves the posterior unchanged, for K chains at once.
+
+    Attributes
+    ----------
+    model : Diagonal
+    region : Region
+    """
+
+    model: Diagonal
+    region: Region
+
+    def step(self, eta: Floats, rng: np.random.Generator) -> Floats:
+        """Move every chain once.
+
+        The step is reversible: drawing v given eta and then moving eta given v is a symmetric exchange.
+
+        Parameters
+        ----------
+        eta : (K, p)
+            Inside the region.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        (K, p)
+        """
+        mean, sd = self.model.conditional(self.model.draw_variance(eta, rng))
+        return travel(self.region, eta, mean, sd, rng)
+
+    def contains(self, eta: Floats) -> Bools:
+        """Whether coordinates (K, p) are inside the region."""
+        return self.region.contains(self.region.offset + eta @ self.region.map.T)
+
+    def disperse(
+        self, eta: Floats, count: int, rng: np.random.Generator, spread: float = 3.0
+    ) -> Floats:
+        """Starting points around an inner point, farther apart than the posterior is wide.
+
+        Parameters
+        ----------
+        eta : (p,)
+        count : int
+        rng : numpy.random.Generator
+        spread : float
+            In posterior standard deviations; shortened towards `eta` until inside.
+
+        Returns
+        -------
+        (count, p)
+        """
+        start = np.repeat(eta[None], count, axis=0)
+        _, sd = self.model.conditional(self.model.draw_variance(start, rng))
+        step = spread * sd * rng.standard_normal(start.shape)
+        for _ in range(60):
+            outside = ~self.contains(start + step)
+            if not outside.any():
+                break
+            step[outside] /= 2
+        return np.where(self.contains(start + step)[:, None], start + step, start)
+
+
+def build_sampler(target: Target) -> ExactSampler:
+    """Prepare the exact sampler of a posterior.
+
+    Parameters
+    ----------
+    target : Target
+
+    Returns
+    -------
+    ExactSampler
+    """
+    A, c, _ = target.region.rows
+    origin = target.proper_prior.mean
+    region: Region
+    if len(target.region.bodies):
+        entries = target.region.cone_map[:, UPPER].reshape(-1, target.size)
+        both = np.vstack([A, entries])
+        constant = np.concatenate([c, np.zeros(len(entries))])
+        region = Cone(both @ target.basis, both @ origin - constant, len(c))
+    else:
+        region = HalfSpaces(A @ target.basis, A @ origin - c)
+    return ExactSampler(target.diagonal, region)
+
+
+def sample_exact(
+    target: Target,
+    start: ArrayLike,
+    draws: int,
+    rng: np.random.Generator,
+    *,
+    chains: int = 64,
+    warmup: int = 20,
+    progress: Progress | None = None,
+) -> Floats:
+    """Draw from a posterior with the exact sampler alone.
+
+    Parameters
+    ----------
+    target : Target
+    start : (p,)
+        Inside the physical set and near the data: the projection with a margin (`physical.project`).
+    draws : int
+        Draws a chain.
+    rng : numpy.random.Generator
+    chains, warmup : int
+    progress : callable, optional
+
+    Returns
+    -------
+    (chains, draws, p)
+
+    Raises
+    ------
+    ValueError
+        When `start` is not inside the physical set.
+    """
+    sampler = build_sampler(target)
+    eta = np.repeat(interior(target, sampler, start)[None], chains, axis=0)
+    kept = np.empty((draws, chains, target.size))
+    with threadpool_limits(1):
+        for i in range(-warmup, draws):
+            eta = sampler.step(eta, rng)
+            if i >= 0:
+                kept[i] = target.to_phi(eta)
+            if progress is not None:
+                progress(i + warmup + 1, draws + warmup)
+    return kept.transpose(1, 0, 2)
+
+
+def interior(target: Target, sampler: ExactSampler, start: ArrayLike) -> Floats:
+    """Coordinates of a starting point that is inside.
+
+    Parameters
+    ----------
+    target : Target
+    sampler : ExactSampler
+    start : (p,)
+
+    Raises
+    ------
+    ValueError
+        When it is not; what is violated is said.
+    """
+    phi = np.asarray(start, float)
+    eta = target.to_eta(phi)
+    if not sampler.contains(eta[None])[0]:
+        found = " ".join(target.region.violations(phi)) or "It lies on the boundary of the set."
+        raise ValueError(
+            f"posterior: the starting point is not inside the physical set. {found} Expected an inner "
+            "point; use the projection with a margin, project(data, region, margin=1e-3).phi."
+        )
+    return eta

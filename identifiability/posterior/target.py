@@ -1,0 +1,235 @@
+"""The posterior of the parameters, in the coordinates where its Gaussian is diagonal.
+
+Likelihood: normal errors whose variance is unknown and marginalised, which leaves a Student-t in
+``‖R phi − z‖``, tempered by the integrated autocorrelation time (IACT) κ of the residual, since n
+correlated samples weigh as n/κ independent ones. With ``v = κ σ²``:
+
+    v | phi ~ InvGamma((ν + b) / 2, (‖R phi − z‖² + rss_min) / 2),   ν = dof / κ,   b = rank R
+    phi | v ~ Normal (least squares × prior), restricted to the physical set
+
+At κ = 1 this is the textbook posterior under the prior 1/σ² [Gelman2013, §14.2].
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.posterior.prior import Prior
+
+Floats = NDArray[np.float64]
+
+RANK = 1e-9
+"""Singular values of the column-scaled R below this share of the largest are null."""
+
+FLAT = 1e4
+"""A flat prior is a normal this many times wider than what data and other priors leave."""
+
+
+@dataclass(frozen=True)
+class Diagonal:
+    """The posterior without its constraints: a standard normal prior seen through diagonal data.
+
+    Attributes
+    ----------
+    gain : (p,) [torque]
+        Coordinate i is measured as ``signal[i] = gain[i] eta[i] + noise``; zero where the data are blind.
+    signal : (p,) or (K, p) [torque]
+        One data set, or one for each of K chains.
+    rss_min : float or (K,) [torque²]
+        What no parameters explain.
+    shape : float
+        ``(ν + b) / 2``, shape of the inverse gamma of the tempered noise variance.
+    variance : float, optional [torque²]
+        The tempered noise variance, when it is known.
+    """
+
+    gain: Floats
+    signal: Floats
+    rss_min: float | Floats
+    shape: float
+    variance: float | None
+
+    def conditional(self, v: Floats) -> tuple[Floats, Floats]:
+        """Gaussian of ``eta`` given the tempered noise variance.
+
+        Parameters
+        ----------
+        v : (K,) [torque²]
+
+        Returns
+        -------
+        mean, sd : (K, p)
+        """
+        precision = self.gain**2 + v[:, None]
+        return self.gain * self.signal / precision, np.sqrt(v[:, None] / precision)
+
+    def draw_variance(self, eta: Floats, rng: np.random.Generator) -> Floats:
+        """Draw the tempered noise variance given the parameters.
+
+        Parameters
+        ----------
+        eta : (K, p)
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        (K,) [torque²]
+        """
+        if self.variance is not None:
+            return np.full(len(eta), self.variance)
+        return self.rss(eta) / 2 / rng.gamma(self.shape, size=len(eta))
+
+    def log_density(self, eta: Floats) -> Floats:
+        """Logarithm of likelihood × prior ``(K,)`` of coordinates ``(K, p)``, up to a constant."""
+        prior = -0.5 * np.einsum("kp,kp->k", eta, eta)
+        if self.variance is not None:
+            return prior - self.rss(eta) / (2 * self.variance)
+        return prior - self.shape * np.log(self.rss(eta))
+
+    def rss(self, eta: Floats) -> Floats:
+        """Residual sum of squares ``(K,)`` [torque²] of coordinates ``(K, p)``."""
+        residual = self.signal - self.gain * eta
+        total: Floats = np.einsum("kp,kp->k", residual, residual) + self.rss_min
+        return total
+
+
+@dataclass(frozen=True)
+class Target:
+    """The posterior: what the data say, what was known, what is possible.
+
+    Attributes
+    ----------
+    data : LeastSquares
+    prior : Prior
+    region : PhysicalSet
+        May have no bodies: then only signs and bounds constrain.
+    iact : float
+        Integrated autocorrelation time of the residual [samples].
+    variance : float, optional [torque²]
+        Known noise variance of a sample; without it, it is marginalised.
+    """
+
+    data: LeastSquares
+    prior: Prior
+    region: PhysicalSet
+    iact: float = 1.0
+    variance: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check that all parts speak of the same parameters."""
+        sizes = (self.data.R.shape[1], self.prior.mean.size, self.region.size)
+        if len(set(sizes)) != 1:
+            raise ValueError(
+                f"posterior: data, prior and physical set of {sizes} parameters were given; "
+                "expected the same number; build them from one model."
+            )
+        if not self.iact > 0:
+            raise ValueError(f"posterior: IACT {self.iact:g} was given; expected a positive number.")
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return self.prior.mean.size
+
+    @cached_property
+    def proper_prior(self) -> Prior:
+        """The prior, with flat parts replaced by normals too wide to matter."""
+        return make_proper(self.data, self.prior)
+
+    @cached_property
+    def rotation(self) -> tuple[Floats, Floats, Floats]:
+        """Singular value decomposition of ``R diag(sd)``: U (r, r), s (min(r, p),), Vᵀ (p, p)."""
+        U, s, Vt = np.linalg.svd(self.data.R * self.proper_prior.sd, full_matrices=True)
+        return U, s, Vt
+
+    @cached_property
+    def basis(self) -> Floats:
+        """(p, p): ``phi = mean + basis @ eta``."""
+        return self.proper_prior.sd[:, None] * self.rotation[2].T
+
+    @cached_property
+    def diagonal(self) -> Diagonal:
+        """The Gaussian part in coordinates ``eta``."""
+        U, s, _ = self.rotation
+        rank = numerical_rank(self.data.R)
+        gain = np.zeros(self.size)
+        gain[:rank] = s[:rank]
+        tempered = None if self.variance is None else self.variance * self.iact
+        blank = Diagonal(gain, gain, 0.0, (self.data.dof / self.iact + rank) / 2, tempered)
+        return self._observe(blank, self.data.z, self.data.rss_min, U, rank)
+
+    def replicates(self, z: Floats, rss_min: Floats) -> Diagonal:
+        """The same experiment with other outcomes, one a chain.
+
+        Parameters
+        ----------
+        z : (K, r) [torque]
+        rss_min : (K,) [torque²]
+        """
+        U, rank = self.rotation[0], int(np.count_nonzero(self.diagonal.gain))
+        return self._observe(self.diagonal, z, rss_min, U, rank)
+
+    def _observe(
+        self, blank: Diagonal, z: Floats, rss_min: float | Floats, U: Floats, rank: int
+    ) -> Diagonal:
+        seen = (z - self.data.R @ self.proper_prior.mean) @ U
+        signal = np.zeros((*z.shape[:-1], self.size))
+        signal[..., :rank] = seen[..., :rank]
+        floor = 1e-6 * self.data.unit**2  # noise-free data leave nothing to estimate a variance from
+        rest = np.maximum(np.sum(seen[..., rank:] ** 2, axis=-1) + rss_min, floor)
+        return replace(blank, signal=signal, rss_min=rest)
+
+    def to_phi(self, eta: Floats) -> Floats:
+        """Parameters ``(..., p)`` of coordinates ``(..., p)``."""
+        phi: Floats = self.proper_prior.mean + eta @ self.basis.T
+        return phi
+
+    def to_eta(self, phi: Floats) -> Floats:
+        """Coordinates ``(..., p)`` of parameters ``(..., p)``."""
+        prior = self.proper_prior
+        eta: Floats = ((phi - prior.mean) / prior.sd) @ self.rotation[2].T
+        return eta
+
+
+def make_proper(data: LeastSquares, prior: Prior) -> Prior:
+    """Replace flat priors by normals so wide that they carry 1e-8 of the information.
+
+    Parameters
+    ----------
+    data : LeastSquares
+    prior : Prior
+
+    Raises
+    ------
+    ValueError
+        When a parameter with a flat prior is not determined by the data.
+    """
+    flat = np.isinf(prior.sd)
+    if not flat.any():
+        return prior
+    known = np.where(flat, 0.0, 1 / prior.sd)
+    stacked = np.vstack([data.R / data.unit, np.diag(known)])
+    norms = np.linalg.norm(stacked, axis=0)
+    norms = np.where(norms > 0, norms, 1.0)
+    U, s, Vt = np.linalg.svd(stacked / norms, full_matrices=False)
+    null = s <= RANK * s[0]
+    if null.any():
+        free = np.flatnonzero(flat & (np.abs(Vt[null]).max(axis=0) > 1e-6)).tolist()
+        raise ValueError(
+            f"posterior: neither the data nor the prior determine the parameters {free}, so it does not "
+            "exist; expected a finite prior sd for what the motion does not excite; state one."
+        )
+    spread = np.linalg.norm(Vt.T / s, axis=1) / norms
+    best = Vt.T @ ((U.T @ np.concatenate([data.z / data.unit, known * prior.mean])) / s) / norms
+    return Prior(np.where(flat, best, prior.mean), np.where(flat, FLAT * spread, prior.sd))
+
+
+def numerical_rank(R: Floats) -> int:
+    """Rank of the column-scaled matrix ``(r, p)``."""
+    norms = np.linalg.norm(R, axis=0)
+    s = np.linalg.svd(R[:, norms > 0] / norms[norms > 0], compute_uv=False)
+    return int(np.sum(s > RANK * s[0])) if s.size else 0

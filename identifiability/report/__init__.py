@@ -1,0 +1,62 @@
+"""Reports: results in, one self-contained HTML file out.
+
+What to use when: `write_analysis_report` for an `Analysis`; `write_page` for everything else: a
+statement, and sections made of `Table` (or `frame_table` of a DataFrame, with `Check` cells),
+`Picture` of a Matplotlib figure, `Prose`, `Notes`, `Terms`, `Gallery` and `Fold`. Figures that
+follow the page's light and dark colours are in `identifiability.report.figures`.
+
+Example
+-------
+>>> import pandas as pd
+>>> frame = pd.DataFrame({"model": ["Model 4"], "ε_RA": [Check("4.5 %", True, "4.5 ± 0.2")]})
+>>> section = Section("table-3", "Table 3", "Noise", (frame_table(frame),))
+>>> "4.5 ± 0.2" in render_page(Page("Noise", "All rows pass.", (section,)))
+True
+"""
+
+from identifiability.report.analysis_report import build_analysis_page, write_analysis_report
+from identifiability.report.blocks import (
+    Block,
+    Fold,
+    Gallery,
+    Note,
+    Notes,
+    Picture,
+    Prose,
+    Section,
+    Term,
+    Terms,
+    Tile,
+)
+from identifiability.report.drawing import COLOURS, canvas, drawn, plain, svg
+from identifiability.report.page import Page, render_page, write_page
+from identifiability.report.tables import Cell, Check, Column, Table, frame_table
+
+__all__ = [
+    "COLOURS",
+    "Block",
+    "Cell",
+    "Check",
+    "Column",
+    "Fold",
+    "Gallery",
+    "Note",
+    "Notes",
+    "Page",
+    "Picture",
+    "Prose",
+    "Section",
+    "Table",
+    "Term",
+    "Terms",
+    "Tile",
+    "build_analysis_page",
+    "canvas",
+    "drawn",
+    "frame_table",
+    "plain",
+    "render_page",
+    "svg",
+    "write_analysis_report",
+    "write_page",
+]

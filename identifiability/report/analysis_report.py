@@ -1,0 +1,65 @@
+"""The report on an `Analysis`: the answer first, then what it rests on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from identifiability.analysis import Analysis
+from identifiability.output import write_text
+from identifiability.report.numbers import format_count
+from identifiability.report.page import Page, render_page
+from identifiability.report.sections import (
+    answer_notes,
+    answer_terms,
+    answer_tiles,
+    section_full_model,
+    section_ladder,
+    section_parameters,
+    section_prediction,
+    section_preparation,
+    section_provenance,
+    section_residuals,
+    section_structure,
+    section_terms,
+)
+
+SECTIONS = (
+    section_parameters,
+    section_ladder,
+    section_prediction,
+    section_residuals,
+    section_structure,
+    section_full_model,
+    section_preparation,
+    section_terms,
+    section_provenance,
+)
+
+
+def build_analysis_page(analysis: Analysis) -> Page:
+    """Return the report as a page of blocks, to look at or to extend."""
+    robot = analysis.robot
+    logs = format_count(len(analysis.samples), "log")
+    subtitle = (
+        f"{robot.path.name} · {format_count(len(robot.joints), 'actuated joint')} · {logs} with "
+        f"{format_count(analysis.information.samples, 'sample')}"
+    )
+    return Page(
+        title=robot.title or robot.name,
+        statement=analysis.statement,
+        sections=tuple(section(analysis) for section in SECTIONS),
+        overline="Identifiability report",
+        subtitle=subtitle,
+        tiles=answer_tiles(analysis),
+        summary=(answer_terms(analysis), answer_notes(analysis)),
+    )
+
+
+def write_analysis_report(analysis: Analysis, path: str | Path) -> Path:
+    """Write the report on an analysis as one self-contained HTML file, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+    """
+    return write_text(path, render_page(build_analysis_page(analysis)))

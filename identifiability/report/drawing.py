@@ -1,0 +1,228 @@
+"""Figures in the page's style, and the one way from a Matplotlib figure to inline SVG.
+
+Colours are those of the light page; `svg` turns each into a variable of the style sheet, so that
+one figure serves the light and the dark page.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import re
+import unicodedata
+import warnings
+from collections.abc import Callable, Sequence
+from functools import wraps
+from itertools import pairwise
+from typing import Any, ParamSpec
+
+import matplotlib as mpl
+import numpy as np
+from markupsafe import Markup, escape
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+
+from identifiability.names import Array
+
+INK, MUTED, LINE, SURFACE = "#1c2329", "#5a6570", "#dfe3e7", "#ffffff"
+
+#: The palette: colours of the light page by the name of the style sheet's variable.
+COLOURS = {
+    "ink": INK,
+    "muted": MUTED,
+    "line": LINE,
+    "surface": SURFACE,
+    "blue": "#0067a5",
+    "green": "#00785a",
+    "amber": "#8f5a00",
+    "vermilion": "#b84600",
+    "purple": "#9c4f80",
+    "sky": "#20709c",
+    "grey": "#5f6a74",
+}
+
+STYLE: Any = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 11,
+    "text.color": INK,
+    "axes.edgecolor": MUTED,
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.labelcolor": MUTED,
+    "axes.labelsize": 11,
+    "axes.linewidth": 0.8,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 12,
+    "axes.titlelocation": "left",
+    "axes.unicode_minus": True,
+    "axes.formatter.use_mathtext": False,
+    "figure.facecolor": "none",
+    "grid.color": LINE,
+    "grid.linewidth": 0.8,
+    "legend.fontsize": 10.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.4,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelsize": 10.5,
+    "ytick.labelsize": 10.5,
+    "xtick.major.size": 0,
+    "ytick.major.size": 0,
+    "xtick.minor.size": 0,
+    "ytick.minor.size": 0,
+    "xtick.major.pad": 5,
+    "ytick.major.pad": 5,
+    "path.simplify": True,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "identifiability",
+}
+
+_VARIABLE = {colour: f"var(--{name})" for name, colour in COLOURS.items()} | {
+    "#000000": "var(--ink)"
+}
+
+#: Settings that act when a figure is saved, not when it is drawn.
+_SAVED = ("axes.unicode_minus", "path.simplify", "svg.fonttype", "svg.hashsalt")
+
+P = ParamSpec("P")
+
+
+def drawn(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Draw in the page's style, whatever the user's Matplotlib settings are."""
+
+    @wraps(draw)
+    def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with mpl.rc_context(STYLE):
+            return draw(*args, **kwargs)
+
+    return styled
+
+
+def canvas(
+    width: float,
+    height: float,
+    margins: tuple[float, float, float, float] = (58, 12, 30, 38),
+    ratios: Sequence[float] = (1,),
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with axes one above the other.
+
+    Parameters
+    ----------
+    width, height : float [px]
+    margins : (left, right, top, bottom) [px]
+    ratios : sequence of float
+        Relative heights of the axes, which share x.
+    """
+    left, right, top, bottom = margins
+    figure = Figure(figsize=(width / 72, height / 72), dpi=72)
+    grid = {
+        "left": left / width, "right": 1 - right / width, "top": 1 - top / height,
+        "bottom": bottom / height, "height_ratios": ratios, "hspace": 0.14,
+    }  # fmt: skip
+    axes = figure.subplots(len(ratios), 1, sharex=True, squeeze=False, gridspec_kw=grid)
+    return figure, list(axes[:, 0])
+
+
+def plain(name: str, most: int = 28) -> str:
+    """Return a name from a file so that it is drawn as it stands: no mathtext, one line, short."""
+    name = "".join(" " if unicodedata.category(c).startswith("C") else c for c in name)
+    if len(name) > most:
+        name = f"{name[: most // 2]}…{name[-(most - most // 2 - 1) :]}"
+    return name.replace("$", r"\$")
+
+
+def label_width(names: Sequence[str]) -> float:
+    """Return the room that row labels need [px]."""
+    return 16 + 6.5 * max((len(plain(n)) for n in names), default=0)
+
+
+def strokes(axes: Axes, starts: Array, ends: Array, colour: str, **style: Any) -> None:
+    """Draw straight strokes between points (N, 2) as one path, whatever their number."""
+    path = Path(
+        np.stack([starts, ends], 1).reshape(-1, 2), np.tile([Path.MOVETO, Path.LINETO], len(starts))
+    )
+    path.should_simplify = False  # else strokes without length are dropped
+    axes.add_patch(PathPatch(path, edgecolor=colour, facecolor="none", **style))
+
+
+def dots(
+    axes: Axes, x: Array, y: Array, colour: str, size: float = 2.4, alpha: float = 0.5
+) -> None:
+    """Draw points as strokes without length, a tenth of the size of markers."""
+    points = np.stack([x, y], 1)
+    strokes(axes, points, points, colour, linewidth=size, capstyle="round", alpha=alpha)
+    axes.autoscale_view()
+
+
+def thin(t: Array, y: Array, most: int) -> tuple[Array, Array]:
+    """Return at most `most` points of a line that keep its peaks: least and largest of each bin."""
+    if len(y) <= most:
+        return t, y
+    edges = np.linspace(0, len(y), max(most // 2, 1) + 1).astype(int)
+    found = [
+        sorted({a + int(np.argmin(y[a:b])), a + int(np.argmax(y[a:b]))}) for a, b in pairwise(edges)
+    ]
+    rows = np.concatenate([np.array(f) for f in found])
+    return t[rows], y[rows]
+
+
+def svg(figure: Figure, alt: str = "") -> Markup:
+    """Return a figure as inline SVG: no fixed size, no date, colours from the style sheet.
+
+    The same figure gives the same text. Its identifiers are prefixed with a hash of it, so that
+    figures on one page do not share them.
+    """
+    stream = io.StringIO()
+    settings: Any = {k: STYLE[k] for k in _SAVED}
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    with mpl.rc_context(settings), warnings.catch_warnings():
+        # The browser has glyphs that the font which text is measured with may lack.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        figure.savefig(stream, format="svg", transparent=True, dpi=72, metadata=nothing)
+    text = stream.getvalue()
+    body = text[text.index(">", text.index("<svg")) + 1 :].replace("</svg>", "").strip()
+    body = re.sub(r"<style.*?</style>", "", body, flags=re.DOTALL)
+    key = hashlib.sha256(body.encode()).hexdigest()[:8]
+    classes: dict[str, str] = {}
+    body = re.sub(r"<[a-zA-Z][^<>]*>", lambda m: _clean_tag(m[0], key, classes), body)
+    body = re.sub(r">\s+<", "><", body)
+    rules = "".join(f".{name}{{{style}}}" for style, name in classes.items())
+    width, height = (round(72 * x) for x in figure.get_size_inches())
+    return Markup(
+        f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(alt)}">'
+        f"<style>{rules}</style>{body}</svg>"
+    )
+
+
+def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
+    """Return an SVG tag in the page's terms: short numbers, own identifiers, its colours.
+
+    Styles that repeat become `classes`, which halves the size of a figure.
+    """
+    if tag.startswith("<g "):
+        tag = re.sub(r'\s+id="[^"]*"', "", tag)
+    tag = re.sub(r'\bid="([^"]*)"', rf'id="{key}-\1"', tag)
+    tag = re.sub(r'xlink:href="#', f'href="#{key}-', tag).replace("url(#", f"url(#{key}-")
+    tag = re.sub(r"\s*font-family:[^;\"]*;?", "", tag)
+    tag = re.sub(r"\.(\d\d)\d+", r".\1", tag)
+    tag = re.sub(r' transform="rotate\(-?0 [^"]*"', "", tag)
+    tag = re.sub(r"#[0-9a-f]{6}\b", lambda m: _VARIABLE.get(m[0], m[0]), tag)
+    tag = re.sub(r"\s+", " ", tag).replace(' "', '"')
+    tag = re.sub(r'\bd="([^"C]*)"', lambda m: f'd="{_shorten_path(m[1])}"', tag)
+
+    def name(style: re.Match[str]) -> str:
+        return f'class="{classes.setdefault(style[1], f"s{key}-{len(classes)}")}"'
+
+    return re.sub(r'\bstyle="([^"]*)"', name, tag)
+
+
+def _shorten_path(d: str) -> str:
+    """Return a path of straight lines with fewer letters, and a long one to a tenth of a pixel."""
+    if len(d) > 800:
+        d = re.sub(r"(\.\d)\d", r"\1", d)
+    d = re.sub(r"M (\S+ \S+) L \1(?= |$)", r"M\1h0", d)
+    return re.sub(r" ?L ", " ", d).replace("M ", "M")

@@ -1,0 +1,132 @@
+"""How well each parameter is known, and how far it lies from what the robot file states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from identifiability.names import Array
+from identifiability.report.drawing import COLOURS, INK, MUTED, SURFACE, drawn, strokes
+from identifiability.report.figures.rows import log_scale, row_canvas, row_lines, top_label
+from identifiability.report.marks import mark_of
+
+#: Relative standard deviations above this are drawn at the edge [%].
+MOST_PERCENT = 1e4
+
+#: Distances above this many σ are drawn at the edge.
+MOST_SIGMA = 6.0
+
+
+def precision_order(robust: Array) -> np.ndarray:
+    """Return the order of parameters from best to least known, (k,)."""
+    return np.argsort(np.where(np.isnan(robust), np.inf, robust), kind="stable")
+
+
+@drawn
+def draw_precision(
+    names: Sequence[str],
+    white: Array,
+    robust: Array,
+    verdicts: Sequence[str],
+    limit: float,
+    paper_limit: float,
+) -> Figure:
+    """Draw relative standard deviations on a log axis, best known first, with both limits.
+
+    Parameters
+    ----------
+    names : sequence of str
+    white, robust : (k,) [%]
+        σ under white and under autocorrelated noise, relative to the value; infinite where not
+        determined.
+    verdicts : sequence of str
+    limit, paper_limit : float [%]
+        Of the verdicts (for `robust`) and of the 10× rule (for `white`).
+    """
+    order = precision_order(robust)
+    figure, axes = row_canvas([names[k] for k in order], top=48)
+    known = np.concatenate([white, robust, [limit, paper_limit]])
+    known = known[np.isfinite(known) & (known > 0)]
+    low = max(min(float(known.min(initial=limit)) / 1.8, 0.8), 1e-6)
+    high = float(np.clip(known.max(initial=limit) * 2.2, 10 * limit, MOST_PERCENT))
+    log_scale(axes, low, high)
+    axes.axvspan(low, limit, color=COLOURS["blue"], alpha=0.06, linewidth=0)
+    row_lines(axes, len(order))
+    for kind in dict.fromkeys(verdicts):
+        rows = np.array([r for r, k in enumerate(order) if verdicts[k] == kind])
+        _precision_rows(axes, rows, white[order[rows]], robust[order[rows]], kind)
+    axes.axvline(limit, color=INK, linewidth=1)
+    top_label(axes, limit, f"limit {limit:g} % (robust)", INK)
+    if np.isfinite(paper_limit) and low < paper_limit < high:
+        axes.axvline(paper_limit, color=MUTED, linewidth=1, linestyle=(0, (4, 3)))
+        top_label(axes, paper_limit, "10 × least (white)", MUTED, level=1)
+    axes.set_xlabel("standard deviation relative to the value [%]")
+    return figure
+
+
+def _precision_rows(axes: Axes, rows: np.ndarray, white: Array, robust: Array, kind: str) -> None:
+    colour = COLOURS[mark_of(kind).tone]
+    low, high = axes.get_xlim()
+    seen = robust < high
+    beyond = rows[~seen]
+    axes.plot(np.full(len(beyond), high), beyond, ">", color=colour, markersize=6, clip_on=False)
+    rows, white, robust = rows[seen], np.maximum(white[seen], low), np.maximum(robust[seen], low)
+    strokes(axes, np.stack([white, rows], 1), np.stack([robust, rows], 1), colour, linewidth=1.2)
+    axes.plot(white, rows, "|", color=colour, markersize=8, markeredgewidth=1.2)
+    draw_marks(axes, robust, rows, kind)
+
+
+def draw_marks(axes: Axes, x: Array, y: Array, kind: str, size: float = 7) -> None:
+    """Draw the mark of a verdict at some points."""
+    mark = mark_of(kind)
+    axes.plot(
+        x, y, marker=mark.marker, fillstyle=mark.fill, color=COLOURS[mark.tone],
+        markerfacecoloralt=SURFACE, markersize=size, linestyle="none", zorder=3,
+        markeredgewidth=1.6 if mark.marker == "x" else 1.2,
+    )  # fmt: skip
+
+
+@drawn
+def draw_pulls(
+    names: Sequence[str], pulls: Array, robust: Array, verdicts: Sequence[str], stated: str
+) -> Figure:
+    """Draw how many σ the estimate lies from a stated value, in the order of `draw_precision`.
+
+    Parameters
+    ----------
+    names : sequence of str
+    pulls : (k,)
+        ``(estimate - stated) / σ_robust``; NaN where nothing is stated.
+    robust : (k,) [%]
+        Decides the order.
+    verdicts : sequence of str
+    stated : str
+        Whose value it is, for the label.
+    """
+    order = precision_order(robust)
+    figure, axes = row_canvas([names[k] for k in order], top=48)
+    axes.set_xlim(-MOST_SIGMA - 0.5, MOST_SIGMA + 0.5)
+    axes.axvspan(-1.96, 1.96, color=COLOURS["grey"], alpha=0.1, linewidth=0)
+    axes.axvline(0, color=INK, linewidth=1)
+    row_lines(axes, len(order))
+    for kind in dict.fromkeys(verdicts):
+        rows = np.array([r for r, k in enumerate(order) if verdicts[k] == kind])
+        known = np.isfinite(pulls[order[rows]])
+        _pull_rows(axes, rows[known], pulls[order[rows[known]]], kind)
+    top_label(axes, 0, f"value in {stated}", INK)
+    axes.set_xlabel("estimate less stated value [σ robust]")
+    return figure
+
+
+def _pull_rows(axes: Axes, rows: np.ndarray, pulls: Array, kind: str) -> None:
+    colour = COLOURS[mark_of(kind).tone]
+    for marker, beyond in ((">", pulls > MOST_SIGMA), ("<", pulls < -MOST_SIGMA)):
+        x = np.copysign(np.full(int(beyond.sum()), MOST_SIGMA + 0.25), pulls[beyond])
+        axes.plot(x, rows[beyond], marker, color=colour, markersize=6, clip_on=False)
+    near = np.abs(pulls) <= MOST_SIGMA
+    ends = np.stack([pulls[near], rows[near]], 1)
+    strokes(axes, ends * [0, 1], ends, colour, linewidth=1.2)
+    draw_marks(axes, pulls[near], rows[near], kind)

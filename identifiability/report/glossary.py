@@ -1,0 +1,84 @@
+"""What the words of the reports mean, and where they come from."""
+
+from __future__ import annotations
+
+from identifiability.report.blocks import Term
+
+VERDICTS = (
+    Term(
+        "identifiable",
+        "Known well: its robust σ is below the limit, its sign is certain, and resampled logs "
+        "agree. It may be used.",
+        "identifiable",
+    ),
+    Term("weak", "Its sign is certain, its size is not.", "weak"),
+    Term(
+        "negligible",
+        "Known to be about zero for this motion: nothing in its interval moves the torque "
+        "noticeably. It may be left out. Not the same as unknown.",
+        "negligible",
+    ),
+    Term(
+        "not identifiable",
+        "The logs do not determine it: zero and the other sign fit as well, or the motion cannot "
+        "tell it from others.",
+        "not identifiable",
+    ),
+)
+
+GLOSSARY = (
+    *VERDICTS,
+    Term(
+        "ε_RA",
+        "Relative torque error: what a model leaves, relative to how much the torque τ varies "
+        "about its mean; τ̂ is the prediction, sums and mean run over samples and joints alike. On unseen motion "
+        "it says what a prediction is worth, on fitted motion only how well the model bends "
+        "[Díaz-Rodríguez et al. 2010, eq. 18].",
+        formula="ε_RA = Σ |τ̂ − τ| ∕ Σ |τ − mean τ|",
+    ),
+    Term(
+        "σ white",
+        "Standard deviation of an estimate if residuals were independent from sample to sample.",
+        formula="σ² = s² · diag (WᵀW)⁻¹",
+    ),
+    Term(
+        "σ_robust",
+        "The same when residuals resemble their predecessors, so that there are fewer independent "
+        "samples than rows. The larger of two estimates: white σ times the root of the "
+        "autocorrelation time, and the spread of refits to resampled blocks of time. Verdicts "
+        "rest on it.",
+        formula="σ_robust = max (σ · √(autocorrelation time), σ of the block bootstrap)",
+    ),
+    Term(
+        "autocorrelation time",
+        "Number of consecutive samples that count as one independent sample; 1 for white noise.",
+        formula="1 + 2 Σ ρ(lag)",
+    ),
+    Term(
+        "10× rule",
+        "The literature's rule: a parameter is identified if its white σ in percent is below ten "
+        "times the smallest of the model [Khalil & Dombre 2002]. It is relative to the best "
+        "parameter, so it gets looser as noise grows; it is shown beside the verdict, never "
+        "instead of it.",
+    ),
+    Term(
+        "base parameter",
+        "A combination of masses, moments and friction that can be told apart by torque at all; "
+        "it bears the name of one member of its group.",
+    ),
+    Term(
+        "condition number",
+        "Largest over smallest singular value of the regressor with columns of equal length: how "
+        "much the least favourable combination magnifies errors.",
+    ),
+    Term(
+        "physically possible",
+        "No mass, diagonal inertia, friction level or rotor inertia of the model is negative.",
+    ),
+    Term(
+        "rounding",
+        "The three highest digits of σ decide: up to 354 it keeps two digits, from 355 to 949 one, "
+        "above it is rounded up to 1000 and keeps two; the value ends at the same decimal place "
+        "[Particle Data Group 2024, sec. 5.3]. Results in JSON are not rounded.",
+    ),
+)

@@ -1,0 +1,48 @@
+"""How a verdict looks, in tables and figures alike: colour and symbol, never colour alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Tone = Literal["blue", "green", "amber", "vermilion", "purple", "sky", "grey"]
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The look of a class.
+
+    Attributes
+    ----------
+    tone : str
+        Colour of the colour-blind-safe palette [Okabe & Ito 2008].
+    symbol : str
+        Stands before the word.
+    marker, fill : str
+        The same in Matplotlib's terms.
+    """
+
+    tone: Tone
+    symbol: str
+    marker: str = "o"
+    fill: Literal["full", "left", "none"] = "full"
+
+
+MARKS = {
+    "identifiable": Mark("blue", "●"),
+    "weak": Mark("amber", "◐", "o", "left"),
+    "negligible": Mark("grey", "○", "o", "none"),
+    "not identifiable": Mark("vermilion", "✕", "x"),
+    "constraint-determined": Mark("purple", "◆", "D"),
+    "prior-dominated": Mark("sky", "◇", "D", "none"),
+    "pass": Mark("green", "✓"),
+    "differs": Mark("vermilion", "✕", "x"),
+    "not checked": Mark("grey", "○", "o", "none"),
+}
+
+_OTHER = Mark("grey", "·", ".")
+
+
+def mark_of(kind: str) -> Mark:
+    """Return the look of a verdict, or a neutral one for a word that has none."""
+    return MARKS.get(kind, _OTHER)

@@ -1,0 +1,132 @@
+"""Numbers as text: the only place where results are rounded."""
+
+from __future__ import annotations
+
+import math
+from decimal import ROUND_HALF_EVEN, Decimal
+
+#: What stands where there is no number.
+NONE = "—"
+
+#: Digits of a value whose σ is (nearly) zero.
+DIGITS = 8
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def format_measured(value: float, sigma: float) -> tuple[str, str]:
+    """Return a value and its standard deviation, rounded together [PDG 2024, sec. 5.3].
+
+    The three highest digits of σ decide: up to 354 it keeps two digits, from 355 on one, from 950
+    on it becomes 1000 and keeps two. The value ends at the same decimal place.
+
+    Examples
+    --------
+    >>> format_measured(0.8272, 0.1192)
+    ('0.83', '0.12')
+    >>> format_measured(-61.27, 46.28)
+    ('−60', '50')
+    >>> format_measured(0.0, float("inf"))
+    ('—', '—')
+    """
+    if not (math.isfinite(value) and math.isfinite(sigma)):
+        return NONE, NONE
+    size = max(abs(value), sigma)
+    if sigma <= size * 10.0**-DIGITS:
+        return format_number(value, DIGITS), format_number(sigma, 2)
+    power = _exponent(size)
+    if -4 < power < 6:
+        power = 0
+    place = _last_place(sigma) - power
+    tail = f"·10{_superscript(power)}" if power else ""
+    shifted = (Decimal(repr(x)).scaleb(-power) for x in (value, sigma))
+    first, second = (_fixed(x, place) + tail for x in shifted)
+    return first, second
+
+
+def format_number(value: float | None, digits: int = 4, *, pad: bool = False) -> str:
+    """Return a number with some significant digits, with a power of ten where it is far from 1.
+
+    Parameters
+    ----------
+    value : float or None
+    digits : int
+    pad : bool
+        Keep zeros at the end, so that numbers below each other end at comparable digits.
+
+    Examples
+    --------
+    >>> format_number(-0.39517, 3), format_number(228.0), format_number(3.2e-9, 2)
+    ('−0.395', '228', '3.2·10⁻⁹')
+    >>> format_number(3499.6, 3), format_number(4.5, 3, pad=True)
+    ('3500', '4.50')
+    """
+    if value is None or not math.isfinite(value):
+        return NONE
+    if value == 0:
+        return "0"
+    power = _exponent(float(f"{abs(value):.{digits - 1}e}"))
+    tail = ""
+    if not -5 < power < 6:
+        value, tail, power = value / 10.0**power, f"·10{_superscript(power)}", 0
+    text = f"{round(value, digits - 1 - power):.{max(0, digits - 1 - power)}f}"
+    if not pad and "." in text:
+        text = text.rstrip("0").rstrip(".")
+    return text.replace("-", "−") + tail
+
+
+def format_percent(value: float | None) -> str:
+    """Return a percentage to two digits, without its sign.
+
+    Examples
+    --------
+    >>> [format_percent(x) for x in (0.7064, 20.03, 621.2, 3e7, float("inf"))]
+    ['0.71', '20', '621', '> 9999', '—']
+    """
+    if value is None or not math.isfinite(value):
+        return NONE
+    if value > 9999:
+        return "> 9999"
+    return f"{value:.0f}" if value >= 9.95 else _two_digits(value)
+
+
+def format_count(count: int, noun: str, plural: str = "") -> str:
+    """Return ``1 sample``, ``2 samples``."""
+    return f"{count:,} {noun if count == 1 else plural or noun + 's'}".replace(",", "\u2009")
+
+
+def join(names: list[str] | tuple[str, ...], most: int = 6) -> str:
+    """Return ``a, b and c``, or the first few and how many more."""
+    names = list(names)
+    if len(names) > most:
+        return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _superscript(power: int) -> str:
+    return str(power).translate(_SUPERSCRIPT)
+
+
+def _exponent(x: float) -> int:
+    return math.floor(math.log10(x)) if x > 0 else 0
+
+
+def _last_place(sigma: float) -> int:
+    """Return the power of ten of the last digit of σ that is kept."""
+    exponent = _exponent(sigma)
+    lead = round(sigma / 10.0 ** (exponent - 2))
+    return exponent - 1 if lead < 355 else exponent
+
+
+def _fixed(x: Decimal, place: int) -> str:
+    rounded = x.quantize(Decimal(1).scaleb(place), ROUND_HALF_EVEN)
+    text = f"{rounded:f}"
+    if not rounded:
+        text = text.removeprefix("-")
+    return text.replace("-", "−")
+
+
+def _two_digits(value: float) -> str:
+    if value == 0:
+        return "0"
+    return f"{value:.{max(0, 1 - _exponent(value))}f}" if value >= 1e-3 else "< 0.001"

@@ -1,0 +1,114 @@
+"""`Page`: a title, the answer, and sections, as one self-contained HTML file."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from identifiability.output import write_text
+from identifiability.report.blocks import Block, Section, Tile
+from identifiability.report.marks import mark_of
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page before it is text.
+
+    Attributes
+    ----------
+    title : str
+    statement : str
+        The answer in plain words, at the very top.
+    sections : tuple of Section
+    overline, subtitle : str
+        What kind of page this is, and what it is about.
+    tiles : tuple of Tile
+        Headline numbers.
+    summary : tuple of blocks
+        What belongs to the answer: caveats, a short list.
+    """
+
+    title: str
+    statement: str
+    sections: tuple[Section, ...] = ()
+    overline: str = ""
+    subtitle: str = ""
+    tiles: tuple[Tile, ...] = ()
+    summary: tuple[Block, ...] = ()
+
+
+def render_page(page: Page, template: str = "page.html.j2") -> str:
+    """Return a page as HTML that loads nothing and runs no script but its own."""
+    environment = page_environment()
+    script = (TEMPLATES / "page.js").read_text(encoding="utf-8")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return environment.get_template(template).render(
+        page=page,
+        style=Markup((TEMPLATES / "style.css").read_text(encoding="utf-8")),
+        script=Markup(script),
+        script_hash=f"sha256-{digest}",
+    )
+
+
+def write_page(
+    title: str,
+    statement: str,
+    sections: Sequence[Section],
+    path: str | Path,
+    *,
+    overline: str = "",
+    subtitle: str = "",
+    tiles: Sequence[Tile] = (),
+    summary: Sequence[Block] = (),
+) -> Path:
+    """Write a page of any content, whole or not at all.
+
+    Parameters
+    ----------
+    title, statement : str
+        What the page is about, and the answer in plain words.
+    sections : sequence of Section
+    path : str or Path
+    overline, subtitle : str
+        Small print above and below the title.
+    tiles : sequence of Tile
+    summary : sequence of blocks
+        Shown right below the answer.
+
+    Raises
+    ------
+    OutputError
+    """
+    page = Page(title, statement, tuple(sections), overline, subtitle, tuple(tiles), tuple(summary))
+    return write_text(path, render_page(page))
+
+
+@cache
+def page_environment() -> Environment:
+    """Return the Jinja environment of the templates; everything is escaped."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters["symbols"] = set_symbols
+    environment.globals["mark_of"] = mark_of
+    return environment
+
+
+def set_symbols(text: str) -> Markup:
+    """Escape a text, set indices of Greek symbols low (``ε_RA``), keep ``5 %`` on one line."""
+    escaped = re.sub(r"(?<=\d) (?=[%σ×])", "\u00a0", str(escape(text)))
+    return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))

@@ -1,0 +1,27 @@
+"""The sections of an analysis report; each is a pure function of an `Analysis`."""
+
+from identifiability.report.sections.answer import answer_notes, answer_terms, answer_tiles
+from identifiability.report.sections.ladder import section_ladder
+from identifiability.report.sections.method import (
+    section_preparation,
+    section_provenance,
+    section_terms,
+)
+from identifiability.report.sections.parameters import section_full_model, section_parameters
+from identifiability.report.sections.prediction import section_prediction, section_residuals
+from identifiability.report.sections.structure import section_structure
+
+__all__ = [
+    "answer_notes",
+    "answer_terms",
+    "answer_tiles",
+    "section_full_model",
+    "section_ladder",
+    "section_parameters",
+    "section_prediction",
+    "section_preparation",
+    "section_provenance",
+    "section_residuals",
+    "section_structure",
+    "section_terms",
+]

@@ -1,0 +1,219 @@
+"""Measured against predicted torque on unseen motion, and what is left."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.analysis import Analysis
+from identifiability.evaluation import Prediction
+from identifiability.names import Array
+from identifiability.noise import autocorrelation
+from identifiability.report.blocks import Block, Fold, Gallery, Picture, Section
+from identifiability.report.figures import (
+    draw_autocorrelation,
+    draw_histogram,
+    draw_residual_velocity,
+    draw_torque,
+)
+from identifiability.report.figures.torque import choose_stretch
+from identifiability.report.numbers import format_number
+from identifiability.report.sections.facts import (
+    error_text,
+    model_title,
+    time_text,
+    torque_units,
+    unseen_samples,
+    velocity_units,
+)
+from identifiability.report.tables import Cell, Column, Table
+
+#: Joints that are shown at once; those beyond are folded.
+SHOWN = 6
+
+#: Points of all torque lines, and of all scatter plots, of a page.
+LINE_POINTS, SCATTER_POINTS = 18_000, 5_000
+
+#: Lags of the autocorrelation that are shown: least, most, and per autocorrelation time.
+LAGS = (40, 400, 12.0)
+
+COLUMNS = (
+    Column("joint"),
+    Column("measured, rms", "number"),
+    Column("unit"),
+    Column("error, fitted", "number"),
+    Column("error, unseen", "number"),
+    Column("autocorrelation time [samples]", "number", "Of the residual on the fitted motion."),
+)
+
+
+def section_prediction(analysis: Analysis) -> Section:
+    """Return measured and predicted torque of every joint along a stretch of unseen motion."""
+    name = model_title(analysis.chosen)
+    samples = unseen_samples(analysis)[0]
+    times = analysis.held_out.t[0]
+    part = choose_stretch(times)
+    shown = times[part]
+    span = f", t = {shown[0]:.3g} … {shown[-1]:.3g} s," if len(shown) > 1 else ""
+    kind = "a log that" if analysis.validation else "stretches of a log that"
+    lead = f"Torque along {samples.name}{span} predicted by {name} from {kind} it had not seen."
+    blocks = (*torque_pictures(analysis, part), joint_table(analysis))
+    if len(analysis.held_out.t) > 1:
+        blocks = (*blocks, log_table(analysis))
+    return Section("prediction", "Measured and predicted torque", lead, blocks)
+
+
+def torque_pictures(analysis: Analysis, part: slice) -> tuple[Block, ...]:
+    """Return one picture for each joint over a part of the first unseen log."""
+    joints, units = analysis.robot.joints, torque_units(analysis.robot)
+    out = analysis.held_out
+    t = out.t[0][part]
+    tau = out.tau[: len(out.t[0])][part]
+    predicted = out.predicted[: len(out.t[0]), :, analysis.selected][part]
+    errors = out.joint_error()[:, analysis.selected]
+    most = int(np.clip(LINE_POINTS // (3 * len(joints)), 200, 1500))
+    width = {1: 720, 2: 500}.get(len(joints), 400)
+    pictures = []
+    for k, joint in enumerate(joints):
+        title = f"{joint}, error {error_text(errors[k])}"
+        figure = draw_torque(t, tau[:, k], predicted[:, k], title, units[k], most, width)
+        alt = f"Measured and predicted torque of {joint} over time, and the residual"
+        pictures.append(Picture(figure, alt=alt))
+    return fold_gallery(pictures, "")
+
+
+def joint_table(analysis: Analysis) -> Table:
+    """Return the errors of each joint by itself."""
+    fitted, out, m = analysis.fitted, analysis.held_out, analysis.selected
+    inside, unseen = fitted.joint_error()[:, m], out.joint_error()[:, m]
+    rms = np.sqrt(np.mean(out.tau**2, axis=0))
+    times = analysis.chosen.autocorrelation_time
+    units = torque_units(analysis.robot)
+    rows = tuple(
+        (
+            Cell(joint),
+            Cell(format_number(float(rms[k]), 3), float(rms[k])),
+            Cell(units[k]),
+            Cell(error_text(inside[k]), float(inside[k])),
+            Cell(error_text(unseen[k]), float(unseen[k])),
+            Cell(time_text(times[k]), float(times[k])),
+        )
+        for k, joint in enumerate(analysis.robot.joints)
+    )
+    return Table("Each joint by itself, relative to how much its own torque varies", COLUMNS, rows)
+
+
+def log_table(analysis: Analysis) -> Table:
+    """Return the error of the selected and of the unpruned model on each unseen log."""
+    out = analysis.held_out
+    columns = (
+        Column("log"),
+        Column("samples", "number"),
+        Column(f"error, {analysis.chosen.name}", "number"),
+        Column(f"error, {analysis.full.name}", "number"),
+    )
+    rows = []
+    for k, samples in enumerate(unseen_samples(analysis)):
+        here = out.log == k
+        part = Prediction(out.t[k : k + 1], out.tau[here], out.predicted[here], out.log[here])
+        error = part.relative_error()
+        pair = (float(error[analysis.selected]), float(error[0]))
+        rows.append(
+            (
+                Cell(samples.name),
+                Cell(str(len(part.tau)), len(part.tau)),
+                *(Cell(error_text(e), e) for e in pair),
+            )
+        )
+    return Table("Each log by itself", columns, tuple(rows))
+
+
+def section_residuals(analysis: Analysis) -> Section:
+    """Return distribution, memory and place of the residual."""
+    lead = (
+        "Is it noise? The intervals assume residuals that are about normal and forget quickly; "
+        "what they remember is paid for in σ_robust. A curve over velocity that leaves zero points "
+        "to an effect that the model lacks."
+    )
+    return Section(
+        "residuals", "What is left", lead, (noise_pictures(analysis), *velocity_pictures(analysis))
+    )
+
+
+def noise_pictures(analysis: Analysis) -> Gallery:
+    """Return the distribution and the autocorrelation of the residual on the fitted motion."""
+    fitted = analysis.fitted
+    residual = fitted.residual[:, :, analysis.selected]
+    spread = residual.std(0)
+    scaled = (residual - residual.mean(0)) / np.where(spread > 0, spread, np.nan)
+    times = analysis.chosen.autocorrelation_time
+    worst = int(np.argmax(times))
+    lags = int(np.clip(LAGS[2] * times[worst], *LAGS[:2]))
+    correlation = mean_autocorrelation(residual, fitted.log, lags)
+    histogram = Picture(
+        draw_histogram(scaled.ravel()),
+        "All joints together, each in units of its own standard deviation; what lies beyond is "
+        "counted in the last bars.",
+        "Distribution of the residuals",
+    )
+    memory = Picture(
+        draw_autocorrelation(correlation, worst, analysis.robot.joints[worst], len(residual)),
+        "The joint with the longest memory in colour, the others in grey. White noise stays in "
+        "the band.",
+        "Autocorrelation of the residuals",
+    )
+    return Gallery((histogram, memory))
+
+
+def mean_autocorrelation(residual: Array, log: np.ndarray, lags: int) -> Array:
+    """Return the autocorrelation of each joint, averaged over logs by their length, (lags, n)."""
+    parts = [residual[log == k] for k in np.unique(log)]
+    lags = min(lags, max(min(len(p) for p in parts) // 3, 2))
+    total = np.zeros((lags, residual.shape[1]))
+    for part in parts:
+        found = autocorrelation(part)[:lags]
+        total[: len(found)] += len(part) * found
+    mean: Array = total / len(residual)
+    return mean
+
+
+def velocity_pictures(analysis: Analysis) -> tuple[Block, ...]:
+    """Return the residual on unseen motion over velocity, one picture for each joint."""
+    out, robot = analysis.held_out, analysis.robot
+    velocity = output_velocity(analysis)
+    residual = out.residual[:, :, analysis.selected]
+    speeds, forces = velocity_units(robot), torque_units(robot)
+    most = int(np.clip(SCATTER_POINTS // len(robot.joints), 150, 700))
+    pictures = [
+        Picture(
+            draw_residual_velocity(
+                velocity[:, k], residual[:, k], joint, (speeds[k], forces[k]), most
+            ),
+            alt=f"Residual of {joint} over its velocity",
+        )
+        for k, joint in enumerate(robot.joints)
+    ]
+    caption = (
+        "Residual on unseen motion over velocity; the line joins medians of ten equally filled "
+        "bins. A step at zero is Coulomb friction, a slope viscous friction, a hook near zero "
+        "Stribeck friction."
+    )
+    return fold_gallery(pictures, caption)
+
+
+def output_velocity(analysis: Analysis) -> Array:
+    """Return the velocity of the actuated joints at the samples of the unseen motion, (N, n)."""
+    parts = []
+    for samples in unseen_samples(analysis):
+        at, motion = samples.output_times(), samples.motion
+        columns = [np.interp(at, motion.t, v) for v in motion.actuated_v.T]
+        parts.append(np.stack(columns, 1))
+    return np.concatenate(parts)
+
+
+def fold_gallery(pictures: list[Picture], caption: str) -> tuple[Block, ...]:
+    """Return the first `SHOWN` pictures and a fold with those beyond."""
+    first = Gallery(tuple(pictures[:SHOWN]), caption)
+    rest = tuple(pictures[SHOWN:])
+    if not rest:
+        return (first,)
+    return first, Fold(f"{len(rest)} more joints", (Gallery(rest),))

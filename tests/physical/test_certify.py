@@ -1,0 +1,89 @@
+import numpy as np
+import pytest
+
+from identifiability.physical.certify import ROOM, certify
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.project import project
+from identifiability.physical.pseudo_inertia import to_vector
+
+
+def random_robots(region, rng, count):
+    """Parameter vectors of real robots, from any pseudo-inertias of the right size."""
+    nb = len(region.bodies)
+    factors = rng.normal(size=(count, nb, 4, 4)) * rng.uniform(0, 1, (count, nb, 1, 4))
+    matrices = factors @ factors.transpose(0, 1, 3, 2)
+    root = region.root
+    phi = np.zeros((count, region.size))
+    phi[:, region.nonnegative] = rng.exponential(size=(count, int(region.nonnegative.sum())))
+    phi[:, region.bodies] = to_vector(matrices * root[:, :, None] * root[:, None, :])
+    return phi
+
+
+def test_real_base_parameters_come_with_a_real_robot_that_has_them(robot, rng):
+    G = robot.base_map
+    for phi in (robot.phi, *random_robots(robot.region, rng, 4)):
+        found = certify(G, G @ phi, robot.region)
+        assert found.feasible
+        assert 0 <= found.margin <= ROOM + 1e-6
+        assert robot.region.contains(found.phi, tolerance=1e-6)
+        scale = np.abs(G) @ np.abs(found.phi)
+        np.testing.assert_allclose(G @ found.phi, G @ phi, atol=1e-6 * scale.max())
+        assert found.sentence(["b"] * len(G)).startswith("A real robot has these")
+
+
+def test_impossible_base_parameters_come_with_a_combination_no_real_robot_has(robot, rng):
+    G = robot.base_map
+    data = robot.data(rng, noise=0.5)
+    phi = np.linalg.lstsq(data.R, data.z)[0]
+    found = certify(G, G @ phi, robot.region)
+    assert not found.feasible
+    assert found.value < found.bound
+    others = random_robots(robot.region, rng, 2000) @ (G.T @ found.combination)
+    assert others.min() > found.bound - 1e-6 * np.abs(others).max()
+    assert found.combination @ (G @ phi) == pytest.approx(found.value)
+    said = found.sentence([f"b{i}" for i in range(len(G))])
+    assert "is at least 0 for any real bodies, and -" in said.replace("is at least -0 ", "is at least 0 ")
+
+
+def test_a_body_without_volume_is_feasible_with_no_margin():
+    region = PhysicalSet(np.arange(10)[None], np.zeros(10, bool), mass=[10.0], length=[0.2])
+    disc = np.array([0.2, 0, 0, 0.2, 0, 0.4, 0, 0, 0, 10.0])
+    found = certify(np.eye(10), disc, region)
+    assert found.feasible
+    assert found.margin == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_negative_mass_is_named_by_its_own_coefficient():
+    region = PhysicalSet(np.arange(10)[None], np.zeros(10, bool))
+    wrong = np.array([1e-2, 0, 0, 1e-2, 0, 1e-2, 0, 0, 0, -1.0])
+    found = certify(np.eye(10), wrong, region)
+    assert not found.feasible
+    assert np.abs(found.combination).argmax() == 9
+    assert "No real robot has these base parameters: +" in found.sentence(list("abcdefghij"))
+
+
+def test_feasible_means_that_the_projection_changes_nothing(pair):
+    G = pair.base_map
+    seen = set()
+    for seed in range(12):
+        data = pair.data(np.random.default_rng(seed), noise=0.03)
+        phi = np.linalg.lstsq(data.R, data.z)[0]
+        feasible = certify(G, G @ phi, pair.region).feasible
+        assert feasible == (project(data, pair.region, margin=0.0).excess < 1e-4)
+        seen.add(feasible)
+    assert seen == {True, False}
+
+
+def test_bounds_take_part_in_the_certificate(pair):
+    mass = pair.phi[pair.region.bodies[:, 9]]
+    bounds = np.column_stack([3 * mass, np.full(2, np.inf)])
+    region = PhysicalSet(pair.region.bodies, pair.region.nonnegative, mass_bounds=bounds)
+    G = np.eye(pair.region.size)
+    found = certify(G, pair.phi, region)
+    assert not found.feasible
+    assert found.bound > found.value
+
+
+def test_a_map_of_another_model_is_refused(robot):
+    with pytest.raises(ValueError, match=r"a map \(2, 3\) and 2 base parameters were given"):
+        certify(np.zeros((2, 3)), np.zeros(2), robot.region)

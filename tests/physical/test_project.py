@@ -1,0 +1,196 @@
+import time
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+from identifiability.physical.cad_prior import CadPrior
+from identifiability.physical.feasible_set import Hull, PhysicalSet, scale_from
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.program import body_scale
+from identifiability.physical.project import MARGIN, RIDGE, build_projection, project
+from identifiability.physical.pseudo_inertia import BASIS, to_matrix
+
+
+def scs_optimum(data, region, prior=None):
+    """The same optimum from another solver and another spelling: a sum of ten terms a body."""
+    x = cp.Variable(region.size)
+    s = np.ones(region.size)
+    s[region.bodies] = region.mass[:, None] * region.length[:, None] ** np.r_[[2] * 6, [1] * 3, 0]
+    J = [sum(x[c] * B for c, B in zip(row, BASIS, strict=True)) for row in region.bodies]
+    inside = [M >> MARGIN * np.eye(4) for M in J]
+    signs = np.flatnonzero(region.nonnegative)
+    norms = np.linalg.norm(data.R, axis=0)
+    size = np.where(s == 1.0, np.linalg.norm(data.z) / np.where(norms > 0, norms, 1.0), 1.0)
+    cost = cp.sum_squares((data.R * s / data.unit) @ x - data.z / data.unit)
+    cost += RIDGE * cp.sum_squares(cp.multiply(1 / size, x))
+    for k, M in enumerate(J if prior is not None else ()):
+        root = region.root[k]
+        nominal = to_matrix(prior.phi[region.bodies[k]]) / np.outer(root, root)
+        cost += prior.weight * (
+            cp.trace(np.linalg.inv(nominal) @ M)
+            - cp.log_det(M)
+            + np.linalg.slogdet(nominal)[1]
+            - 4
+        )
+    problem = cp.Problem(cp.Minimize(cost), [*inside, x[signs] >= 0])
+    problem.solve(solver=cp.SCS, eps_abs=1e-9, eps_rel=1e-9, max_iters=1_000_000)
+    assert problem.status == "optimal"
+    return problem.value
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.3])
+def test_the_optimum_is_that_of_another_solver(pair, rng, noise):
+    data = pair.data(rng, noise)
+    ours = project(data, pair.region)
+    scale = np.linalg.norm(data.z) / np.linalg.norm(data.R, axis=0)
+    scale[pair.region.bodies] = body_scale(pair.region)[pair.region.bodies]
+    ridge = RIDGE * np.sum((ours.phi / scale) ** 2)
+    assert ours.excess + ridge == pytest.approx(scs_optimum(data, pair.region), abs=1e-4)
+    assert ours.gap < 1e-5
+
+
+def test_the_optimum_with_a_cad_prior_is_that_of_another_solver(pair, rng):
+    data, prior = pair.data(rng, 0.3), CadPrior(pair.phi * 1.2, 3.0)
+    ours = project(data, pair.region, prior=prior)
+    matrices = to_matrix(ours.phi[pair.region.bodies])
+    nominal = to_matrix(prior.phi[pair.region.bodies])
+    ratio = np.linalg.solve(nominal, matrices)
+    away = np.trace(ratio, axis1=1, axis2=2) - np.linalg.slogdet(ratio)[1] - 4
+    expected = scs_optimum(data, pair.region, prior)
+    assert ours.excess + 3.0 * away.sum() == pytest.approx(expected, abs=2e-4)
+    assert ours.gap < 1e-4
+
+
+def test_a_feasible_least_squares_solution_is_left_alone(robot, rng):
+    data = robot.data(rng, noise=1e-6)
+    found = project(data, robot.region)
+    assert found.excess < 1e-3
+    assert found.rss == pytest.approx(data.rss_min, rel=1e-6)
+    assert robot.region.contains(found.phi)
+
+
+def test_what_the_data_leave_free_goes_to_the_reference(robot, rng):
+    data = robot.data(rng, noise=1e-4)
+    found = project(data, robot.region, reference=robot.phi)
+    seen = np.linalg.norm(data.R @ (found.phi - robot.phi))
+    assert seen < 10 * np.sqrt(data.z.size) * data.unit
+    _, _, Vt = np.linalg.svd(robot.base_map)
+    null = Vt[len(robot.base_map) :]
+    moved = null @ (found.phi - robot.phi)
+    assert np.abs(moved).max() < 0.05 * np.abs(robot.phi).max()
+
+
+def test_the_answer_keeps_the_margin_and_names_what_holds_it_back(robot, rng):
+    data = robot.data(rng, noise=0.5)
+    tight, wide = (project(data, robot.region, margin=m) for m in (1e-6, 1e-2))
+    assert tight.margins.min() > 0.5e-6
+    assert wide.margins.min() > 0.99e-2
+    assert wide.excess > tight.excess > 0
+    assert set(tight.active_bodies) <= set(robot.region.names)
+    assert tight.active_bodies
+    by_name = dict(zip(robot.region.names, tight.margins, strict=True))
+    assert all(by_name[name] < 1e-4 for name in tight.active_bodies)
+
+
+def test_a_negative_friction_is_stopped_at_zero_and_named():
+    region = PhysicalSet(np.empty((0, 10), int), np.array([True, False]), columns=("j.Fv", "j.k"))
+    data = LeastSquares(np.eye(2), np.array([-3.0, -2.0]), 1.0, 1.0)
+    found = project(data, region)
+    np.testing.assert_allclose(found.phi, [0.0, -2.0], atol=1e-6)
+    assert found.active_rows == ("j.Fv ≥ 0",)
+    assert found.excess == pytest.approx(9.0, rel=1e-6)
+
+
+def test_mass_bounds_and_hulls_hold(pair, rng):
+    masses = pair.phi[pair.region.bodies[:, 9]]
+    bounds = np.column_stack([1.1 * masses, 1.3 * masses])
+    hull = Hull.box(0, [-0.05] * 3, [0.05] * 3)
+    region = PhysicalSet(
+        pair.region.bodies, pair.region.nonnegative, mass_bounds=bounds, hulls=(hull,)
+    )
+    found = project(pair.data(rng), region)
+    assert region.contains(found.phi, tolerance=1e-6)
+    centre = found.phi[region.bodies[0, 6:9]] / found.phi[region.bodies[0, 9]]
+    assert np.abs(centre).max() < 0.05
+
+
+def test_for_a_real_robot_the_estimate_is_never_farther_from_the_truth_than_least_squares(pair):
+    # A projection onto a convex set that holds the truth cannot move away from it.
+    program = build_projection(pair.region, reference=pair.phi)
+    closer = []
+    for draw in range(200):
+        data = pair.data(np.random.default_rng(draw), noise=0.2)
+        free = np.linalg.norm(data.z - data.R @ pair.phi)
+        held = np.linalg.norm(data.R @ (program.solve(data).phi - pair.phi))
+        assert held <= free * (1 + 1e-5)
+        closer.append(held / free)
+    assert np.mean(closer) < 0.95
+
+
+def test_units_do_not_change_the_answer(pair, rng):
+    data = pair.data(rng, 0.3)
+    a = project(data, pair.region)
+    b = project(LeastSquares(1e3 * data.R, 1e3 * data.z, 1e6 * data.rss_min, data.dof), pair.region)
+    np.testing.assert_allclose(data.R @ a.phi, data.R @ b.phi, atol=1e-3 * data.unit)
+    assert b.excess == pytest.approx(a.excess, abs=1e-4)
+
+
+def test_solving_again_is_quicker_than_building_and_does_not_depend_on_samples(robot, rng):
+    first, again = [], []
+    build_projection(robot.region).solve(robot.data(rng))
+    for _ in range(3):
+        data = robot.data(rng)
+        start = time.perf_counter()
+        program = build_projection(robot.region)
+        program.solve(data)
+        middle = time.perf_counter()
+        program.solve(data)
+        first.append(middle - start)
+        again.append(time.perf_counter() - middle)
+    assert min(again) < 0.7 * min(first)
+
+
+def test_a_badly_conditioned_problem_is_solved_where_its_square_could_not(rng):
+    # cond R = 1e7: its square has no correct digit left in the weak directions.
+    region = PhysicalSet(np.empty((0, 10), int), np.ones(6, bool))
+    U, V = (np.linalg.qr(rng.normal(size=(6, 6)))[0] for _ in range(2))
+    R = U * np.geomspace(1e7, 1, 6) @ V.T
+    truth = rng.uniform(1, 2, 6)
+    found = project(LeastSquares(R, R @ truth, 1.0, 1.0), region)
+    np.testing.assert_allclose(found.phi, truth, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("theta", "said"),
+    [
+        ([1, 0, 0, 1, 0, 1, 0, 0, 0, -1], "CAD prior: link2: mass -1 kg must be positive"),
+        ([1, 0, 0, 1, 0, 3, 0, 0, 0, 1], "CAD prior: link2: .* break the triangle inequality"),
+        ([1, 0, 0, 1, 0, 2, 0, 0, 0, 1], "CAD prior: link2: the nominal body has no volume"),
+    ],
+)
+def test_a_cad_prior_that_is_no_body_is_refused_with_the_body_named(pair, theta, said):
+    phi = pair.phi.copy()
+    phi[pair.region.bodies[1]] = theta
+    with pytest.raises(ValueError, match=said):
+        build_projection(pair.region, prior=CadPrior(phi))
+
+
+def test_bounds_that_no_body_satisfies_are_refused_with_the_body_named(pair, rng):
+    hulls = (Hull.box(1, [0.1] * 3, [0.2] * 3), Hull.box(1, [-0.2] * 3, [-0.1] * 3))
+    region = PhysicalSet(
+        pair.region.bodies, pair.region.nonnegative, names=("link1", "link2"), hulls=hulls
+    )
+    with pytest.raises(ValueError, match="link2: no body satisfies its bounds together"):
+        project(pair.data(rng), region)
+
+
+def test_data_of_another_model_are_refused(pair, robot, rng):
+    with pytest.raises(ValueError, match="data on 88 parameters were given; expected the 26"):
+        project(robot.data(rng), pair.region)
+
+
+def test_scales_come_from_nominal_bodies(pair):
+    mass, length = scale_from(pair.phi, pair.region.bodies)
+    np.testing.assert_allclose(mass, pair.phi[pair.region.bodies[:, 9]])
+    assert ((length > 0.01) & (length < 1.0)).all()

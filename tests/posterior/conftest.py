@@ -1,0 +1,68 @@
+"""Small posteriors, and the comparison of two samplers within their Monte-Carlo error."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.posterior.prior import Prior
+from identifiability.posterior.target import Target
+
+BODY = np.array([0.030, -0.002, 0.001, 0.028, 0.003, 0.020, 0.05, -0.04, 0.06, 1.5])
+"""A real body of 1.5 kg."""
+
+SIZE = np.array([0.01] * 6 + [0.1] * 3 + [1.0])
+"""Rough size of its parameters."""
+
+
+def standard_error(chains):
+    """Mean (p,) over independent chains (C, N, p), and its error from the spread of the chains."""
+    means = chains.mean(axis=1)
+    return means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(len(means))
+
+
+def assert_same_distribution(a, b, sigmas=4.5):
+    """Means and second moments of two sets of independent chains (C, N, p) agree."""
+    centre, size = b.mean(axis=(0, 1)), b.std(axis=(0, 1))
+    for power in (1, 2):
+        (one, e1), (two, e2) = (standard_error(((x - centre) / size) ** power) for x in (a, b))
+        np.testing.assert_array_less(np.abs(one - two), sigmas * np.hypot(e1, e2))
+
+
+def sign_target(rng, size=6, signs=3, dof=40.0, prior_sd=np.inf, **options):
+    """Correlated parameters of which some may not be negative, with true values near zero."""
+    R = rng.normal(size=(size, size)) + 0.7
+    truth = np.where(np.arange(size) < signs, 0.2, rng.normal(size=size))
+    data = LeastSquares(R, R @ truth + rng.normal(size=size), dof, dof)
+    region = PhysicalSet(np.empty((0, 10), int), np.arange(size) < signs)
+    prior = Prior(np.zeros(size), np.broadcast_to(np.asarray(prior_sd, float), size))
+    return Target(data, prior, region, **options), np.abs(truth)
+
+
+def body_target(rng, bodies=1, rows=6, noise=1.0, spread=1.0, **options):
+    """Bodies and one friction, which too few data see; the cone matters."""
+    size = 10 * bodies + 1
+    truth = np.append(np.tile(BODY, bodies), 0.5)
+    scale = np.append(np.tile(SIZE, bodies), 1.0)
+    R = rng.normal(size=(rows, size)) / scale
+    data = LeastSquares(R, R @ truth + noise * rng.normal(size=rows), 30.0 * noise**2, 30.0)
+    region = PhysicalSet(np.arange(10 * bodies).reshape(-1, 10), np.arange(size) == size - 1)
+    return Target(data, Prior(truth, spread * scale), region, **options), truth
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20240502)
+
+
+@pytest.fixture
+def posteriors():
+    """The helpers above, since test files cannot import their conftest."""
+    return SimpleNamespace(
+        sign_target=sign_target,
+        body_target=body_target,
+        standard_error=standard_error,
+        assert_same_distribution=assert_same_distribution,
+    )

@@ -1,0 +1,132 @@
+import numpy as np
+import pytest
+from scipy.special import ndtr, ndtri
+
+from identifiability.physical.pseudo_inertia import margin, to_matrix
+from identifiability.posterior.cone import Cone, positive
+from identifiability.posterior.exact import build_sampler, sample_exact
+from identifiability.posterior.truncated import Circles, _State
+
+
+def rejection(target, count, rng):
+    """Independent draws of a Gaussian posterior, those outside the set thrown away."""
+    information = target.data.R.T @ target.data.R / target.variance
+    precision = information + np.diag(target.prior.sd**-2)
+    linear = target.data.R.T @ target.data.z / target.variance
+    mean = np.linalg.solve(precision, linear + target.prior.mean * target.prior.sd**-2)
+    root = np.linalg.cholesky(np.linalg.inv(precision))
+    phi = mean + rng.standard_normal((count, mean.size)) @ root.T
+    inside = (margin(phi[:, :10]) >= 0) & (phi[:, 10] >= 0)
+    return phi[inside], inside.mean()
+
+
+def hit_and_run(target, start, chains, steps, rng):
+    """Second sampler of the cone: random lines, with the exact chord from 4×4 eigenvalues."""
+    sd = target.prior.sd
+    gain, centre = target.data.R * sd, (target.prior.mean - 0) / sd
+    precision = gain.T @ gain / target.variance + np.eye(sd.size)
+    mean = np.linalg.solve(precision, gain.T @ target.data.z / target.variance + centre)
+    root = np.linalg.cholesky(np.linalg.inv(precision))
+    x = np.repeat((start / sd)[None], chains, axis=0)
+    kept = []
+    for step in range(steps):
+        d = rng.standard_normal(x.shape) @ root.T
+        J, D = (to_matrix((y * sd)[:, target.region.bodies]) for y in (x, d))
+        L = np.linalg.cholesky(J)
+        half = np.linalg.solve(L, D)
+        turn = np.linalg.eigvalsh(np.linalg.solve(L, half.transpose(0, 1, 3, 2)))
+        rates = np.concatenate([turn.reshape(chains, -1), d[:, -1:] / x[:, -1:]], axis=1)
+        high = -1 / np.minimum(rates.min(axis=1), -1e-300)
+        low = -1 / np.maximum(rates.max(axis=1), 1e-300)
+        weight = np.einsum("ki,ij,kj->k", d, precision, d)
+        best = -np.einsum("ki,ij,kj->k", d, precision, x - mean) / weight
+        a, b = ((end - best) * np.sqrt(weight) for end in (low, high))
+        u = ndtr(a) + rng.uniform(size=chains) * (ndtr(b) - ndtr(a))
+        move = best + ndtri(np.clip(u, 1e-300, 1 - 1e-16)) / np.sqrt(weight)
+        x = x + np.clip(move, 0.999999 * low, 0.999999 * high)[:, None] * d
+        if step >= steps // 4 and step % 5 == 0:
+            kept.append(x * sd)
+    return np.array(kept).transpose(1, 0, 2)
+
+
+def test_one_body_agrees_with_rejection_sampling(posteriors, rng):
+    target, start = posteriors.body_target(rng, spread=0.5, variance=1.0)
+    exact = sample_exact(target, start, 150, rng, chains=100)
+    free, share = rejection(target, 400_000, rng)
+    assert share < 0.3  # the cone matters
+    count = len(free) // 100
+    assert count > 50
+    other = free[: 100 * count].reshape(100, count, -1)
+    posteriors.assert_same_distribution(exact, other)
+    assert (margin(exact[..., :10]) >= 0).all()
+
+
+def test_two_bodies_agree_with_hit_and_run(posteriors, rng):
+    target, start = posteriors.body_target(rng, bodies=2, rows=9, variance=1.0)
+    exact = sample_exact(target, start, 120, rng, chains=100)
+    other = hit_and_run(target, start, 200, 2400, rng)
+    posteriors.assert_same_distribution(exact, other)
+
+
+def test_far_from_the_boundary_the_cone_changes_nothing(posteriors, rng):
+    target, start = posteriors.body_target(rng, spread=1e-3, variance=1.0)
+    exact = sample_exact(target, start, 150, rng, chains=100)
+    free, share = rejection(target, 100_000, rng)
+    assert share == 1.0
+    posteriors.assert_same_distribution(exact, free.reshape(100, -1, 11))
+
+
+def test_the_first_exit_is_the_first_one_on_a_fine_grid(rng):
+    cone = Cone(np.eye(12), np.zeros(12), rows=2)
+    root = rng.normal(size=(300, 4, 4))
+    J = root @ root.transpose(0, 2, 1)
+    start = np.column_stack([rng.uniform(0, 1, (300, 2)), J[:, *np.triu_indices(4)]])
+    centre, sine = start + 3 * rng.normal(size=start.shape), 3 * rng.normal(size=start.shape)
+    path = Circles(centre, sine, start - centre)
+    limit = np.full(300, 2.3)
+    time, hit, inward = cone.first_exit(path, limit)
+    for _ in range(60):  # a bracket may end before the limit without an exit
+        again = ~hit & (time < limit)
+        if not again.any():
+            break
+        ahead = Circles(
+            centre[again],
+            sine[again] * np.cos(time[again, None]) - path.cosine[again] * np.sin(time[again, None]),
+            path.cosine[again] * np.cos(time[again, None]) + sine[again] * np.sin(time[again, None]),
+        )
+        t, h, g = cone.first_exit(ahead, limit[again] - time[again])
+        time[again], hit[again], inward[again] = time[again] + t, h, g
+    grid = np.linspace(0, 2.3, 4001)
+    for k in range(300):
+        y = centre[k] + np.outer(np.sin(grid), sine[k]) + np.outer(np.cos(grid), path.cosine[k])
+        out = np.flatnonzero(~cone.contains(y))
+        assert hit[k] == (out.size > 0) or out[0] >= 3998
+        if hit[k]:
+            assert grid[out[0]] - time[k] == pytest.approx(0, abs=1e-3)
+            velocity = sine[k] * np.cos(time[k]) - path.cosine[k] * np.sin(time[k])
+            assert inward[k] @ velocity < 0
+
+
+def test_a_transition_can_be_taken_back(posteriors, rng):
+    target, start = posteriors.body_target(rng, bodies=2, rows=9, variance=1.0)
+    sampler = build_sampler(target)
+    x = np.repeat(target.to_eta(start)[None], 60, axis=0)
+    mean, sd = sampler.model.conditional(np.ones(60))
+    turn = rng.uniform(1, 2, 60)
+    there = _State(sampler.region, x, mean, sd, rng.normal(size=x.shape), turn.copy())
+    while not there.advance():
+        pass
+    back = _State(sampler.region, there.result(x), mean, sd, -there.v, turn.copy())
+    while not back.advance():
+        pass
+    # Each bounce happens in a skin of 1e-9, and several bounces magnify it.
+    assert np.median(np.abs(back.result(x) - x)) < 1e-6
+    assert (np.abs(back.result(x) - x).max(axis=1) < 1e-2).mean() > 0.95
+
+
+def test_pivots_tell_positive_definite_matrices(rng):
+    root = rng.normal(size=(500, 4, 4))
+    J = root @ root.transpose(0, 2, 1) - rng.exponential(0.2, (500, 1, 1)) * np.eye(4)
+    expected = np.linalg.eigvalsh(J)[:, 0] > 0
+    assert 50 < expected.sum() < 450
+    np.testing.assert_array_equal(positive(J), expected)

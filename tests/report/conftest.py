@@ -1,0 +1,95 @@
+"""Analyses to report on: the paper's robot, chains of any length, and logs that show little."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability import analyze
+from identifiability.analysis import Analysis
+from identifiability.ladder import LadderEntry, RungEntry
+from identifiability.model import Model
+from identifiability.robot import Robot, complete_motion
+
+EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+HOSTILE = (
+    '<script>alert("x")</script>',
+    "a$b$c_{d}",
+    "</svg><img src=x onerror=alert(1)>",
+)
+
+
+def write_chain(path: Path, joints: Sequence[str]) -> Path:
+    """Write an MJCF chain of hinges with alternating axes, one for each name."""
+    text = ""
+    for k, joint in enumerate(joints):
+        axis = "0 0 1" if k % 2 else "0 1 0"
+        text += (
+            f'<body name="link{k + 1}" pos="0.1 0.02 0.1">'
+            '<inertial pos="0.05 0.02 0.04" mass="1.5" diaginertia="0.01 0.012 0.008"/>'
+            f"<joint name={quoteattr(joint)} axis={quoteattr(axis)} damping='0.5' "
+            "frictionloss='0.3' armature='0.02'/>"
+        )
+    text += "</body>" * len(joints)
+    motors = "".join(f"<motor joint={quoteattr(j)}/>" for j in joints)
+    path.write_text(
+        f'<mujoco><worldbody><body name="base">{text}</body></worldbody>'
+        f"<actuator>{motors}</actuator></mujoco>",
+        encoding="utf-8",
+    )
+    return path
+
+
+def chain_log(
+    robot: Robot, samples: int = 300, seed: int = 0, noise: float = 0.02, amplitude: float = 0.8
+) -> pd.DataFrame:
+    """Return a log of sinusoids at other frequencies for every joint, torque by the model."""
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0, 6, samples)
+    n = len(robot.joints)
+    w = 2 + 0.37 * np.arange(n) + 0.1 * seed
+    phase = rng.uniform(0, 6, n)
+    q = amplitude * np.sin(w * t[:, None] + phase)
+    dq = amplitude * w * np.cos(w * t[:, None] + phase)
+    ddq = -(w**2) * q
+    model = Model.of(*EFFECTS)
+    phi = np.array([robot.nominal[p.name] for p in model.parameters(robot)])
+    tau = model.regressor(robot, complete_motion(robot, t, q, dq, ddq)) @ phi
+    tau = tau + noise * tau.std() * rng.standard_normal(tau.shape)
+    columns = {"t": t}
+    for k, joint in enumerate(robot.joints):
+        columns |= {
+            f"{joint}.q": q[:, k], f"{joint}.dq": dq[:, k], f"{joint}.ddq": ddq[:, k],
+            f"{joint}.tau": tau[:, k],
+        }  # fmt: skip
+    return pd.DataFrame(columns)
+
+
+def one_rung() -> LadderEntry:
+    return LadderEntry(models=[RungEntry(name="only", effects=list(EFFECTS))])
+
+
+@pytest.fixture(scope="session")
+def paper_analysis(simulated_session) -> Analysis:
+    logs = [simulated_session("3-rps", t, seed) for t, seed in (("601", 0), ("595", 1))]
+    return analyze("3-rps", logs[0], logs[1], replicates=200)
+
+
+@pytest.fixture(scope="session")
+def chain_analysis(tmp_path_factory) -> Callable[..., Analysis]:
+    """A function that analyses a chain: (names, **options of the log and of `analyze`)."""
+
+    def build(joints: Sequence[str], logs: int = 1, held: int = 0, **options) -> Analysis:
+        path = write_chain(tmp_path_factory.mktemp("chain") / "robot.xml", joints)
+        robot = Robot.load(path)
+        ladder = options.pop("ladder", None)
+        made = [chain_log(robot, seed=k, **options) for k in range(logs + held)]
+        return analyze(robot, made[:logs], made[logs:], ladder, replicates=100)
+
+    return build

@@ -1,0 +1,65 @@
+"""What was fitted comes back as a robot file that both engines load."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import analyze
+from identifiability.cli import app
+from identifiability.feasibility import nominal_vector
+from identifiability.grouping import random_motion
+from identifiability.model import Model
+from identifiability.robot import Robot
+from identifiability.simulation import PrescribedMotion, simulate
+
+
+@pytest.fixture(scope="module")
+def exported(simulated_session, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("export")
+    result = analyze("3-rps", simulated_session("3-rps", "601", 0), replicates=0)
+    path = result.to_json(folder / "result.json")
+    out = CliRunner().invoke(app, ["export", "3-rps", str(path), "--out", str(folder / "fit.xml")])
+    assert out.exit_code == 0, out.output
+    return result, folder / "fit.xml"
+
+
+def test_the_exported_robot_predicts_what_the_feasible_estimate_predicts(exported):
+    result, path = exported
+    robot = Robot.load(path)
+    motion = random_motion(result.robot, np.random.default_rng(1), 20)
+    model = Model.of(*result.effects)
+    phi = np.array([result.chosen.physical.parameters()[p.name] for p in result.base.parameters])
+    fitted = model.regressor(result.robot, motion) @ phi
+    move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
+    tau = simulate(robot, move).tau
+    np.testing.assert_allclose(tau, fitted, atol=1e-9 * np.abs(fitted).max())
+
+
+def test_every_exported_body_is_real(exported):
+    from identifiability.feasibility import check_nominal
+
+    assert all(check.feasible for check in check_nominal(Robot.load(exported[1])))
+
+
+def test_the_feasible_estimate_is_near_the_data_and_the_file(exported):
+    result, _ = exported
+    for model in result.models:
+        assert model.physical.nearest.excess < 30  # in σ² of thousands of rows
+        assert model.physical.region.contains(model.physical.nearest.phi)
+    assert nominal_vector(result.robot, result.base).shape == (85,)
+
+
+def test_a_result_of_another_robot_is_refused(exported, tmp_path):
+    result, _ = exported
+    path = result.to_json(tmp_path / "result.json")
+    run = CliRunner().invoke(
+        app, ["export", "two-link", str(path), "--out", str(tmp_path / "x.xml")]
+    )
+    assert run.exit_code == 2
+    assert "is about '3-rps'" in run.output
+    path.write_text(json.dumps({"robot": {"name": "3-rps"}}))
+    run = CliRunner().invoke(app, ["export", "3-rps", str(path), "--out", str(tmp_path / "x.xml")])
+    assert "'physical': field required" in run.output
+    assert not (tmp_path / "x.xml").exists()
