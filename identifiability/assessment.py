@@ -175,7 +175,7 @@ def assess_ladder(
         evidence = Evidence(
             fit,
             uncertainty.robust,
-            _recurrence(fit, uncertainty, thresholds),
+            recurrence(fit, uncertainty, thresholds),
             column_rms(reduced),
             float(np.sqrt(np.mean(fitted.tau**2))),
             float(np.sqrt(np.mean(residual**2))),
@@ -254,7 +254,7 @@ def _mean_time(times: Array, fit: Estimate) -> float:
     return float((share * times).sum() / total) if total > 0 else float(times.mean())
 
 
-def _recurrence(fit: Estimate, uncertainty: Uncertainty, rules: Thresholds) -> Array:
+def recurrence(fit: Estimate, uncertainty: Uncertainty, rules: Thresholds) -> Array:
     """Return the share of replicates in which a parameter would be called well known, (k,)."""
     if uncertainty.bootstrap is None:
         return np.full(len(fit.columns), np.nan)

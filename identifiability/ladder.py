@@ -34,13 +34,10 @@ from identifiability.information import Information
 from identifiability.model import Model
 from identifiability.names import Array
 from identifiability.robot import Robot
+from identifiability.table import LARGEST
 
 #: The model that a log is analysed with when no ladder is given.
 DEFAULT_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
-
-
-#: Beyond this no value in SI units is meant.
-LARGEST = 1e12
 
 
 def _held(value: Any) -> Any:

@@ -6,9 +6,7 @@ One row a sample: ``t`` [s], ``<joint>.q`` and ``<joint>.tau`` for every actuate
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,21 +14,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from identifiability import signals
 from identifiability.errors import LogError, listing, near_match
 from identifiability.names import Array
 from identifiability.output import write_bytes, write_text
+from identifiability.table import PARQUET, check_columns, check_times, read_numbers, read_table
 
 CHANNELS = ("q", "dq", "ddq", "tau")
-PARQUET = (".parquet", ".pq")
-
-#: Fewer samples than this say nothing about any robot.
-FEWEST = 20
-
-#: No time, position or torque in SI units is larger (time since 1970 in s is 1.7e9).
-LARGEST = 1e12
-
-#: No log is sampled faster than this [s].
-SHORTEST_STEP = 1e-7
 
 
 @dataclass(frozen=True)
@@ -74,32 +64,9 @@ class Log:
             If the file is missing, is no table, lacks columns or holds values that cannot be.
         """
         path = Path(path)
-        frame = Log.read_frame(path)
+        frame = read_table(path)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         return _from_frame(frame, str(path), path.name, digest)
-
-    @staticmethod
-    def read_frame(path: str | Path) -> pd.DataFrame:
-        """Read a CSV or Parquet file as it is.
-
-        Raises
-        ------
-        LogError
-            If the file is missing or is no table.
-        """
-        path = Path(path)
-        form = "Parquet" if path.suffix.lower() in PARQUET else "CSV"
-        try:
-            if path.is_file():
-                return pd.read_parquet(path) if form == "Parquet" else _read_csv(path)
-        except pd.errors.ParserWarning:
-            raise LogError(
-                f"{path} has rows with more fields than its header; repair it."
-            ) from None
-        except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
-            reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
-            raise LogError(f"{path} cannot be read as {form}: {reason}.") from None
-        raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
 
     @staticmethod
     def from_frame(frame: pd.DataFrame, name: str = "DataFrame") -> Log:
@@ -114,6 +81,29 @@ class Log:
         digest = hashlib.sha256(",".join(values.columns).encode())
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
         return replace(log, sha256=digest.hexdigest())
+
+    def even_step(self) -> tuple[float, str]:
+        """Return the sampling step [s] and a remark on its jitter, for filters and differences.
+
+        Raises
+        ------
+        LogError
+            If samples are missing. A step is a gap when it stands out from the jitter.
+        """
+        steps = np.diff(self.t)
+        dt = signals.sampling_step(self.t)
+        jitter = np.abs(steps / dt - 1)
+        worst = int(np.argmax(jitter))
+        usual = float(np.quantile(jitter, 0.95))
+        if jitter[worst] > min(max(0.5, 5 * usual), 3.0):
+            raise LogError(
+                f"{self.name} has a gap of {steps[worst]:.3g} s after t = {self.t[worst]:.6g} s "
+                f"(data row {worst + 1}) at a sampling step of {dt:.3g} s; velocity and "
+                "acceleration cannot be computed across it: split the log there."
+            )
+        if jitter[worst] <= 0.01:  # a clock's rounding
+            return dt, ""
+        return dt, f" (time stamps jitter by {100 * jitter[worst]:.0f} % of a step; taken as even)"
 
     def to_frame(self) -> pd.DataFrame:
         """Return the log as a DataFrame that `from_frame` accepts."""
@@ -177,36 +167,10 @@ class Log:
         )  # fmt: skip
 
 
-def _read_csv(path: Path) -> pd.DataFrame:
-    """Read a CSV by its own header; pandas would rename repeated columns and shift long rows."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
-        warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
-        frame = pd.read_csv(path, index_col=False)
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        header = next((row for row in csv.reader(stream) if row), [])
-    return frame.set_axis(header, axis=1) if len(header) == frame.shape[1] else frame
-
-
-def _check_columns(columns: list[str], source: str) -> None:
-    """Refuse a table without time, or with a column twice."""
-    if "t" not in columns:
-        if len(columns) == 1 and any(mark in columns[0] for mark in ";\t"):
-            raise LogError(f"{source} is not separated by commas; write it as CSV with commas.")
-        likely = [c for c in columns if c == "T" or c.casefold().startswith("time")]
-        guess = f", did you mean '{likely[0]}'?" if likely else "."
-        raise LogError(
-            f"{source} has no column 't' (time in s){guess} It has the columns {listing(columns)}."
-        )
-    repeated = sorted({c for c in columns if columns.count(c) > 1})
-    if repeated:
-        raise LogError(f"{source} has the column '{repeated[0]}' more than once; keep one of them.")
-
-
 def _from_frame(frame: pd.DataFrame, source: str, name: str, digest: str) -> Log:
     columns = [str(c).strip() for c in frame.columns]
     frame = frame.set_axis(columns, axis=1)
-    _check_columns(columns, source)
+    check_columns(columns, source)
     joints = [c.removesuffix(".q") for c in columns if c.endswith(".q")]
     if not joints:
         raise LogError(
@@ -228,8 +192,8 @@ def _from_frame(frame: pd.DataFrame, source: str, name: str, digest: str) -> Log
                 f"{near_match(joint + '.q', _loose(columns, joint))} "
                 "Every actuated joint needs both."
             )
-    values = {c: _numbers(frame, c, source) for c in columns if _wanted(c, joints)}
-    _check_times(values["t"], source)
+    values = {c: read_numbers(frame, c, source) for c in columns if _wanted(c, joints)}
+    check_times(values["t"], source)
     channels = {kind: _channel(values, joints, kind) for kind in CHANNELS}
     q, tau = channels["q"], channels["tau"]
     assert q is not None
@@ -252,53 +216,3 @@ def _channel(values: dict[str, Array], joints: list[str], kind: str) -> Array | 
     if any(f"{j}.{kind}" not in values for j in joints):
         return None
     return np.stack([values[f"{j}.{kind}"] for j in joints], 1)
-
-
-def _numbers(frame: pd.DataFrame, column: str, source: str) -> Array:
-    """Return a column as floats, or say which row is not a finite number."""
-    given = frame[column]
-    if getattr(given.dtype, "kind", "O") in "mMcb":
-        raise LogError(
-            f"{source}: column '{column}' holds {given.dtype} (first '{given.iloc[0]}'); give "
-            f"numbers in SI units{', seconds' if column == 't' else ''}."
-        )
-    numbers = pd.to_numeric(given, errors="coerce").to_numpy(float, na_value=np.nan)
-    bad = np.flatnonzero(~np.isfinite(numbers))
-    if len(bad):
-        advice = (
-            "give numbers with a decimal point"
-            if len(bad) == len(numbers)
-            else "remove or repair these rows"
-        )
-        raise LogError(
-            f"{source}: column '{column}' is not a finite number in {len(bad)} of {len(numbers)} "
-            f"rows, first in data row {bad[0] + 1} ('{given.iloc[bad[0]]}'); {advice}."
-        )
-    bad = np.flatnonzero(np.abs(numbers) > LARGEST)
-    if len(bad):
-        raise LogError(
-            f"{source}: column '{column}' is {numbers[bad[0]]:g} in data row {bad[0] + 1}, more "
-            f"than anything in SI units can be{' (time in s)' if column == 't' else ''}; repair "
-            "the value or convert the unit."
-        )
-    return numbers
-
-
-def _check_times(t: Array, source: str) -> None:
-    if len(t) < FEWEST:
-        raise LogError(
-            f"{source} has {len(t)} samples, too few to say anything; at least {FEWEST} are needed "
-            "and some hundreds are usual."
-        )
-    back = np.flatnonzero(np.diff(t) <= 0)
-    if len(back):
-        k = int(back[0])
-        raise LogError(
-            f"{source}: time does not increase after data row {k + 1} (t = {t[k]:g} s, then "
-            f"{t[k + 1]:g} s); sort the rows and remove repeated ones."
-        )
-    step = float(np.median(np.diff(t)))
-    if step < SHORTEST_STEP:
-        raise LogError(
-            f"{source} has a sampling step of {step:.3g} s, which no robot has; give the time in s."
-        )

@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import math
 import os
-import tempfile
+import secrets
+import shutil
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +23,38 @@ def check_writable(path: str | Path) -> Path:
     OutputError
     """
     path = Path(path)
-    if path.is_dir():
-        raise OutputError(f"'{path}' is a folder; give a file name to write to.")
-    parent = path.parent
-    if not parent.is_dir():
-        raise OutputError(f"The folder '{parent}' does not exist; create it or choose another.")
-    if not os.access(parent, os.W_OK):
-        raise OutputError(f"The folder '{parent}' is not writable; choose another.")
+    try:
+        if path.is_dir():
+            raise OutputError(f"'{path}' is a folder; give a file name to write to.")
+        if path.exists() and not path.is_file():
+            raise OutputError(f"'{path}' is no regular file; give another name to write to.")
+        folder = path.resolve().parent
+        if not folder.is_dir():
+            raise OutputError(f"The folder '{folder}' does not exist; create it or choose another.")
+    except (OSError, ValueError) as error:
+        raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
+    if not os.access(folder, os.W_OK):
+        raise OutputError(f"The folder '{folder}' is not writable; choose another.")
     return path
+
+
+def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> None:
+    """Refuse to write over what is read, or one file twice.
+
+    Raises
+    ------
+    OutputError
+    """
+    taken = [Path(path).resolve() for path in inputs]
+    for path in outputs:
+        place = Path(path).resolve()
+        if place in taken:
+            raise OutputError(f"'{path}' is an input or another output; give it its own name.")
+        taken.append(place)
+
+
+def _reason(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)
 
 
 def write_text(path: str | Path, text: str) -> Path:
@@ -48,24 +75,21 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     OutputError
     """
     path = check_writable(path)
+    target = path.resolve()  # a link stays a link
+    temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise OutputError(f"'{path}' cannot be written: {error.strerror}.") from None
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as stream:
+        with temporary.open("xb") as stream:
             stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
-        temporary.chmod(0o644)
-        temporary.replace(path)
+        if target.exists():
+            shutil.copymode(target, temporary)
+        temporary.replace(target)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise OutputError(f"'{path}' cannot be written: {error.strerror}.") from None
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+        raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
+    finally:  # also after Ctrl-C; nothing is left there when the file is in its place
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
     return path
 
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from identifiability import signals
-from identifiability.errors import LogError
+from identifiability.errors import LogError, near_match
 from identifiability.log import Log
 from identifiability.names import Array
 from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.table import FEWEST
+from identifiability.units import check_units
 
 Derivatives = Literal["auto", "given", "butterworth", "fourier"]
 Downsample = Callable[[Array], Array]
@@ -50,6 +52,23 @@ class Preparation:
     decimate: int | None = None
     keep_rest: bool = False
 
+    def __post_init__(self) -> None:
+        known = get_args(Derivatives)
+        if self.derivatives not in known:
+            raise LogError(
+                f"There is no way '{self.derivatives}' to make derivatives"
+                f"{near_match(self.derivatives, known)} The ways are {', '.join(known)}."
+            )
+        for name in ("cutoff", "period"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < np.inf:
+                raise LogError(f"The {name} is {value:g}; give a number above 0, or none.")
+        if self.harmonics < 1 or (self.decimate is not None and self.decimate < 1):
+            raise LogError(
+                f"There are {self.harmonics} harmonics and a decimation by {self.decimate}; give "
+                "numbers of at least 1."
+            )
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -79,18 +98,12 @@ class Samples:
     @property
     def runs(self) -> list[tuple[int, int]]:
         """Stretches of samples without gaps, as (start, stop)."""
-        if self.decimation is None:
-            return [(0, len(self.tau))]
-        breaks = np.flatnonzero(np.diff(self.motion.kept) > 1) + 1
-        edges = [0, *breaks.tolist(), len(self.tau)]
-        return list(pairwise(edges))
+        return [(0, len(self.tau))] if self.decimation is None else _runs(self.motion.kept)
 
     @property
     def outputs(self) -> int:
         """Number of samples after decimation."""
-        if self.decimation is None:
-            return len(self.tau)
-        return sum(self.decimation.outputs(stop - start) for start, stop in self.runs)
+        return _outputs(self.decimation, self.motion.kept)
 
     def pieces(self, size: int) -> Iterator[tuple[Motion, Array, Downsample | None]]:
         """Yield (motion, tau, how to decimate) for chunks of about `size` input samples."""
@@ -122,6 +135,20 @@ class Samples:
         return times
 
 
+def _runs(kept: np.ndarray) -> list[tuple[int, int]]:
+    """Return the stretches of consecutive samples among those kept, as (start, stop)."""
+    breaks = np.flatnonzero(np.diff(kept) > 1) + 1
+    edges = [0, *breaks.tolist(), len(kept)]
+    return list(pairwise(edges))
+
+
+def _outputs(decimation: signals.Decimation | None, kept: np.ndarray) -> int:
+    """Return how many samples a decimation leaves."""
+    if decimation is None:
+        return len(kept)
+    return sum(decimation.outputs(stop - start) for start, stop in _runs(kept))
+
+
 def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> Samples:
     """Turn a log into samples: pick the joints, make derivatives, close the loops.
 
@@ -136,7 +163,7 @@ def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> S
     if robot.transmission is not None and log.joints == tuple(motors):
         log = _to_joint_side(robot, log)
         notes.append("motor positions and torques were converted to the joint side")
-    _check_units(robot, log)
+    check_units(robot, log)
     q, dq, ddq, note, cutoff = _derivatives(log, how)
     notes.append(note)
     motion = complete_motion(robot, log.t, q, dq, ddq)
@@ -145,20 +172,19 @@ def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> S
         rest = signals.find_rests(log.t, q, dq)[motion.kept]
         motion = motion[~rest] if rest.any() else motion
         notes += _rest_notes(int(rest.sum()), len(log))
-    decimation = _choose_decimation(log, how, cutoff)
+    if len(motion) < FEWEST:
+        raise LogError(
+            f"{log.name}: only {len(motion)} of {len(log)} samples are left, too few to say "
+            f"anything: {'; '.join(notes[1:])}."
+        )
+    decimation = _choose_decimation(log, how, cutoff, motion.kept)
     if decimation is not None:
         rate = 1.0 / (signals.sampling_step(log.t) * decimation.factor)
         notes.append(
             f"torque and every column of the regressor were low-passed alike and decimated by "
             f"{decimation.factor} to {rate:.4g} Hz"
         )
-    samples = Samples(log.name, motion, log.tau[motion.kept], decimation, tuple(notes), log.sha256)
-    if samples.outputs < 2:
-        raise LogError(
-            f"{log.name} is too short to be decimated by {decimation.factor if decimation else 1}: "
-            f"no sample is left; give a longer log or a smaller decimation."
-        )
-    return samples
+    return Samples(log.name, motion, log.tau[motion.kept], decimation, tuple(notes), log.sha256)
 
 
 def _to_joint_side(robot: Robot, log: Log) -> Log:
@@ -187,6 +213,7 @@ def _derivatives(log: Log, how: Preparation) -> tuple[Array, Array, Array, str, 
         return log.q, log.dq, log.ddq, "velocity and acceleration are the log's own", None
     if how.derivatives == "fourier":
         start = log.t[0]
+        _check_series(log, how)
         period = how.period or signals.find_period(log.t - start, log.q, how.harmonics)
         fit = signals.fit_fourier(log.t - start, log.q, period, how.harmonics)
         q, dq, ddq = fit.motion(log.t - start)
@@ -199,25 +226,31 @@ def _derivatives(log: Log, how: Preparation) -> tuple[Array, Array, Array, str, 
     return _filtered(log, how)
 
 
-def _filtered(log: Log, how: Preparation) -> tuple[Array, Array, Array, str, float]:
-    dt = signals.sampling_step(log.t)
-    uneven = float(np.abs(np.diff(log.t) - dt).max() / dt)
-    t, q, given = log.t, log.q, log.dq
-    note = ""
-    if uneven > 0.01:  # clock jitter of a few percent is common; filters need a uniform grid
-        if uneven > 3:
-            gap = int(np.argmax(np.diff(log.t)))
-            raise LogError(
-                f"{log.name} has a gap of {np.diff(log.t)[gap]:.3g} s after t = {log.t[gap]:.6g} s "
-                f"at a sampling step of {dt:.3g} s; velocity and acceleration cannot be computed "
-                "across it: split the log there."
-            )
-        note = f" (time stamps jitter by {100 * uneven:.0f} % of a step; taken as uniform)"
-    cutoff = how.cutoff or signals.choose_cutoff(t, q)
-    if not 0 < cutoff < 0.5 / dt:
+def _check_series(log: Log, how: Preparation) -> None:
+    """Refuse a Fourier series that the samples cannot determine."""
+    count = 2 * how.harmonics + 1
+    if 2 * count > len(log):
         raise LogError(
-            f"The cut-off {cutoff:g} Hz does not lie between 0 and half the sampling rate "
-            f"({0.5 / dt:g} Hz) of {log.name}."
+            f"{log.name} has {len(log)} samples, too few for the {count} coefficients of "
+            f"{how.harmonics} harmonics; give fewer harmonics."
+        )
+    low, high = 4 * how.harmonics * signals.sampling_step(log.t), 2 * (log.t[-1] - log.t[0])
+    if how.period is not None and not low <= how.period <= high:
+        raise LogError(
+            f"The period {how.period:g} s does not fit {log.name}: with {how.harmonics} harmonics "
+            f"it must lie between {low:.4g} s (its sampling) and {high:.4g} s (its length)."
+        )
+
+
+def _filtered(log: Log, how: Preparation) -> tuple[Array, Array, Array, str, float]:
+    dt, note = log.even_step()
+    t, q, given = log.t, log.q, log.dq
+    cutoff = signals.choose_cutoff(t, q) if how.cutoff is None else how.cutoff
+    lowest = 1.0 / (t[-1] - t[0])
+    if not lowest <= cutoff < 0.5 / dt:
+        raise LogError(
+            f"The cut-off {cutoff:g} Hz does not lie between one over the length of {log.name} "
+            f"({lowest:.3g} Hz) and half its sampling rate ({0.5 / dt:g} Hz)."
         )
     smooth = signals.lowpass(q, dt, cutoff)
     if given is None:
@@ -235,13 +268,21 @@ def _filtered(log: Log, how: Preparation) -> tuple[Array, Array, Array, str, flo
 
 
 def _choose_decimation(
-    log: Log, how: Preparation, cutoff: float | None
+    log: Log, how: Preparation, cutoff: float | None, kept: np.ndarray
 ) -> signals.Decimation | None:
+    """Return the decimation asked for, or one that suits the cut-off and leaves enough samples."""
     if how.decimate is not None:
+        if how.decimate > 1 and _outputs(signals.Decimation(how.decimate), kept) < FEWEST:
+            raise LogError(
+                f"{log.name} is too short to be decimated by {how.decimate}: of its {len(log)} "
+                f"samples fewer than {FEWEST} are left; give a longer log or a smaller decimation."
+            )
         return signals.Decimation(how.decimate) if how.decimate > 1 else None
     if cutoff is None:
         return None
     factor = int(0.5 / (cutoff * signals.sampling_step(log.t)))
+    while factor > 1 and _outputs(signals.Decimation(factor), kept) < FEWEST:
+        factor -= 1
     return signals.Decimation(factor) if factor > 1 else None
 
 
@@ -256,8 +297,9 @@ def _closure_notes(motion: Motion, total: int) -> list[str]:
         )
     if motion.singular:
         notes.append(
-            f"{motion.singular} samples lie near a singular configuration (condition number up to "
-            f"{motion.condition:.1e}); torques there are amplified errors"
+            f"{motion.singular} samples lie near a singular configuration (first in data row "
+            f"{motion.near_singular[0] + 1}, condition number up to {motion.condition:.1e}); "
+            "torques there are amplified errors"
         )
     return notes
 
@@ -269,48 +311,3 @@ def _rest_notes(count: int, total: int) -> list[str]:
         f"{count} of {total} samples were left out because all joints stand still there and "
         "friction may be anything up to its Coulomb level"
     ]
-
-
-def _check_units(robot: Robot, log: Log) -> None:
-    """Refuse degrees given as radians and millimetres given as metres, where they can be seen."""
-    for k, joint in enumerate(log.joints):
-        q = log.q[:, k]
-        prismatic = robot.is_prismatic(int(robot.actuated[k]))
-        unit, wrong, factor = ("m", "mm", 1e3) if prismatic else ("rad", "degrees", 180 / np.pi)
-        low, high = robot.limits[k]
-        outside = np.mean((q < low) | (q > high)) if np.isfinite(high - low) else 0.0
-        inside = np.mean((q / factor >= low) & (q / factor <= high))
-        turns = not prismatic and np.ptp(q) > 8 * np.pi and np.isfinite(high - low)
-        if (outside > 0.5 and inside > 0.99) or turns:
-            raise LogError(
-                f"{log.name}: '{joint}.q' spans {q.min():.4g} … {q.max():.4g}, which does not fit "
-                f"the joint's limits {low:.4g} … {high:.4g} {unit}; it looks like {wrong}: convert "
-                f"it to {unit}."
-            )
-        _check_rate(log, k, joint, log.dq, log.q, factor, "dq", "q")
-        _check_rate(log, k, joint, log.ddq, log.dq, factor, "ddq", "dq")
-
-
-def _check_rate(
-    log: Log, k: int, joint: str, rate: Array | None, of: Array | None, factor: float,
-    rate_name: str, name: str,
-) -> None:  # fmt: skip
-    """Refuse a derivative that is the difference quotient times a change of units."""
-    if rate is None or of is None:
-        return
-    slope = np.gradient(of[:, k], log.t)
-    scale = float(slope @ slope)
-    if scale == 0 or not rate[:, k].any():
-        return
-    ratio = float(rate[:, k] @ slope) / scale
-    fit = (
-        abs(float(np.corrcoef(rate[:, k], slope)[0, 1]))
-        if np.ptp(slope) and np.ptp(rate[:, k])
-        else 0
-    )
-    for wrong in (factor, 1 / factor):
-        if fit > 0.9 and abs(ratio / wrong - 1) < 0.1:
-            raise LogError(
-                f"{log.name}: '{joint}.{rate_name}' is {ratio:.4g} times the time derivative of "
-                f"'{joint}.{name}'; one of them is in another unit: give both in SI units."
-            )

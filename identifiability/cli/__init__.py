@@ -3,9 +3,13 @@
 One file a command; heavy imports stand inside the functions, so that ``--help`` is quick.
 """
 
+import io
+import sys
+
 import typer
 
 from identifiability.cli.analyze import analyze
+from identifiability.cli.calibrate import calibrate
 from identifiability.cli.demo import demo
 from identifiability.cli.export import export
 from identifiability.cli.simulate import simulate
@@ -18,10 +22,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, analyze, simulate, export):
+for command in (demo, analyze, simulate, export, calibrate):
     app.command()(command)
 
 
 def main() -> None:
     """Run the command line."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # terminals that lack a sign print another
     app()

@@ -71,7 +71,8 @@ def analyze(
         from identifiability.analysis import analyze as run  # noqa: PLC0415
         from identifiability.samples import Preparation  # noqa: PLC0415
 
-        check_outputs(report, json)
+        read = [robot, *logs, *(validate or ()), ladder, sidecar]
+        check_outputs(report, json, inputs=read)
         how = Preparation(derivatives.value, cutoff, period, harmonics, decimate)
         result = run(
             load_robot(robot, sidecar), logs, validate or (), ladder, preparation=how,

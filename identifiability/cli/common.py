@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated, NoReturn, Protocol
 
 import typer
 
@@ -67,15 +67,25 @@ def sentences() -> Iterator[None]:
     try:
         yield
     except IdentifiabilityError as error:
-        from rich.console import Console  # noqa: PLC0415
-
-        Console(stderr=True).print(
-            f"[red]Error:[/] {escaped(str(error))}", highlight=False, soft_wrap=True
-        )
-        raise typer.Exit(2) from None
+        _fail(str(error))
+    except BrokenPipeError:  # the reader of our output went away; typer knows what to do
+        raise
+    except OSError as error:
+        _fail(f"'{error.filename}' cannot be used: {error.strerror or error}.")
+    except MemoryError:
+        _fail("There is not enough memory for this; give fewer samples or decimate them.")
     except KeyboardInterrupt:
-        sys.stderr.write("Stopped; nothing was written.\n")
+        sys.stderr.write("Stopped; no file was left half-written.\n")
         raise typer.Exit(130) from None
+
+
+def _fail(sentence: str) -> NoReturn:
+    from rich.console import Console  # noqa: PLC0415
+
+    Console(stderr=True).print(
+        f"[red]Error:[/] {escaped(sentence)}", highlight=False, soft_wrap=True
+    )
+    raise typer.Exit(2) from None
 
 
 def escaped(text: str) -> str:
@@ -93,7 +103,8 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not show) as bar:
+    off = not (show and console.is_terminal)
+    with Progress(*columns, console=console, transient=True, disable=off) as bar:
         task = bar.add_task("starting", total=1.0)
 
         def say(text: str, share: float) -> None:
@@ -122,10 +133,9 @@ def write_results(
     return written
 
 
-def check_outputs(*paths: Path | None) -> None:
-    """Refuse paths that cannot be written before a long computation starts."""
-    from identifiability.output import check_writable  # noqa: PLC0415
+def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ()) -> None:
+    """Refuse paths that cannot be written, or are inputs, before a long computation starts."""
+    from identifiability.output import check_apart, check_writable  # noqa: PLC0415
 
-    for path in paths:
-        if path is not None:
-            check_writable(path)
+    outputs = [check_writable(path) for path in paths if path is not None]
+    check_apart(outputs, [path for path in inputs if path is not None])

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from identifiability.cli.analyze import print_analysis
-from identifiability.cli.common import Seed, progress, sentences, write_results
+from identifiability.cli.common import Seed, check_outputs, progress, sentences, write_results
 
 
 def demo(
@@ -25,11 +25,10 @@ def demo(
     """
     with sentences(), progress() as say:
         from identifiability.demo import run_demo  # noqa: PLC0415
-        from identifiability.output import check_writable  # noqa: PLC0415
 
         folder.mkdir(parents=True, exist_ok=True)
         report, json = folder / "demo.html", folder / "demo.json"
-        check_writable(report)
+        check_outputs(report, json)
         result = run_demo(quick=quick, seed=seed, progress=say)
         written = write_results(result, report, json, say)
     print_analysis(result, written)

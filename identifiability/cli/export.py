@@ -7,7 +7,13 @@ from typing import Annotated
 
 import typer
 
-from identifiability.cli.common import RobotArgument, SidecarOption, load_robot, sentences
+from identifiability.cli.common import (
+    RobotArgument,
+    SidecarOption,
+    check_outputs,
+    load_robot,
+    sentences,
+)
 
 
 def export(
@@ -28,10 +34,9 @@ def export(
     """
     with sentences():
         from identifiability.export import read_parameters  # noqa: PLC0415
-        from identifiability.output import check_writable  # noqa: PLC0415
         from identifiability.robot.write import write_robot  # noqa: PLC0415
 
-        check_writable(out)
+        check_outputs(out, inputs=[robot, result, sidecar])
         machine = load_robot(robot, sidecar)
         written = write_robot(machine, read_parameters(machine, result), out)
     typer.echo(f"{written.robot}")

@@ -7,7 +7,14 @@ from typing import Annotated
 
 import typer
 
-from identifiability.cli.common import RobotArgument, Seed, SidecarOption, load_robot, sentences
+from identifiability.cli.common import (
+    RobotArgument,
+    Seed,
+    SidecarOption,
+    check_outputs,
+    load_robot,
+    sentences,
+)
 
 
 def simulate(
@@ -29,7 +36,9 @@ def simulate(
             help="Effect in the data but not in the robot file, as EFFECT or EFFECT=SHARE."
         ),
     ] = None,
-    samples: Annotated[int | None, typer.Option(min=20, help="Samples a period.")] = None,
+    samples: Annotated[
+        int | None, typer.Option(min=20, max=10_000_000, help="Samples a period.")
+    ] = None,
     derivatives: Annotated[
         bool, typer.Option(help="Whether the log has velocities and accelerations.")
     ] = True,
@@ -46,12 +55,11 @@ def simulate(
     with sentences():
         import numpy as np  # noqa: PLC0415
 
-        from identifiability.output import check_writable  # noqa: PLC0415
         from identifiability.simulation import Noise  # noqa: PLC0415
         from identifiability.simulation import simulate as run  # noqa: PLC0415
         from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
-        check_writable(out)
+        check_outputs(out, inputs=[robot, motion, sidecar])
         machine = load_robot(robot, sidecar)
         rng = np.random.default_rng(seed)
         move = find_motion(machine, motion, samples, rng)

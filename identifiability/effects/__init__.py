@@ -3,14 +3,33 @@
 Every name here is public vocabulary: it stands in reports, JSON, ladders and on the command line.
 """
 
+from identifiability.effects import families as _families  # noqa: F401 - registers them
 from identifiability.effects.actuator import ActuatorInertia, TorqueOffset
+from identifiability.effects.delay import TimeDelay
 from identifiability.effects.effect import Effect
+from identifiability.effects.family import (
+    FAMILIES,
+    Family,
+    Span,
+    find_families,
+    forget_family,
+    joint_places,
+    register_family,
+)
 from identifiability.effects.friction import (
     CoulombAsymmetry,
     CoulombFriction,
     PassiveJointFriction,
     ViscousFriction,
 )
+from identifiability.effects.gravity import GravityTilt, Payload
+from identifiability.effects.nonlinear_friction import (
+    LoadDependentFriction,
+    QuadraticFriction,
+    StribeckFriction,
+)
+from identifiability.effects.placed import Part, Placed
+from identifiability.effects.position import JointStiffness, PositionRipple
 from identifiability.effects.rigid_body import RigidBody
 from identifiability.errors import ModelError, near_match
 
@@ -24,6 +43,14 @@ EFFECTS: dict[str, Effect] = {
         ActuatorInertia(),
         TorqueOffset(),
         PassiveJointFriction(),
+        StribeckFriction(),
+        LoadDependentFriction(),
+        QuadraticFriction(),
+        JointStiffness(),
+        Payload(),
+        GravityTilt(),
+        PositionRipple(),
+        TimeDelay(),
     )
 }
 
@@ -45,4 +72,17 @@ def find_effect(name: str) -> Effect:
         ) from None
 
 
-__all__ = ["EFFECTS", "Effect", "find_effect"]
+__all__ = [
+    "EFFECTS",
+    "FAMILIES",
+    "Effect",
+    "Family",
+    "Part",
+    "Placed",
+    "Span",
+    "find_effect",
+    "find_families",
+    "forget_family",
+    "joint_places",
+    "register_family",
+]

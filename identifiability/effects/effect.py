@@ -7,7 +7,6 @@ To add an effect: one subclass with its name, its parameters and its columns, re
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,11 +23,11 @@ class Effect(ABC):
     """
 
     #: Public name, used in reports, JSON, TOML and on the command line.
-    name: ClassVar[str]
+    name: str
     #: The equation in words of the literature, for reports.
-    equation: ClassVar[str]
+    equation: str
     #: Effects whose columns these already contain; a model drops them.
-    supersedes: ClassVar[tuple[str, ...]] = ()
+    supersedes: tuple[str, ...] = ()
 
     @abstractmethod
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:

@@ -31,9 +31,9 @@ GLOSSARY = (
     Term(
         "ε_RA",
         "Relative torque error: what a model leaves, relative to how much the torque τ varies "
-        "about its mean; τ̂ is the prediction, sums and mean run over samples and joints alike. On unseen motion "
-        "it says what a prediction is worth, on fitted motion only how well the model bends "
-        "[Díaz-Rodríguez et al. 2010, eq. 18].",
+        "about its mean; τ̂ is the prediction, sums and mean run over samples and joints alike. "
+        "On unseen motion it says what a prediction is worth, on fitted motion only how well the "
+        "model bends [Díaz-Rodríguez et al. 2010, eq. 18].",
         formula="ε_RA = Σ |τ̂ − τ| ∕ Σ |τ − mean τ|",
     ),
     Term(
@@ -73,7 +73,10 @@ GLOSSARY = (
     ),
     Term(
         "physically possible",
-        "No mass, diagonal inertia, friction level or rotor inertia of the model is negative.",
+        "Some real robot has the values: every body has a mass and an inertia that a distribution "
+        "of mass can produce (its pseudo-inertia matrix is not negative [Wensing et al. 2018]), "
+        "and no friction or rotor inertia is negative. The certificate is either such a robot, or "
+        "a combination of the values that no robot can have.",
     ),
     Term(
         "rounding",

@@ -36,6 +36,7 @@ MARKS = {
     "constraint-determined": Mark("purple", "◆", "D"),
     "prior-dominated": Mark("sky", "◇", "D", "none"),
     "pass": Mark("green", "✓"),
+    "partly": Mark("amber", "◐", "o", "left"),
     "differs": Mark("vermilion", "✕", "x"),
     "not checked": Mark("grey", "○", "o", "none"),
 }

@@ -37,6 +37,9 @@ LEAP = 0.7
 _MAX_STEPS = 12
 _HOMOTOPY_STEPS = 10
 
+#: Of longer motions that seem to close nowhere, only some samples are tried.
+MOST_TRIED = 2000
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -207,7 +210,14 @@ def _close(robot: Robot, q: Array) -> _Closed:
         seeds = _follow_from_home(robot, q[chosen], 6 * _HOMOTOPY_STEPS)
         good = seeds.error < ACCEPTED
         if not good.any():
-            return _follow_from_home(robot, q, 2 * _HOMOTOPY_STEPS)
+            left = q if n <= MOST_TRIED else q[chosen]  # the rest is not worth minutes
+            tried = _follow_from_home(robot, left, 2 * _HOMOTOPY_STEPS)
+            if len(left) == n:
+                return tried
+            error = np.full(n, np.inf)
+            error[chosen] = tried.error
+            rows = np.zeros(n, int)
+            return _Closed(tried.q[rows], error, tried.A[rows])
     inverse, condition = _invert(seeds.A[good][:, :, robot.dependent])
     inverse[~(condition < HOPELESS)] = 0.0  # no prediction from there
     slope = -inverse @ seeds.A[good][:, :, robot.actuated]
@@ -292,8 +302,10 @@ def _invert(A: Array) -> tuple[Array, Array]:
     except np.linalg.LinAlgError:
         singular = np.array([np.linalg.matrix_rank(a) < len(a) for a in A])
         inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(A.shape[1]), A))
-        inverse[singular] = np.inf
-    return inverse, np.abs(A).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
+    else:
+        singular = np.zeros(len(A), bool)
+    condition = np.abs(A).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
+    return inverse, np.where(singular, np.inf, condition)
 
 
 def _loop_equations(robot: Robot, q: Array, *, jacobian: bool = True) -> tuple[Array, Array]:

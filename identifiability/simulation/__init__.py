@@ -1,12 +1,15 @@
 """The simulated robot: the road to torque that knows nothing of the regressor.
 
-What to use when: `simulate` makes a log along a `Trajectory`; `MujocoRobot` gives bare rigid-body
+What to use when: `simulate` makes a log along a `Trajectory`; `Campaign` makes many logs of
+the same motions, with one size of every hidden effect in all of them; `MujocoRobot` gives bare rigid-body
 torques.
 """
 
+from identifiability.simulation.campaign import Campaign
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
 from identifiability.simulation.noise import PAPER_NOISE, Noise
-from identifiability.simulation.simulator import PrescribedMotion, simulate
+from identifiability.simulation.prescribed import PrescribedMotion
+from identifiability.simulation.simulator import simulate
 from identifiability.simulation.trajectory import (
     Trajectory,
     random_trajectory,
@@ -16,6 +19,7 @@ from identifiability.simulation.trajectory import (
 
 __all__ = [
     "PAPER_NOISE",
+    "Campaign",
     "MujocoRobot",
     "Noise",
     "PrescribedMotion",

@@ -6,14 +6,14 @@ Written out as force laws of speed, position and load; the columns in `effects` 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.errors import IdentifiabilityError, near_match
 from identifiability.names import Array
 
-#: Law of a hidden effect at one axis: (speed, position, load, nominal Coulomb level) -> force, up
-#: to a factor.
+#: Law of a hidden effect at one axis: (speed, position from home, load) -> force, up to a factor.
 Law = Callable[[Array, Array, Array], Array]
 
 
@@ -57,8 +57,7 @@ def _quadratic(speed: Array, _position: Array, _load: Array) -> Array:
 
 
 def _spring(_speed: Array, position: Array, _load: Array) -> Array:
-    force: Array = position - position.mean()
-    return force
+    return position
 
 
 def _load(speed: Array, _position: Array, load: Array) -> Array:
@@ -85,19 +84,42 @@ HIDDEN: dict[str, Law] = {
 #: Effects that are hidden at passive joints.
 HIDDEN_PASSIVE = "passive_joint_friction"
 
+#: Effects of the whole robot: a delay of the torque, torque that leaks from joint to joint, a
+#: thermal drift. The last two are in no dictionary.
+HIDDEN_WHOLE = ("time_delay", "torque_leak", "thermal_drift", "gravity_tilt", "payload")
+
 #: Root mean square of a hidden effect relative to that of the torque of its joint.
 DEFAULT_SHARE = 0.05
 
 
-def parse_hidden(text: str) -> tuple[str, float]:
-    """Return effect and share of ``stribeck_friction`` or ``stribeck_friction=0.1``.
+@dataclass(frozen=True)
+class Hidden:
+    """An effect that is in the data and not in the robot file.
+
+    Attributes
+    ----------
+    name : str
+    share : float
+        Its rms as a share of that of the joint's torque.
+    joints : tuple of str
+        Where it is; everywhere if empty.
+    """
+
+    name: str
+    share: float
+    joints: tuple[str, ...] = ()
+
+
+def parse_hidden(text: str) -> Hidden:
+    """Return what ``stribeck_friction``, ``stribeck_friction=0.1`` or ``…@slider1+slider3`` hides.
 
     Raises
     ------
     IdentifiabilityError
     """
-    name, given, number = text.partition("=")
-    known = [*HIDDEN, HIDDEN_PASSIVE]
+    left, given, number = text.partition("=")
+    name, _, joints = left.partition("@")
+    known = [*HIDDEN, HIDDEN_PASSIVE, *HIDDEN_WHOLE]
     if name not in known:
         raise IdentifiabilityError(
             f"The effect '{name}' cannot be hidden{near_match(name, known)} Those that can are "
@@ -112,7 +134,7 @@ def parse_hidden(text: str) -> tuple[str, float]:
             f"The size of the hidden effect '{text}' is not understood; give its share of the "
             "joint's torque, such as stribeck_friction=0.05."
         )
-    return name, share
+    return Hidden(name, share, tuple(j for j in joints.split("+") if j))
 
 
 def scaled(force: Array, tau: Array, share: float) -> Array:

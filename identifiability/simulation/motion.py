@@ -5,18 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from identifiability import signals
 from identifiability.errors import LogError, near_match
 from identifiability.log import Log
 from identifiability.robot import Robot
-from identifiability.simulation.simulator import PrescribedMotion
+from identifiability.simulation.prescribed import PrescribedMotion
 from identifiability.simulation.trajectory import (
     random_trajectory,
     read_trajectories,
     shipped_trajectory,
 )
+from identifiability.table import read_table
+from identifiability.units import check_units
 
 
 def find_motion(
@@ -40,13 +41,16 @@ def find_motion(
     """
     if source == "random":
         return PrescribedMotion.of(random_trajectory(robot, rng), samples)
-    path, _, name = source.partition(".json:")
-    if name or source.endswith(".json"):
-        known = read_trajectories(f"{path}.json" if name else source, robot)
-        chosen = name or (next(iter(known)) if known else "")
+    stem, colon, name = source.partition(".json:")
+    if colon or source.endswith(".json"):
+        path = f"{stem}.json" if colon else source
+        known = read_trajectories(path, robot)
+        if not known:
+            raise LogError(f"{path} holds no trajectory; give one under 'trajectories'.")
+        chosen = name or next(iter(known))
         if chosen not in known:
             raise LogError(
-                f"{path}.json has no trajectory '{chosen}'{near_match(chosen, known)} It has "
+                f"{path} has no trajectory '{chosen}'{near_match(chosen, known)} It has "
                 f"{', '.join(known)}."
             )
         return PrescribedMotion.of(known[chosen], samples)
@@ -57,14 +61,16 @@ def find_motion(
 
 def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     """Read positions from a table, and derivatives where it has them."""
-    frame = Log.read_frame(source)
-    for joint in robot.joints:  # a motion needs no torque
-        if f"{joint}.q" in frame and f"{joint}.tau" not in frame:
-            frame = pd.concat([frame, pd.Series(0.0, frame.index, name=f"{joint}.tau")], axis=1)
+    frame = read_table(source)
+    columns = [str(c).strip() for c in frame.columns]
+    torques = [f"{c.removesuffix('.q')}.tau" for c in columns if c.endswith(".q")]
+    frame = frame.set_axis(columns, axis=1)  # a motion needs no torque
+    frame = frame.assign(**dict.fromkeys((c for c in torques if c not in columns), 0.0))
     log = Log.from_frame(frame, Path(source).name).select(robot.joints)
+    check_units(robot, log)
     if log.dq is not None and log.ddq is not None:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)
-    dt = signals.sampling_step(log.t)
+    dt, _ = log.even_step()
     smooth = signals.lowpass(log.q, dt, signals.choose_cutoff(log.t, log.q))
     dq = signals.differentiate(smooth, dt)
     return PrescribedMotion(log.t, smooth, dq, signals.differentiate(dq, dt), log.name)

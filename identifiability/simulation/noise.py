@@ -10,6 +10,9 @@ from scipy.signal import lfilter
 from identifiability.errors import IdentifiabilityError, near_match
 from identifiability.names import Array
 
+#: A hundred times the signal is no measurement any more.
+LOUDEST = 100.0
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -77,13 +80,15 @@ class Noise:
         """Return positions, velocities or accelerations (N, n) with per-sample relative noise."""
         return values * (1 + self.motion * rng.standard_normal(values.shape))
 
-    def on_torque(self, tau: Array, rng: np.random.Generator) -> Array:
-        """Return torques (N, n) with relative and with additive, autocorrelated noise."""
+    def on_torque(self, tau: Array, rng: np.random.Generator, level: Array | None = None) -> Array:
+        """Return torques (N, n) with relative and with additive, autocorrelated noise.
+
+        `level` (n,) is what the additive noise is a share of, by default the rms of the torque.
+        """
         out = tau * (1 + self.torque * rng.standard_normal(tau.shape))
         if self.additive:
-            out = out + self.additive * np.sqrt(np.mean(tau**2, 0)) * ar1(
-                tau.shape, self.correlation, rng
-            )
+            size = np.sqrt(np.mean(tau**2, 0)) if level is None else level
+            out = out + self.additive * size * ar1(tau.shape, self.correlation, rng)
         return out
 
     def on_encoder(self, q: Array) -> Array:

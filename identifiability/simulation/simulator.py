@@ -3,42 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.errors import IdentifiabilityError
 from identifiability.log import Log
 from identifiability.names import Array
 from identifiability.robot import Robot
 from identifiability.simulation import forces
+from identifiability.simulation.hidden import hidden_torque
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
 from identifiability.simulation.noise import Noise
+from identifiability.simulation.prescribed import PrescribedMotion
 from identifiability.simulation.trajectory import Trajectory
-
-
-@dataclass(frozen=True)
-class PrescribedMotion:
-    """Motion of the actuated joints that the simulated robot follows exactly.
-
-    Attributes
-    ----------
-    t : (N,) [s]
-    q, dq, ddq : (N, n)
-    name : str
-    """
-
-    t: Array
-    q: Array
-    dq: Array
-    ddq: Array
-    name: str = "motion"
-
-    @staticmethod
-    def of(trajectory: Trajectory, samples: int | None = None) -> PrescribedMotion:
-        """Return one period of a trajectory."""
-        t = trajectory.times(samples)
-        return PrescribedMotion(t, *trajectory.motion(t), name=trajectory.name)
 
 
 def simulate(
@@ -60,7 +36,8 @@ def simulate(
     motion : PrescribedMotion or Trajectory
     noise : Noise, optional
     hide : sequence of str
-        Effects that are in the data and not in the robot file, ``effect`` or ``effect=share``.
+        Effects that are in the data and not in the robot file: ``effect``, ``effect=share`` or
+        ``effect@joint+joint=share``.
     parameters : mapping, optional
         Joint parameters that differ from the nominal ones (``slider1.Fv`` …).
     rng : numpy.random.Generator
@@ -80,7 +57,7 @@ def simulate(
     tau = rigid.tau + joint_torque(robot, move, rigid, values)
     added = np.zeros_like(tau)
     for text in hide:
-        added += hidden_torque(robot, move, rigid, tau, *forces.parse_hidden(text))
+        added += hidden_torque(robot, move, rigid, tau, forces.parse_hidden(text))
     tau = noise.on_torque(tau + added, rng)
     q = noise.on_encoder(noise.on_motion(move.q, rng))
     dq = noise.on_motion(move.dq, rng)
@@ -108,28 +85,3 @@ def joint_torque(
         force = forces.nominal_force(values, axis.name, rigid.passive_v[:, k])
         tau -= force[:, None] * rigid.X[:, k]
     return tau
-
-
-def hidden_torque(
-    robot: Robot, move: PrescribedMotion, rigid: RigidTorque, tau: Array, name: str, share: float
-) -> Array:
-    """Return the torque of a hidden effect in every joint, scaled to a share of the torque."""
-    out = np.zeros_like(tau)
-    if name != forces.HIDDEN_PASSIVE:
-        law = forces.HIDDEN[name]
-        for k in range(tau.shape[1]):
-            force = law(move.dq[:, k], move.q[:, k], tau[:, k])
-            out[:, k] = forces.scaled(force, tau[:, k], share)
-        return out
-    if not robot.passive_axes:
-        raise IdentifiabilityError(
-            f"{robot.name} has no passive joints, so {name} cannot be hidden in it."
-        )
-    for axis in robot.passive_axes:
-        k = int(np.flatnonzero(robot.dependent == axis.dof)[0])
-        speed = rigid.passive_v[:, k]
-        typical = float(np.sqrt(np.mean(speed**2))) or 1.0
-        out -= (np.sign(speed) + speed / typical)[:, None] * rigid.X[:, k]
-    ratio = share * np.sqrt(np.mean(tau**2)) / np.sqrt(np.mean(out**2))
-    scaled: Array = ratio * out
-    return scaled

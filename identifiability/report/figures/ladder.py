@@ -18,30 +18,35 @@ _ROW = 32
 
 @drawn
 def draw_errors(
-    names: Sequence[str], fitted: Array, held_out: Array, spread: Array, selected: int
+    names: Sequence[str],
+    first: Array,
+    second: Array,
+    spread: Array,
+    selected: int,
+    labels: tuple[str, str] = ("fitted motion", "unseen motion ± SE"),
 ) -> Figure:
-    """Draw the relative torque error of each model, in sample and held out.
+    """Draw two relative torque errors of each model, such as in sample and held out.
 
     Parameters
     ----------
     names : sequence of str
-    fitted, held_out, spread : (m,)
-        Errors as fractions; `spread` is the standard error of the difference to the best model.
+    first, second, spread : (m,)
+        Errors as fractions; `spread` is the standard error of the second.
     selected : int
+    labels : (str, str)
+        What the errors are.
     """
     figure, axes = row_canvas(names, _ROW)
     _mark_selected(axes, selected)
     rows = np.arange(len(names))
     for row in rows:
-        ends = [100 * fitted[row], 100 * held_out[row]]
+        ends = [100 * first[row], 100 * second[row]]
         if np.isfinite(ends).all():
             axes.plot(ends, [row, row], color=MUTED, linewidth=1, zorder=1)
-    axes.plot(
-        100 * fitted, rows, "o", fillstyle="none", color=MUTED, markersize=7, label="fitted motion"
-    )
+    axes.plot(100 * first, rows, "o", fillstyle="none", color=MUTED, markersize=7, label=labels[0])
     axes.errorbar(
-        100 * held_out, rows, xerr=100 * np.nan_to_num(spread), fmt="o", color=COLOURS["blue"],
-        markersize=7.5, elinewidth=2.2, capsize=3.5, label="unseen motion ± SE",
+        100 * second, rows, xerr=100 * np.nan_to_num(spread), fmt="o", color=COLOURS["blue"],
+        markersize=7.5, elinewidth=2.2, capsize=3.5, label=labels[1],
     )  # fmt: skip
     axes.margins(x=0.1)
     axes.legend(

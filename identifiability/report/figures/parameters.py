@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from identifiability.names import Array
-from identifiability.report.drawing import COLOURS, INK, MUTED, SURFACE, drawn, strokes
+from identifiability.report.drawing import COLOURS, INK, MUTED, SURFACE, drawn, plain, strokes
 from identifiability.report.figures.rows import log_scale, row_canvas, row_lines, top_label
 from identifiability.report.marks import mark_of
 
@@ -91,7 +91,7 @@ def draw_marks(axes: Axes, x: Array, y: Array, kind: str, size: float = 7) -> No
 
 @drawn
 def draw_pulls(
-    names: Sequence[str], pulls: Array, robust: Array, verdicts: Sequence[str], stated: str
+    names: Sequence[str], pulls: Array, robust: Array, verdicts: Sequence[str], origin: str
 ) -> Figure:
     """Draw how many σ the estimate lies from a stated value, in the order of `draw_precision`.
 
@@ -103,8 +103,8 @@ def draw_pulls(
     robust : (k,) [%]
         Decides the order.
     verdicts : sequence of str
-    stated : str
-        Whose value it is, for the label.
+    origin : str
+        What stands at zero, for the label.
     """
     order = precision_order(robust)
     figure, axes = row_canvas([names[k] for k in order], top=48)
@@ -116,8 +116,8 @@ def draw_pulls(
         rows = np.array([r for r, k in enumerate(order) if verdicts[k] == kind])
         known = np.isfinite(pulls[order[rows]])
         _pull_rows(axes, rows[known], pulls[order[rows[known]]], kind)
-    top_label(axes, 0, f"value in {stated}", INK)
-    axes.set_xlabel("estimate less stated value [σ robust]")
+    top_label(axes, 0, plain(origin, 40), INK)
+    axes.set_xlabel("distance of the estimate [σ robust]")
     return figure
 
 

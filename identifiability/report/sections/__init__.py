@@ -8,6 +8,7 @@ from identifiability.report.sections.method import (
     section_terms,
 )
 from identifiability.report.sections.parameters import section_full_model, section_parameters
+from identifiability.report.sections.physics import section_physics
 from identifiability.report.sections.prediction import section_prediction, section_residuals
 from identifiability.report.sections.structure import section_structure
 
@@ -18,6 +19,7 @@ __all__ = [
     "section_full_model",
     "section_ladder",
     "section_parameters",
+    "section_physics",
     "section_prediction",
     "section_preparation",
     "section_provenance",

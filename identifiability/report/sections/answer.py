@@ -55,14 +55,15 @@ def answer_tiles(analysis: Analysis) -> tuple[Tile, ...]:
 
 def _feasible_tile(analysis: Analysis) -> Tile:
     chosen = analysis.chosen
-    if not chosen.feasible:
-        wrong = f"wrong sign: {join(chosen.infeasible, 3)}"
-        return Tile("No", "physically possible", wrong, "vermilion")
-    if not (chosen.rung.nonnegative & chosen.estimate.determined).any():
-        return Tile("—", "physically possible", "no value whose sign physics fixes is determined")
-    margin = chosen.margin
-    note = f"nearest to a forbidden sign: {margin:.2g} σ" if np.isfinite(margin) else ""
-    return Tile("Yes", "physically possible", note, "green")
+    label = "physically possible"
+    if chosen.feasible:
+        return Tile("Yes", label, "a real robot can have all its values", "green")
+    if chosen.infeasible:
+        return Tile("No", label, f"wrong sign: {join(chosen.infeasible, 3)}", "vermilion")
+    if chosen.physical.certificate is None:
+        return Tile("Open", label, "the motion leaves some parameters undetermined")
+    near = f"the nearest real robot errs by {error_text(chosen.error_ra_physical)}"
+    return Tile("Nearly", label, near, "amber")
 
 
 def answer_terms(analysis: Analysis) -> Terms:
@@ -80,7 +81,7 @@ def answer_terms(analysis: Analysis) -> Terms:
 def answer_notes(analysis: Analysis) -> Notes:
     """Return the caveats, gravest first."""
     notes = [
-        *_sign_notes(analysis),
+        *_physics_notes(analysis),
         *_excitation_notes(analysis),
         *_sample_notes(analysis),
         _noise_note(analysis),
@@ -91,23 +92,28 @@ def answer_notes(analysis: Analysis) -> Notes:
     return Notes(tuple(sorted(notes, key=lambda n: order[n.level])))
 
 
-def _sign_notes(analysis: Analysis) -> list[Note]:
+def _physics_notes(analysis: Analysis) -> list[Note]:
     chosen, full = analysis.chosen, analysis.full
+    near = f"the nearest real robot errs by {error_text(chosen.error_ra_physical)} on unseen motion"
     notes = []
-    if not chosen.feasible:
+    if chosen.infeasible:
         text = (
             f"{join(chosen.infeasible)} cannot be negative in any real robot. A simulator may "
-            "refuse these values, or become unstable with them."
+            f"refuse these values, or become unstable with them; {near}."
         )
         notes.append(Note("warning", "Impossible values in the model to use.", text))
-    if not full.feasible and full is not chosen:
+    elif not chosen.feasible and chosen.physical.certificate is not None:
+        text = (
+            f"Each sign is possible, but not all values at once; {near}. Give that to a simulator."
+        )
+        notes.append(Note("note", "No real robot has exactly these values.", text))
+    if full.infeasible and full is not chosen:
         text = (
             f"{join(full.infeasible)}: with {len(full.rung)} parameters the noise decides even "
             "signs. It is shown for comparison, not for use."
         )
-        notes.append(
-            Note("note", f"The unpruned {model_title(full)} is physically impossible.", text)
-        )
+        title = f"The unpruned {model_title(full)} is physically impossible."
+        notes.append(Note("note", title, text))
     return notes
 
 

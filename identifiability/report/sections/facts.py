@@ -63,6 +63,11 @@ def percents(result: RungResult) -> tuple[Array, Array]:
     return np.where(unknown, np.inf, white), np.where(unknown, np.inf, robust)
 
 
+def stated_text(stated: float | None) -> str:
+    """Return a stated value; sums that cancel leave a rounding error, which is zero."""
+    return "0" if stated is not None and abs(stated) < 1e-12 else format_number(stated)
+
+
 def time_text(time: float) -> str:
     """Return an autocorrelation time in samples."""
     return f"{time:.2f}" if time < 10 else f"{time:.0f}"

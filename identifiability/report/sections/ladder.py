@@ -22,7 +22,7 @@ COLUMNS = (
     Column("error, unseen", "number", "ε_RA on motion it was not fitted to."),
     Column("± SE", "error", "Standard error of the difference to the best model."),
     Column("condition", "number", "Condition number of the column-scaled regressor."),
-    Column("possible", "badge", "Whether no value has a sign that physics forbids."),
+    Column("real robot", "badge", "Whether a real robot can have all its values."),
 )
 
 
@@ -38,21 +38,18 @@ def _why(analysis: Analysis) -> str:
     if len(analysis.models) == 1:
         return f"The ladder has one model, {model_title(chosen)}; there was nothing to choose from."
     held = [m.error_ra_validation for m in analysis.models]
-    text = (
-        f"{model_title(chosen)} is the smallest model whose error on unseen motion lies within one "
-        "standard error of the best"
-    )
     if not np.isfinite(held).any():
         return (
             f"No model's error on unseen motion could be computed; {model_title(chosen)} is shown."
         )
-    feasible = [m.feasible for m in analysis.models]
-    if all(feasible):
-        return text + "; all models are physically possible."
-    if not any(feasible):
-        return text + ". None of the models is physically possible."
-    out = join([m.name for m in analysis.models if not m.feasible])
-    return text + f", among the physically possible ones (not {out})."
+    good = (
+        "Among the models whose error on unseen motion lies within one standard error of the best, "
+    )
+    if chosen.feasible:
+        return f"{good}{model_title(chosen)} is the smallest that a real robot can be."
+    if chosen.signs_possible:
+        return f"{good}{model_title(chosen)} is the smallest without a forbidden sign."
+    return f"{good}{model_title(chosen)} is the smallest."
 
 
 def ladder_pictures(analysis: Analysis) -> Gallery:
@@ -90,7 +87,6 @@ def ladder_table(analysis: Analysis) -> Table:
 
 def _model_row(m: RungResult) -> tuple[Cell, ...]:
     size, found = len(m.rung), m.count(Class.IDENTIFIABLE)
-    wrong = "" if m.feasible else join(m.infeasible, 4)
     return (
         Cell(m.name, note=m.rung.description),
         Cell(str(size), size),
@@ -100,8 +96,17 @@ def _model_row(m: RungResult) -> tuple[Cell, ...]:
         Cell(error_text(m.error_ra_validation), m.error_ra_validation),
         Cell(_spread_text(m.error_se), m.error_se),
         Cell(_condition_text(m.estimate.condition), m.estimate.condition),
-        Cell("yes" if m.feasible else "no", None, wrong, "pass" if m.feasible else "differs"),
+        _possible_cell(m),
     )
+
+
+def _possible_cell(m: RungResult) -> Cell:
+    near = f"nearest real robot: {error_text(m.error_ra_physical)}"
+    if m.feasible:
+        return Cell("yes", 2.0, badge="pass")
+    if m.infeasible:
+        return Cell("no", 0.0, f"wrong sign: {join(m.infeasible, 3)}; {near}", "differs")
+    return Cell("open" if m.physical.certificate is None else "not exactly", 1.0, near, "partly")
 
 
 def _spread_text(spread: float) -> str:

@@ -9,8 +9,14 @@ from identifiability.assessment import RungResult
 from identifiability.estimation import PAPER_FACTOR
 from identifiability.report.blocks import Fold, Gallery, Picture, Section
 from identifiability.report.figures import draw_precision, draw_pulls
-from identifiability.report.numbers import format_count, format_measured, format_number
-from identifiability.report.sections.facts import model_title, percent_text, percents, stated_values
+from identifiability.report.numbers import format_count, format_measured
+from identifiability.report.sections.facts import (
+    model_title,
+    percent_text,
+    percents,
+    stated_text,
+    stated_values,
+)
 from identifiability.report.tables import Cell, Column, Table
 
 COLUMNS = (
@@ -44,11 +50,11 @@ def section_full_model(analysis: Analysis) -> Section:
     """Return the same for the unpruned model, folded."""
     full = analysis.full
     if full is analysis.chosen:
-        lead = f"{model_title(full)} is the model to use; its parameters are shown above."
+        lead = f"The model to use, {model_title(full)}, is the unpruned one; see above."
         return Section("full-model", "The unpruned model", lead)
     lead = (
-        f"{model_title(full)} has all {len(full.rung)} parameters that the structure allows to tell apart. "
-        "What the smaller models leave out can be looked up here."
+        f"All {len(full.rung)} parameters that the structure allows to tell apart "
+        f"({model_title(full)}). What the smaller models leave out can be looked up here."
     )
     blocks = (parameter_pictures(analysis, full), parameter_table(analysis, full))
     fold = Fold(f"All {format_count(len(full.rung), 'parameter')} of {model_title(full)}", blocks)
@@ -81,7 +87,7 @@ def _parameter_row(
         Cell(v.unit),
         Cell(percent_text(white), white),
         Cell(percent_text(robust), robust),
-        Cell(_stated_text(stated), np.nan if stated is None else stated),
+        Cell(stated_text(stated), np.nan if stated is None else stated),
         Cell(percent_text(100 * v.share), v.share, share=v.share / most if most > 0 else 0.0),
         Cell("✓" if v.paper_rule else "–", float(v.paper_rule)),
         Cell(kind, kind, v.reason, kind),
@@ -94,11 +100,6 @@ def shorten_label(label: str, most: int = 110) -> str:
         return label
     cut = max(label.rfind(sign, 0, most) for sign in (" + ", " − ", " = "))
     return f"{label[:cut] if cut > 0 else label[:most]} … (all terms under Groupings)"
-
-
-def _stated_text(stated: float | None) -> str:
-    """Return a value of the robot file; sums that cancel leave a rounding error, which is zero."""
-    return "0" if stated is not None and abs(stated) < 1e-12 else format_number(stated)
 
 
 def parameter_pictures(analysis: Analysis, result: RungResult) -> Gallery:
@@ -115,7 +116,9 @@ def parameter_pictures(analysis: Analysis, result: RungResult) -> Gallery:
         f"Relative standard deviation of each parameter of {result.name}",
     )
     pulls = Picture(
-        draw_pulls(names, _pulls(analysis, result), robust, kinds, analysis.robot.path.name),
+        draw_pulls(
+            names, _pulls(analysis, result), robust, kinds, f"value in {analysis.robot.path.name}"
+        ),
         "How far the estimate lies from the robot file, in its own σ. In the grey band (95 %) the "
         "logs do not contradict the file; a row without a mark is not stated there.",
         f"Distance of each parameter of {result.name} from the value in the robot file",

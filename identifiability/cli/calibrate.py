@@ -1,0 +1,65 @@
+"""``identifiability calibrate``."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from identifiability.cli.common import (
+    JsonOption,
+    LogsArgument,
+    ReportOption,
+    RobotArgument,
+    Seed,
+    SidecarOption,
+    check_outputs,
+    escaped,
+    load_robot,
+    progress,
+    sentences,
+    write_results,
+)
+
+
+def calibrate(
+    robot: RobotArgument,
+    logs: LogsArgument,
+    ladder: Annotated[
+        str | None, typer.Option(help="TOML ladder of models; default: the one beside the robot.")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option(help="Model of the ladder; default: the unpruned one.")
+    ] = None,
+    trials: Annotated[int, typer.Option(min=4, help="Simulated repetitions a row.")] = 60,
+    sidecar: SidecarOption = None,
+    report: ReportOption = None,
+    json: JsonOption = None,
+    seed: Seed = 0,
+    quick: Annotated[
+        bool, typer.Option(help="A few repetitions, a wide Monte-Carlo error.")
+    ] = False,
+) -> None:
+    """Measure how far intervals and verdicts can be trusted on this robot and motion.
+
+    The experiment is repeated with planted parameters and autocorrelated noise: how often do 95 %
+    intervals hold the truth, how often is a parameter called identifiable wrong by more than half?
+
+    ```
+    identifiability calibrate 3-rps run.csv --report calibration.html
+    ```
+    """
+    with sentences(), progress() as say:
+        from identifiability.analysis import analyze  # noqa: PLC0415
+        from identifiability.calibration import calibrate as run  # noqa: PLC0415
+
+        check_outputs(report, json)
+        analysis = analyze(load_robot(robot, sidecar), logs, (), ladder, replicates=0, seed=seed)
+        result = run(analysis, model=model, trials=8 if quick else trials, seed=seed, progress=say)
+        written = write_results(result, report, json, say)
+    from rich.console import Console  # noqa: PLC0415
+
+    Console().print(escaped(result.statement), highlight=False, soft_wrap=True)
+    for path in written:
+        sys.stdout.write(f"{path}\n")

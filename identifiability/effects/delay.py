@@ -1,0 +1,71 @@
+"""Torque that is recorded later than the motion it belongs to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from identifiability.effects.actuator import ActuatorInertia
+from identifiability.effects.effect import Effect
+from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
+from identifiability.effects.nominal import rigid_torque
+from identifiability.names import Array, Parameter
+from identifiability.robot import Motion, Robot
+
+#: The torque that is delayed, as a function of the motion, (N, n).
+Torque = Callable[[Robot, Motion], Array]
+
+
+def nominal_torque(robot: Robot, motion: Motion) -> Array:
+    """Return the torque by all values that the robot file states, (N, n)."""
+    tau = rigid_torque(robot, motion)
+    effects: list[Effect] = [ViscousFriction(), ActuatorInertia()]
+    stated = any(k.endswith(".Fc+") for k in robot.nominal)
+    effects.append(CoulombAsymmetry() if stated else CoulombFriction())
+    for effect in effects:
+        parameters = effect.parameters(robot)
+        W = np.zeros((*tau.shape, len(parameters)))
+        effect.fill(robot, motion, W)
+        tau = tau + W @ np.array([robot.nominal.get(p.name, 0.0) for p in parameters])
+    return tau
+
+
+@dataclass(frozen=True, eq=False)
+class TimeDelay(Effect):
+    """``τ_measured(t) = τ(t − δ) ≈ τ − δ dτ/dt``: torque and motion are not sampled together.
+
+    Linearised in the delay, which must be small beside the fastest motion. The torque that is
+    differentiated is a model's, never the measured one, whose noise would enter the column.
+    Source: [Ljung 1999, Sec. 4.2]. It looks like actuator inertia and viscous friction at one
+    frequency of motion.
+
+    Attributes
+    ----------
+    torque : callable
+        Model torque; by default that of the robot file's values.
+    """
+
+    torque: Torque = nominal_torque
+    name: str = field(default="time_delay", init=False)
+    equation: str = field(default="τ = −δ dτ/dt", init=False)
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return the delay of every actuated joint."""
+        return tuple(
+            Parameter(a.name, "delay", "s", self.name, a.symbol)
+            for a in robot.axes[: len(robot.actuated)]
+        )
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write one column a joint; differences do not reach across missing samples."""
+        if len(motion) < 3:
+            return
+        tau = self.torque(robot, motion)
+        gaps = np.flatnonzero(np.diff(motion.kept) != 1) + 1
+        for rows in np.split(np.arange(len(motion)), gaps):
+            if len(rows) > 2:
+                slope = np.gradient(tau[rows], motion.t[rows], axis=0)
+                for k in range(out.shape[1]):
+                    out[rows, k, k] = -slope[:, k]

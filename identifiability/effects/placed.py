@@ -1,0 +1,98 @@
+"""`Placed`: an effect at chosen joints or bodies only, each with a shape of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identifiability.effects.effect import Effect
+from identifiability.errors import ModelError, listing
+from identifiability.names import Array, Parameter
+from identifiability.robot import Motion, Robot
+
+
+@dataclass(frozen=True)
+class Part:
+    """An effect at one joint, motor or body.
+
+    Attributes
+    ----------
+    effect : Effect
+        With its shape, if it has one.
+    owner : str
+    kinds : tuple of str
+        Kinds of parameters that are taken; all if empty.
+    """
+
+    effect: Effect
+    owner: str
+    kinds: tuple[str, ...] = ()
+
+    def takes(self, parameter: Parameter) -> bool:
+        """Whether a parameter of the effect belongs to the part."""
+        return parameter.owner == self.owner and (not self.kinds or parameter.kind in self.kinds)
+
+
+class Placed(Effect):
+    """Parts of one family as one effect, so that a model can have it in some joints.
+
+    Example
+    -------
+    >>> from identifiability.effects.nonlinear_friction import StribeckFriction
+    >>> effect = Placed([Part(StribeckFriction(0.02), "slider1")])
+    >>> effect.name
+    'stribeck_friction'
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        At least one.
+    """
+
+    def __init__(self, parts: Sequence[Part]) -> None:
+        self.parts = tuple(parts)
+        self.name = self.parts[0].effect.name
+        self.equation = self.parts[0].effect.equation
+        self.supersedes = ()
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return the parameters of all parts, part by part.
+
+        Raises
+        ------
+        ModelError
+            If an effect has no parameter at its place.
+        """
+        return tuple(p for part in self.parts for p in self.part_parameters(robot, part))
+
+    @staticmethod
+    def part_parameters(robot: Robot, part: Part) -> list[Parameter]:
+        """Return the parameters of one part."""
+        every = part.effect.parameters(robot)
+        found = [p for p in every if part.takes(p)]
+        if not found:
+            owners = dict.fromkeys(p.owner for p in every)
+            raise ModelError(
+                f"{part.effect.name} has no parameter at '{part.owner}' of {robot.name}; it acts "
+                f"at {listing(owners) or 'none of its joints'}."
+            )
+        return found
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write the columns of all parts; each effect is computed once."""
+        start = 0
+        waiting: dict[int, list[tuple[int, list[int]]]] = {}
+        effects: dict[int, Effect] = {}
+        for part in self.parts:
+            every = part.effect.parameters(robot)
+            columns = [k for k, p in enumerate(every) if part.takes(p)]
+            effects[id(part.effect)] = part.effect
+            waiting.setdefault(id(part.effect), []).append((start, columns))
+            start += len(columns)
+        for key, effect in effects.items():
+            W = np.zeros((len(motion), out.shape[1], len(effect.parameters(robot))))
+            effect.fill(robot, motion, W)
+            for at, columns in waiting[key]:
+                out[:, :, at : at + len(columns)] = W[:, :, columns]

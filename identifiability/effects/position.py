@@ -1,0 +1,91 @@
+"""Torque that depends on position: springs and ripple.
+
+A spring returns the joint to its home position; ripple repeats with the pitch of a screw, the
+teeth of a gear or the poles of a motor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from identifiability.effects.effect import Effect
+from identifiability.effects.nonlinear_friction import chosen_axes
+from identifiability.names import Array, Parameter
+from identifiability.robot import Motion, Robot
+from identifiability.robot.description import Axis
+
+
+def travel(robot: Robot, motion: Motion, axis: Axis) -> Array:
+    """Return the position of an axis from its home, (N,) [rad or m]."""
+    assert axis.row is not None
+    home = robot.actuated_positions(robot.home[None])[0]
+    position: Array = (motion.actuated_q - home) @ axis.row
+    return position
+
+
+@dataclass(frozen=True)
+class JointStiffness(Effect):
+    """``τ = K (q − q_home)``: a spring, a cable or a hose along the joint.
+
+    Another neutral position adds a torque offset. Source: [Khalil 2002, Sec. 9.4]. Over small
+    angles it looks like gravity.
+    """
+
+    name: str = field(default="joint_stiffness", init=False)
+    equation: str = field(default="τ = K (q − q_home)", init=False)
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return K of every axis."""
+        return tuple(
+            Parameter(a.name, "K", "N/m" if a.prismatic else "N·m/rad", self.name, a.symbol)
+            for _, a in chosen_axes(robot)
+        )
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write one column an axis."""
+        for k, (_, axis) in enumerate(chosen_axes(robot)):
+            out[:, :, k] = travel(robot, motion, axis)[:, None] * axis.row
+
+
+@dataclass(frozen=True)
+class PositionRipple(Effect):
+    """``τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)``: cogging, screw pitch, gear teeth.
+
+    Source: [Holmes 1988; Bittencourt 2012, Sec. 3]. A period as long as the range looks like a
+    spring or like gravity.
+
+    Attributes
+    ----------
+    period : float or None [rad or m]
+        Period λ; None takes a sixth of each joint's range.
+    only : str or None
+    """
+
+    period: float | None = None
+    only: str | None = None
+    name: str = field(default="position_ripple", init=False)
+    equation: str = field(default="τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)", init=False)
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return the two amplitudes of every axis."""
+        return tuple(
+            Parameter(a.name, kind, "N" if a.prismatic else "N·m", self.name, a.symbol)
+            for _, a in chosen_axes(robot, self.only)
+            for kind in ("Rs", "Rc")
+        )
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write two columns an axis."""
+        for k, (at, axis) in enumerate(chosen_axes(robot, self.only)):
+            period = self.period or self._usual(robot, at, axis)
+            phase = 2 * np.pi * travel(robot, motion, axis) / period
+            out[:, :, 2 * k] = np.sin(phase)[:, None] * axis.row
+            out[:, :, 2 * k + 1] = np.cos(phase)[:, None] * axis.row
+
+    def _usual(self, robot: Robot, at: int, axis: Axis) -> float:
+        low, high = robot.limits[at] if at < len(robot.limits) else (-np.inf, np.inf)
+        if np.isfinite(high - low):
+            return float(high - low) / 6
+        return 0.03 if axis.prismatic else np.pi / 6
