@@ -10,7 +10,7 @@ times as much). Adding is concatenation of blocks, so chunks, files and processe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -181,16 +181,19 @@ def gather_information(regression: Regression, blocks: int = BLOCKS) -> Informat
 
 
 def choose_basis(regression: Regression) -> Array:
-    """Return a triangular factor of evenly spaced rows of ``[W τ]``, (k + 1, k + 1)."""
-    n = len(regression.robot.actuated)
-    total = sum(s.outputs for s in regression.samples)
-    step = max(1, total * n // BASIS_ROWS)
+    """Return a triangular factor of evenly spaced rows of ``[W τ]``, (k + 1, k + 1).
+
+    The rows are taken before any decimation: a basis need not be exact, only of the right size
+    and direction.
+    """
+    total = sum(len(s.tau) for s in regression.samples) * len(regression.robot.actuated)
+    step = max(1, total // BASIS_ROWS)
+    thin = replace(regression, samples=tuple(s.thin(step) for s in regression.samples))
     k = len(regression.parameters)
     R = np.zeros((0, k + 1))
     squares = np.zeros(k + 1)
-    for _, start, W, tau in regression.chunks():
-        rows = np.concatenate([W, tau[:, :, None]], axis=2)[(-start) % step :: step]
-        flat = rows.reshape(-1, k + 1)
+    for _, _, W, tau in thin.chunks():
+        flat = np.concatenate([W, tau[:, :, None]], axis=2).reshape(-1, k + 1)
         squares += np.einsum("ij,ij->j", flat, flat)
         R = triangular_factor(np.vstack([R, flat]))
     length = np.sqrt(squares)

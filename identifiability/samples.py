@@ -122,6 +122,11 @@ class Samples:
                 rows = slice(begin, begin + (last - 1 - first) * d.factor + 2 * d.reach + 1)
                 yield self.motion[rows], self.tau[rows], d.apply
 
+    def thin(self, step: int) -> Samples:
+        """Return every `step`-th sample, without decimation filter."""
+        rows = slice(None, None, step)
+        return replace(self, motion=self.motion[rows], tau=self.tau[rows], decimation=None)
+
     def output_times(self) -> Array:
         """Return the times of the samples after decimation, (outputs,) [s]."""
         if self.decimation is None:
