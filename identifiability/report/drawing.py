@@ -224,5 +224,5 @@ def _shorten_path(d: str) -> str:
     """Return a path of straight lines with fewer letters, and a long one to a tenth of a pixel."""
     if len(d) > 800:
         d = re.sub(r"(\.\d)\d", r"\1", d)
-    d = re.sub(r"M (\S+ \S+) L \1(?= |$)", r"M\1h0", d)
+    d = re.sub(r"M (\S+ \S+) L \1 ?(?=M|$)", r"M\1h0", d)
     return re.sub(r" ?L ", " ", d).replace("M ", "M")

@@ -71,8 +71,14 @@ def chain_log(
     return pd.DataFrame(columns)
 
 
+@pytest.fixture
 def one_rung() -> LadderEntry:
     return LadderEntry(models=[RungEntry(name="only", effects=list(EFFECTS))])
+
+
+@pytest.fixture
+def hostile_names() -> tuple[str, ...]:
+    return HOSTILE
 
 
 @pytest.fixture(scope="session")

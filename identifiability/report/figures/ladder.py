@@ -39,14 +39,15 @@ def draw_errors(
     figure, axes = row_canvas(names, _ROW)
     _mark_selected(axes, selected)
     rows = np.arange(len(names))
+    first, second, spread = (np.where(np.isfinite(x), x, np.nan) for x in (first, second, spread))
     for row in rows:
         ends = [100 * first[row], 100 * second[row]]
         if np.isfinite(ends).all():
             axes.plot(ends, [row, row], color=MUTED, linewidth=1, zorder=1)
     axes.plot(100 * first, rows, "o", fillstyle="none", color=MUTED, markersize=7, label=labels[0])
     axes.errorbar(
-        100 * second, rows, xerr=100 * np.nan_to_num(spread), fmt="o", color=COLOURS["blue"],
-        markersize=7.5, elinewidth=2.2, capsize=3.5, label=labels[1],
+        100 * second, rows, xerr=100 * np.maximum(np.nan_to_num(spread), 0.0), fmt="o",
+        color=COLOURS["blue"], markersize=7.5, elinewidth=2.2, capsize=3.5, label=labels[1],
     )  # fmt: skip
     axes.margins(x=0.1)
     axes.legend(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
@@ -36,11 +37,7 @@ def draw_spectrum(values: Array, rank: int, tolerance: float) -> Figure:
     axes.yaxis.set_major_locator(FixedLocator([10.0**k for k in range(-18, 1, 3)]))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: power_of_ten(y)))
     axes.yaxis.set_minor_locator(NullLocator())
-    axes.axhline(tolerance, color=MUTED, linewidth=1, linestyle=(0, (4, 3)))
-    axes.annotate(
-        "zero below this", (0, tolerance), (5, -4), xycoords=("axes fraction", "data"),
-        textcoords="offset points", ha="left", va="top", color=MUTED, fontsize=10.5,
-    )  # fmt: skip
+    _draw_limit(axes, tolerance)
     axes.plot(
         index[:rank], share[:rank], "o", color=COLOURS["blue"], markersize=5,
         label=f"independent: {rank}",
@@ -59,3 +56,11 @@ def draw_spectrum(values: Array, rank: int, tolerance: float) -> Figure:
     axes.set_xlabel("number of the singular value [–]")
     axes.set_ylabel("relative to the largest [–]")
     return figure
+
+
+def _draw_limit(axes: Axes, tolerance: float) -> None:
+    axes.axhline(tolerance, color=MUTED, linewidth=1, linestyle=(0, (4, 3)))
+    axes.annotate(
+        "zero below this", (0, tolerance), (5, -4), xycoords=("axes fraction", "data"),
+        textcoords="offset points", ha="left", va="top", color=MUTED, fontsize=10.5,
+    )  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 from identifiability.analysis import Analysis
 from identifiability.report.blocks import Note, Notes, Term, Terms, Tile
 from identifiability.report.marks import MARKS
-from identifiability.report.numbers import format_count, join
+from identifiability.report.numbers import format_count, format_number, join
 from identifiability.report.sections.facts import (
     error_text,
     model_title,
@@ -152,8 +152,9 @@ def _sample_notes(analysis: Analysis) -> list[Note]:
             notes.append(Note("warning", f"Samples of {s.name} were dropped.", text))
         if motion.singular:
             text = (
-                f"{format_count(motion.singular, 'sample')} with a condition number up to "
-                f"{motion.condition:.2g}: small errors of position become large torques there."
+                f"{format_count(motion.singular, 'sample')} there, with a condition number up "
+                f"to {format_number(motion.condition, 2)}: small errors of position become large "
+                "torques."
             )
             notes.append(Note("warning", f"{s.name} passes near a singular configuration.", text))
     return notes
@@ -164,7 +165,7 @@ def _noise_note(analysis: Analysis) -> Note:
     factor = sigma_inflation(analysis.chosen)
     worst = analysis.robot.joints[int(np.argmax(times))]
     longest = f"{time_text(times.max())} samples in {worst}"
-    grown = f"{factor:.2g} × that of white noise"
+    grown = f"{format_number(factor, 3)} × that of white noise"
     if np.sqrt(times.max()) > MILD_INFLATION:
         text = (
             f"The autocorrelation time is up to {longest}, so there are that many times fewer "

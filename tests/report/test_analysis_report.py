@@ -1,0 +1,159 @@
+"""The report on an analysis: complete, self-contained, harmless, small, quick, always the same."""
+
+import re
+import time
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from identifiability.report import build_analysis_page, write_analysis_report
+
+SECTIONS = (
+    "parameters", "models", "prediction", "residuals", "physics", "structure", "full-model",
+    "motion", "thresholds", "provenance",
+)  # fmt: skip
+
+
+class Outline(HTMLParser):
+    """What a browser would see: tags with attributes, and the rows of every table."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.section = ""
+        self.rows: dict[str, list[str]] = {}
+        self._header = False
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        self.tags.append((tag, attributes))
+        if tag == "section":
+            self.section = attributes["id"]
+        self._header = tag == "th" and attributes.get("scope") == "row"
+
+    def handle_data(self, data):
+        if self._header:
+            self.rows.setdefault(self.section, []).append(data)
+            self._header = False
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [a for t, a in self.tags if t == tag]
+
+
+@pytest.fixture(scope="module")
+def html(paper_analysis, tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    assert write_analysis_report(paper_analysis, path) == path
+    return path.read_text(encoding="utf-8")
+
+
+def test_the_answer_stands_at_the_top(html, paper_analysis):
+    top = html[html.index("<header>") : html.index("</header>")]
+    text = re.sub(r"<[^>]*>", "", top).replace("\u00a0", " ")
+    assert paper_analysis.statement in text
+    for number in ("85", "37", f"{100 * paper_analysis.chosen.error_ra_validation:.3g} %"):
+        assert number in text
+
+
+def test_all_sections_are_there_and_linked(html):
+    outline = Outline(html)
+    assert tuple(a["id"] for a in outline.all("section")) == SECTIONS
+    assert {a["href"] for a in outline.all("a")} == {f"#{s}" for s in SECTIONS}
+
+
+def test_the_tables_have_one_row_for_each_parameter_model_and_grouping(html, paper_analysis):
+    rows = Outline(html).rows
+    assert rows["parameters"] == [v.name for v in paper_analysis.chosen.verdicts]
+    assert rows["full-model"] == [v.name for v in paper_analysis.full.verdicts]
+    assert rows["models"] == [m.name for m in paper_analysis.models]
+    assert rows["structure"] == list(paper_analysis.base.names)
+    assert len(rows["physics"]) == 85
+
+
+def test_every_parameter_shows_its_evidence(html, paper_analysis):
+    page = html.replace("\u00a0", " ")
+    for v in paper_analysis.chosen.verdicts:
+        assert v.reason.replace("'", "&#39;") in re.sub(r"</?sub>", "", page)
+        assert v.label in page
+        assert v.verdict.value in page
+
+
+def test_nothing_is_loaded_from_anywhere(html):
+    outline = Outline(html)
+    for tag, attributes in outline.tags:
+        for name in ("src", "href", "xlink:href", "data", "action", "srcset", "poster"):
+            value = attributes.get(name)
+            assert value is None or value.startswith(("#", "data:,")), (tag, name, value)
+    assert not re.search(r"(https?:)?//[a-z]+\.", html)
+    assert "@import" not in html
+    assert "@font-face" not in html
+    assert len(outline.all("script")) == 1
+
+
+def test_the_report_is_small_quick_and_the_same_each_time(html, paper_analysis, tmp_path):
+    start = time.process_time()
+    path = write_analysis_report(paper_analysis, tmp_path / "again.html")
+    assert time.process_time() - start < 3
+    assert path.read_text(encoding="utf-8") == html
+    assert len(html.encode()) < 1_000_000
+
+
+def test_thresholds_and_hashes_are_printed(html, paper_analysis):
+    assert paper_analysis.robot.sha256 in html
+    for s in (*paper_analysis.samples, *paper_analysis.validation):
+        assert s.sha256 in html
+    other = replace(paper_analysis.thresholds, sigma_percent=12.5)
+    page = build_analysis_page(replace(paper_analysis, thresholds=other))
+    (table,) = (b for s in page.sections if s.name == "thresholds" for b in s.blocks[:1])
+    assert table.rows[0][1].text == "12.5"
+
+
+def test_no_path_of_this_machine_is_told(html, paper_analysis):
+    assert str(paper_analysis.robot.path.parent) not in html
+
+
+def test_the_autocorrelation_of_residuals_is_said(paper_analysis):
+    page = build_analysis_page(paper_analysis)
+    (notes,) = (b for b in page.summary if b.kind == "notes")
+    assert any("nearly independent" in n.title for n in notes.notes)
+    times = np.full(3, 9.0)
+    chosen = replace(
+        paper_analysis.chosen, uncertainty=replace(paper_analysis.chosen.uncertainty, times=times)
+    )
+    models = [m if m is not paper_analysis.chosen else chosen for m in paper_analysis.models]
+    page = build_analysis_page(replace(paper_analysis, models=tuple(models)))
+    (notes,) = (b for b in page.summary if b.kind == "notes")
+    assert any("resemble each other" in n.title and "9.00 samples" in n.text for n in notes.notes)
+
+
+def test_dropped_and_singular_samples_are_warned_of(paper_analysis):
+    (s,) = paper_analysis.samples
+    motion = replace(s.motion, dropped=np.array([3, 4]), near_singular=np.arange(7), condition=2e5)
+    bad = replace(paper_analysis, samples=(replace(s, motion=motion),))
+    (notes,) = (b for b in build_analysis_page(bad).summary if b.kind == "notes")
+    first = notes.notes[:2]
+    assert {n.level for n in first} == {"warning"}
+    assert "2 samples" in first[0].text
+    assert "7 samples" in first[1].text
+
+
+def test_impossible_values_are_a_warning_and_not_a_footnote(paper_analysis):
+    worst = replace(paper_analysis, selected=0)
+    page = build_analysis_page(worst)
+    assert page.tiles[-1].value == "No"
+    assert page.summary[-1].notes[0].title == "Impossible values in the model to use."
+    assert page.sections[6].blocks == ()  # the unpruned model is not shown twice
+
+
+def test_long_combinations_are_cut_between_terms():
+    from identifiability.report.sections.parameters import shorten_label
+
+    label = " + ".join(f"0.1234·m({k})" for k in range(40))
+    short = shorten_label(label)
+    assert len(short) < 150
+    assert short.startswith("0.1234·m(0) + ")
+    assert re.search(r"m\(\d+\) … ", short)
+    assert shorten_label("m(1)") == "m(1)"

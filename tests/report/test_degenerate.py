@@ -1,0 +1,76 @@
+"""Analyses that show little, much, or something odd still give a report that can be read."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.report import build_analysis_page, render_page
+
+
+def render(analysis) -> str:
+    return render_page(build_analysis_page(analysis))
+
+
+def cells(analysis, section: int = 0):
+    return build_analysis_page(analysis).sections[section].blocks[1].rows
+
+
+def test_hostile_joint_names_are_harmless(chain_analysis, hostile_names):
+    html = render(chain_analysis(hostile_names, held=1))
+    assert html.count("<script") == 1
+    assert "<img" not in html
+    assert html.count("<svg") == html.count("</svg>")
+    assert "a$b$c_{d}" in html
+
+
+def test_a_robot_that_stands_still_is_a_result(chain_analysis):
+    analysis = chain_analysis(["a", "b"], amplitude=0.0)
+    page = build_analysis_page(analysis)
+    assert page.statement.startswith("Nothing is identifiable")
+    assert page.tiles[2].value.startswith("0 of")
+    for row in cells(analysis):
+        assert [c.text for c in row[1:3]] == ["—", "—"]
+        assert row[5].text == "—"
+    assert "undefined" not in render_page(page)
+
+
+def test_torque_that_never_varies_has_no_relative_error(chain_analysis):
+    analysis = chain_analysis(["a"])
+    nan = [replace(m, error_ra=np.nan, error_ra_validation=np.nan, error_se=np.nan,
+                   error_ra_physical=np.nan) for m in analysis.models]  # fmt: skip
+    flat = replace(analysis.held_out, tau=0 * analysis.held_out.tau)
+    html = render(replace(analysis, models=tuple(nan), held_out=flat))
+    assert "No relative error." in html
+    assert not re.search(r">[^<]*\bnan\b[^<]*<", html)
+
+
+@pytest.mark.parametrize("joints", [["only"], ["a", "b"]])
+def test_one_model_and_few_joints_suffice(chain_analysis, one_rung, joints):
+    html = render(chain_analysis(joints, ladder=one_rung))
+    assert "there was nothing to choose from" in html
+    assert "is the unpruned one" in html
+
+
+def test_noise_free_logs_have_no_sigma_to_speak_of(chain_analysis):
+    assert "±" in render(chain_analysis(["a", "b"], noise=0.0))
+
+
+def test_many_logs_get_a_row_each(chain_analysis):
+    analysis = chain_analysis(["a", "b"], logs=7, held=5, samples=60)
+    page = build_analysis_page(analysis)
+    prediction = page.sections[2].blocks
+    assert len(prediction[-1].rows) == 5
+    motion = page.sections[7].blocks[0]
+    assert [r[1].text for r in motion.rows] == ["fitted"] * 7 + ["held out"] * 5
+    assert len(page.sections[9].blocks[0].rows) >= 13  # hashes, although names repeat
+
+
+def test_twentyfour_joints_fit_into_a_page(chain_analysis, one_rung):
+    ladder = one_rung.model_copy(deep=True)
+    ladder.models[0].effects = ["viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
+    analysis = chain_analysis([f"j{k}" for k in range(24)], held=1, ladder=ladder, samples=1500)
+    html = render(analysis)
+    assert "18 more joints" in html
+    assert len(html.encode()) < 1_500_000

@@ -1,0 +1,183 @@
+"""Figures become inline SVG that is themed, harmless, small and always the same."""
+
+import re
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from identifiability.report import COLOURS, svg
+from identifiability.report import figures as fig
+from identifiability.report.drawing import STYLE, _shorten_path, canvas, dots, drawn, plain, thin
+from identifiability.report.figures.torque import choose_stretch, find_runs
+
+INF, NAN = np.inf, np.nan
+HOSTILE = [
+    "<script>alert(1)</script>",
+    "a$b$c",
+    'quote" id="x',
+    "</svg>",
+    "\\alpha \\$",
+    "控制\n器",
+]
+
+
+def draw_all(names, value=1.0):
+    """Return every figure with the same names and values."""
+    k = len(names)
+    x = np.full(k, value)
+    t = np.linspace(0.01, 1, 50)
+    kinds = ["identifiable", "weak", "negligible", "not identifiable", "something new"]
+    kinds = [kinds[i % 5] for i in range(k)]
+    return [
+        fig.draw_precision(names, x, 2 * x, kinds, 20.0, 10 * value),
+        fig.draw_pulls(names, x, x, kinds, names[0]),
+        fig.draw_errors(names, x, x, x, 0),
+        fig.draw_sizes(names, [3] * k, [1] * k, 0),
+        fig.draw_conditions(names, x, 0),
+        fig.draw_torque(t, value * np.sin(9 * t), np.sin(9 * t), names[0], "N·m"),
+        fig.draw_histogram(value * t),
+        fig.draw_autocorrelation(value * np.ones((9, 2)), 1, names[0], 50),
+        fig.draw_residual_velocity(value * t, t, names[0], ("rad/s", "N·m")),
+        fig.draw_spectrum(np.array([1.0, 0.1, 1e-17]), 2, 1e-8),
+    ]
+
+
+@pytest.mark.parametrize("value", [1.0, 0.0, -1.0, NAN, INF, 1e-30, 1e30])
+def test_every_figure_survives_any_number(value):
+    for figure in draw_all(["a", "b"], value):
+        assert svg(figure).startswith("<svg viewBox=")
+
+
+def test_names_from_files_are_drawn_as_they_stand_and_do_nothing():
+    for figure in draw_all(HOSTILE):
+        text = svg(figure, HOSTILE[0])
+        assert "<script" not in text
+        assert text.count("</svg>") == 1
+        assert not any('id="x' in tag for tag in re.findall(r"<[^<>]*>", text))
+    text = svg(draw_all(HOSTILE)[0])
+    assert "a$b$c" in text  # no mathematics
+    assert "控制 器" in text
+
+
+def test_the_same_figure_gives_the_same_text():
+    once, again = (str(svg(draw_all(["a", "b", "c"])[0], "x")) for _ in range(2))
+    assert once == again
+    assert "date" not in once.lower()
+
+
+def test_a_users_matplotlib_settings_change_nothing():
+    expected = svg(draw_all(["a"])[0])
+    with mpl.rc_context({"font.size": 30, "axes.facecolor": "red", "svg.fonttype": "path"}):
+        assert svg(draw_all(["a"])[0]) == expected
+
+
+def test_drawing_leaves_the_global_settings_alone():
+    before = dict(mpl.rcParams)
+    svg(draw_all(["a"])[0])
+    assert dict(mpl.rcParams) == before
+
+
+def test_identifiers_of_figures_on_one_page_differ():
+    first, second = (svg(f) for f in draw_all(["a", "b"])[:2])
+    ids = [set(re.findall(r'\bid="([^"]*)"', text)) for text in (first, second)]
+    assert ids[0]
+    assert not ids[0] & ids[1]
+    for text, known in zip((first, second), ids, strict=True):
+        assert set(re.findall(r"#([^\"')]*)", re.sub(r"<style>.*?</style>", "", text))) <= known
+
+
+def test_colours_are_variables_of_the_style_sheet():
+    css = (Path(fig.__file__).parent.parent / "templates" / "style.css").read_text()
+    light = css[css.index(":root") : css.index("}")]
+    for name, colour in COLOURS.items():
+        assert f"--{name}: {colour};" in light
+    text = "".join(svg(f) for f in draw_all(["a", "b", "c", "d"]))
+    assert "var(--blue)" in text
+    assert not set(re.findall(r"(?:fill|stroke): (#[0-9a-f]{6})", text))
+
+
+def test_every_axis_has_a_label_with_a_unit():
+    for figure in draw_all(["a", "b"]):
+        lowest = figure.axes[-1]
+        assert lowest.get_xlabel().endswith("]")
+        for axes in figure.axes:
+            named_rows = axes.get_ylabel() == "" and len(figure.axes) == 1
+            assert named_rows or axes.get_ylabel().endswith("]")
+
+
+def test_a_figure_of_anyones_making_can_be_shown():
+    figure = Figure()
+    figure.subplots().plot([1, 2], label="x")
+    assert "<path" in svg(figure, "mine & yours")
+
+
+def test_ninety_parameters_keep_one_row_each():
+    names = [f"p{k}" for k in range(90)]
+    values = np.geomspace(0.1, 1e6, 90)
+    figure = fig.draw_precision(names, values, values, ["weak"] * 90, 20, 1)
+    assert figure.get_figheight() * 72 > 90 * 16
+    assert svg(figure).count(">p") == 90
+
+
+def test_thin_lines_keep_their_peaks():
+    t = np.arange(10_000.0)
+    y = np.sin(t / 900)
+    y[[1234, 8765]] = 40, -40
+    short_t, short_y = thin(t, y, 500)
+    assert len(short_y) <= 500
+    assert (short_y.max(), short_y.min()) == (40, -40)
+    assert (np.diff(short_t) > 0).all()
+    assert thin(t[:5], y[:5], 500)[1] is not None
+
+
+def test_lines_are_broken_at_gaps():
+    t = np.concatenate([np.arange(5.0), 50 + np.arange(4.0)])
+    assert find_runs(t) == [(0, 5), (5, 9)]
+    assert find_runs(np.zeros(1)) == [(0, 1)]
+    figure = fig.draw_torque(t, t, t, "a", "N")
+    assert len([x for x in figure.axes[0].lines if len(x.get_xdata())]) == 4
+
+
+def test_the_middle_of_a_long_log_is_shown():
+    t = np.linspace(0, 100, 1001)
+    part = choose_stretch(t, 10)
+    assert t[part][0] == pytest.approx(45)
+    assert t[part][-1] == pytest.approx(55, abs=0.2)
+    assert choose_stretch(t, 200) == slice(0, 1001)
+    assert choose_stretch(t[:1]) == slice(0, 1)
+
+
+def test_points_are_drawn_as_one_small_path():
+    @drawn
+    def cloud():
+        figure, (axes,) = canvas(300, 200)
+        x = np.linspace(0, 1, 500)
+        dots(axes, x, x**2, COLOURS["blue"])
+        return figure
+
+    text = svg(cloud())
+    assert text.count("h0") == 500
+    assert len(text) < 15_000
+
+
+def test_paths_of_straight_lines_keep_their_shape():
+    def points(d):
+        return [tuple(map(float, p)) for p in re.findall(r"(-?[\d.]+) (-?[\d.]+)", d)]
+
+    polygon = "M 1 2 L 1 2 L 3 4 L 5 6 z"  # starts with a step of no height
+    assert _shorten_path(polygon) == "M1 2 1 2 3 4 5 6 z"
+    assert points(_shorten_path(polygon)) == points(polygon)
+    assert _shorten_path("M 1 2 L 1 2 M 3 4 L 3 4") == "M1 2h0M3 4h0"
+    assert _shorten_path("M 1 2 L 1 25") == "M1 2 1 25"
+
+
+def test_long_names_are_shortened_in_the_middle():
+    assert plain("x" * 20 + "y" * 20) == "x" * 14 + "…" + "y" * 13
+    assert plain("cost $5") == r"cost \$5"
+
+
+def test_the_style_has_no_typing_errors():
+    assert set(STYLE) <= set(mpl.rcParams)
