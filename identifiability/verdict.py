@@ -95,6 +95,13 @@ class Verdict:
         return _percent(self.sigma_robust, self.value)
 
 
+def _digits(percent: float) -> str:
+    """Return a percentage with two or three digits, never in powers of ten."""
+    if percent < 1000:
+        return f"{percent:.2g}" if percent < 10 else f"{percent:.3g}"
+    return f"{percent:.0f}" if percent < 1e5 else "more than 100000"
+
+
 def _percent(sigma: float, value: float) -> float:
     return 100 * sigma / abs(value) if value else float("inf")
 
@@ -198,7 +205,8 @@ def _decide(
     if certain and percent <= rules.sigma_percent and recurs:
         return (
             Class.IDENTIFIABLE,
-            f"Known to ±{percent:.2g} % (limit {rules.sigma_percent:g} %) and its sign is certain.",
+            f"Known to ±{_digits(percent)} % (limit {rules.sigma_percent:g} %) and its sign is "
+            "certain.",
         )
     if effect <= rules.negligible_share:
         return (
@@ -209,24 +217,24 @@ def _decide(
     if certain and percent <= rules.sigma_percent:
         return (
             Class.WEAK,
-            f"Its sign is certain and it is known to ±{percent:.2g} %, but only "
+            f"Its sign is certain and it is known to ±{_digits(percent)} %, but only "
             f"{100 * recurrence:.0f} % of the resampled logs say so (limit "
             f"{100 * rules.recurrence:.0f} %).",
         )
     if certain:
         return (
             Class.WEAK,
-            f"Its sign is certain, but it is known only to ±{percent:.2g} %.",
+            f"Its sign is certain, but it is known only to ±{_digits(percent)} %.",
         )
     if percent < 100:
         return (
             Class.NOT_IDENTIFIABLE,
-            f"σ is {percent:.3g} % of the value: with this many parameters even the sign may be "
-            "chance.",
+            f"σ is {_digits(percent)} % of the value: with this many parameters even the sign may "
+            "be chance.",
         )
     return (
         Class.NOT_IDENTIFIABLE,
-        f"σ is {min(percent, 1e6):.3g} % of the value: zero and the other sign fit as well.",
+        f"σ is {_digits(percent)} % of the value: zero and the other sign fit as well.",
     )
 
 
@@ -235,14 +243,14 @@ def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
     good = kind is Class.IDENTIFIABLE
     if paper and not good:
         return (
-            f" The {PAPER_FACTOR:g}× rule passes it (white-noise σ {percent:.3g} % < "
-            f"{PAPER_FACTOR:g} × {least:.3g} %): that rule is relative to the best parameter of "
-            "the model and knows no autocorrelation."
+            f" The {PAPER_FACTOR:g}× rule passes it (white-noise σ {_digits(percent)} % < "
+            f"{PAPER_FACTOR:g} × {_digits(least)} %): that rule is relative to the best parameter "
+            "of the model and knows no autocorrelation."
         )
     if good and not paper:
         return (
-            f" The {PAPER_FACTOR:g}× rule rejects it (white-noise σ {percent:.3g} % > "
-            f"{PAPER_FACTOR:g} × {least:.3g} %) only because another parameter is known much "
+            f" The {PAPER_FACTOR:g}× rule rejects it (white-noise σ {_digits(percent)} % > "
+            f"{PAPER_FACTOR:g} × {_digits(least)} %) only because another parameter is known much "
             "better."
         )
     return ""
