@@ -286,10 +286,10 @@ def analyze(
             ladder = default_ladder(robot) if path is None else read_ladder(path)
         model = ladder_model(ladder)
         say("reading logs", 0.0)
-        train = _prepare(robot, logs, preparation)
+        train = prepare_logs(robot, logs, preparation)
         if not train:
             raise LogError("No log was given; give at least one.")
-        held = _prepare(robot, validate, preparation)
+        held = prepare_logs(robot, validate, preparation)
         say("finding base parameters", 0.2)
         base = find_base_parameters(robot, model, streams[0])
         rungs = build_ladder(ladder, robot, base)
@@ -324,9 +324,10 @@ def analyze(
         )  # fmt: skip
 
 
-def _prepare(
+def prepare_logs(
     robot: Robot, logs: Sequence[LogLike] | LogLike, how: Preparation | None
 ) -> tuple[Samples, ...]:
+    """Return logs, however they are given, made ready for the regression."""
     several = [logs] if isinstance(logs, (Log, str, Path, pd.DataFrame)) else list(logs)
     out = []
     for k, item in enumerate(several):

@@ -252,8 +252,8 @@ def _build_rung(item: RungEntry, start: Rung, robot: Robot, base: BaseParameters
         units = {rung.units[rung.columns.index(m)] for m in members}
         if len(units) > 1:
             raise ModelError(
-                f"The rung '{item.name}' ties {listing(members)} of the units {listing(units)}; "
-                "only parameters of one unit can be equal."
+                f"The rung '{item.name}' ties {listing(members)} of the units "
+                f"{listing(sorted(units))}; only parameters of one unit can be equal."
             )
         rung = rung.tied(name, members)
     if item.keep is not None:

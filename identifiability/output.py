@@ -35,6 +35,8 @@ def check_writable(path: str | Path) -> Path:
         raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
     if not os.access(folder, os.W_OK):
         raise OutputError(f"The folder '{folder}' is not writable; choose another.")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise OutputError(f"'{path}' is protected against writing; give another name.")
     return path
 
 

@@ -169,6 +169,10 @@ def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> S
         log = _to_joint_side(robot, log)
         notes.append("motor positions and torques were converted to the joint side")
     check_units(robot, log)
+    if not log.tau.any():
+        raise LogError(
+            f"{log.name}: all torques are zero; nothing was measured, check the columns."
+        )
     q, dq, ddq, note, cutoff = _derivatives(log, how)
     notes.append(note)
     motion = complete_motion(robot, log.t, q, dq, ddq)

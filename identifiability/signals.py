@@ -93,7 +93,10 @@ def find_rests(t: Array, q: Array, dq: Array) -> np.ndarray:
     q, dq : (N, n)
     """
     speed = np.abs(dq)
-    still = (speed <= REST_SPEED * speed.max(0)).all(1)
+    # The computed speed of a joint that never moves is rounding, not motion.
+    moves = np.ptp(q, axis=0) > 1e-9 * (1 + np.abs(q).max(0))
+    limit = REST_SPEED * np.where(moves, speed.max(0), np.inf)
+    still: np.ndarray = np.all(speed <= limit, axis=1, keepdims=True)[:, 0]
     if still.all() or not still.any():
         return np.zeros(len(t), bool)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]])))

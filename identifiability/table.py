@@ -50,9 +50,9 @@ def _read_csv(path: Path) -> pd.DataFrame:
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
         warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
-        frame = pd.read_csv(path, index_col=False)
+        frame = pd.read_csv(path, index_col=False, skipinitialspace=True)
     with path.open(encoding="utf-8-sig", newline="") as stream:
-        header = next((row for row in csv.reader(stream) if row), [])
+        header = next((row for row in csv.reader(stream, skipinitialspace=True) if row), [])
     return frame.set_axis(header, axis=1) if len(header) == frame.shape[1] else frame
 
 

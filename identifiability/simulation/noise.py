@@ -40,10 +40,11 @@ class Noise:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not (np.isfinite(value) and value >= 0) or (name == "correlation" and value >= 1):
+            most = 1.0 if name == "correlation" else LOUDEST
+            if not 0 <= value < most:
                 raise IdentifiabilityError(
-                    f"The noise level {name} = {value:g} cannot be; give a number of at least 0"
-                    f"{' and below 1' if name == 'correlation' else ''}."
+                    f"The noise level {name} = {value:g} cannot be; give a number of at least 0 "
+                    f"and below {most:g}."
                 )
 
     @staticmethod

@@ -1,0 +1,135 @@
+"""KUKA LWR4+, three runs of the real arm: the known held-out errors come out."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+
+from identifiability.signals import choose_cutoff
+
+
+@pytest.fixture(scope="module")
+def kuka(study):
+    return study("kuka_lwr4")
+
+
+@pytest.fixture(scope="module")
+def folder(data):
+    return data("kuka_lwr4")
+
+
+@pytest.fixture(scope="module")
+def robot(kuka, folder):
+    return kuka.load_robot(folder)
+
+
+@pytest.fixture(scope="module")
+def fitted(kuka, folder, robot):
+    return cache(
+        lambda train, processing, method: kuka.fit(folder, robot, train, processing, method)
+    )
+
+
+@pytest.fixture(scope="module")
+def errors(kuka, fitted):
+    """A function (train, validate, model, processing, method) -> held-out errors [%]."""
+
+    def held_out(train, validate, model=FRICTION, processing="ours", method="wls"):
+        rows = list(kuka.table_rows(fitted(train, processing, method), train))
+        return next(r for r in rows if r["validate"] == validate and r["model"] == model)
+
+    return held_out
+
+
+FRICTION = "with friction and offsets"
+
+
+@pytest.mark.parametrize("method", ["ols", "wls"])
+@pytest.mark.parametrize("processing", ["ours", "the file's"])
+@pytest.mark.parametrize(
+    ("train", "validate", "low", "high"),
+    [(1, 2, 1.4, 2.1), (1, 3, 10.0, 16.0), (3, 1, 5.5, 8.5)],  # known: 1.7, 13-15, 7
+)
+def test_known_relative_errors_come_out(errors, train, validate, low, high, processing, method):
+    found = errors(train, validate, FRICTION, processing, method)["relative"]
+    assert low < found < high
+
+
+@pytest.mark.parametrize("method", ["ols", "wls"])
+@pytest.mark.parametrize(
+    ("train", "validate", "low", "high"), [(1, 2, 2.2, 3.0), (1, 3, 16, 23), (3, 1, 7.0, 9.5)]
+)
+def test_errors_by_eq_18_are_the_same_predictions_in_another_measure(
+    errors, train, validate, low, high, method
+):
+    row = errors(train, validate, method=method)
+    assert low < row["epsilon_ra"] < high
+    assert 1.1 < row["epsilon_ra"] / row["relative"] < 1.7
+
+
+def test_friction_and_offsets_bring_the_extrapolation_from_37_to_13_percent(errors):
+    alone = errors(1, 3, "rigid body alone", method="ols")["relative"]
+    assert alone == pytest.approx(36.8, rel=0.15)
+    assert errors(1, 3, method="ols")["relative"] < 0.4 * alone
+
+
+def test_weighting_the_actuators_does_not_help_here(errors):
+    # The wrist joints, small but odd, get the most weight.
+    for pair in [(1, 3), (3, 1)]:
+        ols, wls = (errors(*pair, method=m)["relative"] for m in ("ols", "wls"))
+        assert 0.97 * ols < wls < 1.25 * ols
+
+
+@pytest.fixture(scope="module")
+def analysis(kuka, folder):
+    return kuka.run_analysis(folder, 1, "wls")
+
+
+def test_rank_is_43_rigid_plus_21_friction_and_offsets_plus_5_rotors(analysis):
+    assert analysis.base.rank == 69
+    assert [len(m.rung) for m in analysis.models] == [69, 64, 43]
+    assert all(m.estimate.determined.all() for m in analysis.models)
+
+
+def test_the_analysis_finds_what_its_stages_find(analysis, fitted):
+    found = fitted(1, "ours", "wls").held_out.predicted
+    assert np.allclose(analysis.held_out.predicted, found, rtol=1e-9, atol=1e-9)
+
+
+def test_the_analysis_reports_the_error_on_both_held_out_runs_together(analysis, errors):
+    both = 100 * analysis.models[1].error_ra_validation
+    assert errors(1, 2)["epsilon_ra"] < both < errors(1, 3)["epsilon_ra"]
+
+
+def test_a_slow_program_is_not_low_passed_below_5_hz(kuka, folder, robot, errors, monkeypatch):
+    for cutoff, factor in [(1.4, 36), (5, 20)]:
+        how = kuka.Preparation(cutoff=cutoff, decimate=factor)
+        monkeypatch.setitem(kuka.PROCESSINGS, f"low-passed at {cutoff} Hz", (False, kuka.END, how))
+    # Ten times the bandwidth of run 1 is 1.4 Hz, which takes away what tells rotors from links.
+    log = kuka.load_log(folder, robot, 1)
+    assert choose_cutoff(log.t, log.q) == 5.0
+    rotors = {
+        cutoff: errors(1, 3, "with rotor inertia", f"low-passed at {cutoff} Hz")["relative"]
+        for cutoff in (1.4, 5)
+    }
+    assert rotors[1.4] > 1.5 * rotors[5]
+
+
+@pytest.mark.parametrize("run", [1, 2, 3])
+def test_positions_and_velocities_of_the_files_agree_until_the_filter_runs_out(kuka, folder, run):
+    found = kuka.describe_run(folder, run)
+    assert found["step"] == pytest.approx(0.005, rel=1e-3)
+    assert 0.2 < found["jitter"] < 0.5
+    assert found["lag"] == pytest.approx(0.5, abs=0.05)  # backward differences
+    assert found["mismatch"] < 0.02
+    assert found["tail_mismatch"] > 0.5
+
+
+def test_the_study_writes_its_table_and_a_report(kuka, folder, tmp_path, capsys):
+    out = tmp_path / "new" / "kuka_lwr4.json"
+    frame = kuka.main(["--data", str(folder.parent), "--out", str(out), "--quick"])
+    assert len(frame) == 3 * 2 * 3  # runs × held-out runs × models
+    assert len(json.loads(out.read_text())["errors"]) == len(frame)
+    assert out.with_suffix(".html").stat().st_size > 10_000
+    assert "1 → 3" in capsys.readouterr().out

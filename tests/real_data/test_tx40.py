@@ -1,0 +1,168 @@
+"""Stäubli TX40, one run of the real arm: the published base parameters come out."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="module")
+def tx40(study):
+    return study("staubli_tx40")
+
+
+@pytest.fixture(scope="module")
+def folder(data):
+    return data("staubli_tx40")
+
+
+@pytest.fixture(scope="module")
+def robot(tx40, folder):
+    return tx40.load_robot(folder)
+
+
+@pytest.fixture(scope="module")
+def log(tx40, folder, robot):
+    return tx40.load_log(folder, robot)
+
+
+@pytest.fixture(scope="module")
+def published(tx40, folder):
+    return tx40.read_published(folder)
+
+
+@pytest.fixture(scope="module")
+def analysis(tx40, folder):
+    return tx40.run_analysis(folder, "wls")
+
+
+@pytest.fixture(scope="module")
+def base(analysis):
+    return analysis.base
+
+
+@pytest.fixture(scope="module")
+def ours(tx40, folder, base):
+    return cache(lambda processing, method: tx40.fit_ours(folder, base, processing, method))
+
+
+@pytest.fixture(scope="module")
+def compared(tx40, ours, base, published):
+    """A function (processing, method) -> table of the published parameters and ours."""
+
+    def table(processing, method):
+        return tx40.compare(base, ours(processing, method), published, method)
+
+    return table
+
+
+def test_the_transmission_is_the_formulas_that_come_with_the_data(robot, log):
+    R = np.diag([32.0, 32, 45, -48, 45, 32])
+    R[5, 4] = 32
+    q = log.q @ np.linalg.inv(R).T
+    q[:, 1] -= np.pi / 2
+    q[:, 2] += np.pi / 2
+    T = np.diag([32.0, 32, 45, -48, 45, 32])
+    T[4, 5] = 32
+    found_q, found_tau = robot.transmission.joint_side(log.q, log.tau)
+    assert np.abs(found_q - q).max() < 1e-12
+    assert np.abs(found_tau - log.tau @ T.T).max() < 1e-12
+
+
+def test_motors_and_joints_have_the_same_power(robot, log):
+    q, tau = robot.transmission.joint_side(log.q, log.tau)
+    joints = np.sum(np.diff(q, axis=0) * tau[1:], axis=1)
+    motors = np.sum(np.diff(log.q, axis=0) * log.tau[1:], axis=1)
+    assert np.abs(joints - motors).max() < 1e-10 * np.abs(motors).max()
+
+
+def test_the_analysis_finds_what_its_stages_find(analysis, ours):
+    value = analysis.full.estimate.value
+    assert np.allclose(value, ours("ours", "wls").value, rtol=1e-9, atol=1e-12)
+
+
+def test_motor_6_has_friction_and_rotor_of_its_own(base):
+    assert {"motor_6.Fv", "motor_6.Fc", "motor_6.Ia"} <= set(base.names)
+
+
+def test_every_published_grouping_means_the_same_in_our_spelling(tx40, base, published):
+    T, outside = tx40.published_in_ours(base, published["expression"].tolist())
+    assert len(published) == 60
+    assert outside.max() < 1e-9
+    assert np.linalg.matrix_rank(T) == 60
+
+
+def test_we_determine_one_parameter_more_the_rotor_of_joint_6(tx40, ours, base, published):
+    T, _ = tx40.published_in_ours(base, published["expression"].tolist())
+    rotor = np.eye(61)[base.names.index("joint_6.Ia")]
+    assert len(base.parameters) == 87  # 60 inertial, 7 × (Fv, Fc, Ia), 6 offsets
+    assert base.rank == ours("ours", "wls").rank == 61
+    assert np.linalg.matrix_rank(np.vstack([T, rotor])) == 61
+
+
+@pytest.mark.parametrize("method", ["ols", "wls"])
+@pytest.mark.parametrize("processing", ["ours", "ours, decimated as published"])
+def test_the_well_known_parameters_are_within_10_percent(tx40, compared, processing, method):
+    found = compared(processing, method).set_index("name")["ours"]
+    for name, value in tx40.WELL_KNOWN.items():
+        assert found[name] == pytest.approx(value, rel=0.10)
+
+
+@pytest.mark.parametrize("method", ["ols", "wls"])
+def test_all_published_values_agree_within_their_own_uncertainty(compared, method):
+    table = compared("ours", method)
+    well = table[table["published_sigma_percent"] < 5]
+    assert len(well) >= 16
+    assert (well["ratio"] - 1).abs().max() < 0.11
+    assert (well["ratio"] - 1).abs().median() < 0.03
+    assert table["within_2_sigma"].sum() >= 52
+    assert table["deviation_in_sigma"].max() < 4
+
+
+@pytest.mark.parametrize("method", ["ols", "wls"])
+def test_the_log_treated_as_published_gives_all_published_values(
+    tx40, folder, base, published, method
+):
+    fit = tx40.fit_published(folder, base, method)
+    table = tx40.compare(base, fit, published, method)
+    assert fit.rank == 60  # the last joint's acceleration was left at zero, so no Ia6
+    assert table["deviation_in_sigma"].max() < 1
+    spread = table["our_sigma_percent"] * table["ours"].abs()
+    theirs = table["published_sigma_percent"] * table["published"].abs()
+    assert (spread / theirs).between(0.94, 1.06).all()
+
+
+def test_with_the_last_joints_acceleration_its_rotor_is_found(tx40, folder, base, published):
+    fit = tx40.fit_published(folder, base, "wls", wrist=True)
+    assert fit.rank == 61
+    assert tx40.compare(base, fit, published, "wls")["within_2_sigma"].sum() >= 57
+
+
+def test_standstill_would_spoil_friction_and_is_left_out(analysis, compared):
+    notes = " ".join(analysis.samples[0].notes)
+    assert "stand still" in notes
+    kept = compared("ours, standstill kept", "wls").set_index("name")
+    left = compared("ours", "wls").set_index("name")
+    friction = [f"f{kind}{joint}" for kind in "vs" for joint in range(1, 6)]
+    worst = (kept.loc[friction, "ratio"] - 1).abs().max()
+    assert worst > 0.2 > 2 * (left.loc[friction, "ratio"] - 1).abs().max()
+    assert kept["within_2_sigma"].sum() < 40
+
+
+def test_groupings_are_parsed_as_data(tx40):
+    assert tx40.parse_grouping("my3 - 1.0*mz4 - 0.225*m4") == {
+        "link_3.my": 1.0, "link_4.mz": -1.0, "link_4.m": -0.225,
+    }  # fmt: skip
+    assert tx40.parse_grouping("fv5") == {"joint_5.Fv": 1.0, "motor_6.Fv": 1.0}
+    assert tx40.parse_grouping("fsm6") == {"motor_6.Fc": 1.0}
+    assert tx40.parse_grouping("fs6") == {"joint_6.Fc": 1.0}
+
+
+def test_the_study_writes_its_table_and_a_report(tx40, folder, tmp_path, capsys):
+    out = tmp_path / "staubli_tx40.json"
+    summaries = tx40.main(["--data", str(folder.parent), "--out", str(out), "--quick"])
+    assert [s["rank"] for s in summaries] == [61, 61]
+    assert len(json.loads(out.read_text())["parameters"]["ours, wls"]) == 60
+    assert out.with_suffix(".html").stat().st_size > 10_000
+    assert "fvm6" in capsys.readouterr().out
