@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CadPrior:
-    """Log-det divergence from a nominal robot [Lee2020, eq. 22], in units of the noise variance.
+    """Log-det divergence from a nominal robot [Lee 2020], in units of the noise variance.
 
     Adds ``weight Σ_k [log det J0_k − log det J_k + tr(J0_k⁻¹ J_k) − 4]`` to ``rss / σ²``. It does
     not depend on units or frames, and is infinite at the edge of the cone.
@@ -44,7 +44,8 @@ class CadPrior:
 def divergence(region: PhysicalSet, prior: CadPrior, x: Any) -> Any:
     """Sum of the divergences as an expression of scaled parameters x (p,)."""
     cones = [matrix(map_, x) for map_ in nominal_cones(region, prior)]
-    return sum(cp.trace(J) - cp.log_det(J) - 4 for J in cones)
+    atoms: Any = cp
+    return sum(atoms.trace(J) - atoms.log_det(J) - 4 for J in cones)
 
 
 def nominal_cones(region: PhysicalSet, prior: CadPrior) -> Floats:
@@ -68,9 +69,7 @@ def nominal_cones(region: PhysicalSet, prior: CadPrior) -> Floats:
     return maps
 
 
-def prior_gap(
-    region: PhysicalSet, prior: CadPrior, x: Floats, slope: Floats
-) -> float:
+def prior_gap(region: PhysicalSet, prior: CadPrior, x: Floats, slope: Floats) -> float:
     """How far the pull of the prior at x is from balancing the slope (p,) of the data.
 
     The conjugate of the divergence, min_J ⟨P, J⟩ + w (tr J − log det J − 4) = w log det(1 + P/w),

@@ -3,7 +3,7 @@
 A vector ``beta`` of base parameters is feasible exactly when some full vector ``phi`` of the
 physical set has ``G phi = beta``. The proof of yes is that ``phi``; the proof of no is a
 combination of the base parameters that every real robot keeps at or above a bound, and ``beta``
-does not [Boyd2004, §5.8].
+does not [Boyd 2004, §5.8].
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from threadpoolctl import threadpool_limits
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.program import (
     ADVICE,
+    above,
     adjoint,
+    at_least,
     body_columns,
     body_scale,
     matrix,
@@ -31,8 +33,8 @@ from identifiability.physical.pseudo_inertia import BOUNDARY
 
 Floats = NDArray[np.float64]
 
+#: Margins beyond one body scale are not pursued: the question is whether there is any.
 ROOM = 1.0
-"""Margins beyond one body scale are not pursued: the question is whether there is any."""
 
 
 @dataclass(frozen=True)
@@ -116,8 +118,8 @@ def certify(base_map: ArrayLike, beta: ArrayLike, region: PhysicalSet) -> Certif
         u, t = cp.Variable(null.shape[1]), cp.Variable()
         x = start + null @ u
         A, c = scaled_rows(region)
-        rows = A @ x - c >= t
-        bodies = [matrix(map_, x) >> t * np.eye(4) for map_ in scaled_cones(region)]
+        rows = at_least(A @ x - c, t)
+        bodies = [above(matrix(map_, x), t) for map_ in scaled_cones(region)]
         status = solve_program(cp.Problem(cp.Maximize(t), [rows, t <= ROOM, *bodies]))
         if u.value is None or t.value is None:
             raise ValueError(
@@ -143,19 +145,19 @@ def _solutions(G: Floats, beta: Floats) -> tuple[Floats, Floats]:
     missed = np.abs(G @ x - beta) > 1e-6 * (np.abs(G) @ np.abs(x) + np.abs(beta))
     if missed.any():
         raise ValueError(
-            f"certificate: no parameter vector at all has base parameters {np.flatnonzero(missed)}; "
-            "expected values of independent combinations; leave dependent ones out."
+            f"certificate: no parameter vector has the base parameters {np.flatnonzero(missed)} "
+            "together; expected values of independent combinations; leave dependent ones out."
         )
     null = Vt[rank:].T if rank < G.shape[1] else np.zeros((G.shape[1], 1))
     return x, null
 
 
 def _column_scale(G: Floats, beta: Floats, region: PhysicalSet) -> Floats:
-    # A column outside the bodies takes its scale from the base parameters it enters.
+    # A column outside the bodies takes its scale from the base parameter it enters most.
     scale = body_scale(region)
+    heights = np.abs(G).max(axis=1, initial=0.0)
     for j in np.flatnonzero(~body_columns(region)):
-        rows = G[:, j] != 0
-        sizes = np.abs(beta[rows] / G[rows, j])
-        if sizes.size and sizes.max() > 0:
-            scale[j] = sizes.max()
+        i = int(np.argmax(np.abs(G[:, j]) / np.where(heights > 0, heights, 1.0)))
+        if G[i, j] != 0 and beta[i] != 0:
+            scale[j] = abs(beta[i] / G[i, j])
     return scale

@@ -1,8 +1,9 @@
 """The set of parameter vectors that a real robot can have.
 
-Every body has a positive semidefinite pseudo-inertia, friction and actuator inertia are not negative, and
-the user may bound masses and say where the material of a body can be. All of it is linear matrix
-inequalities and rows ``A phi ≥ c``: one convex set, shared by the projection and by the posterior.
+Every body has a positive semidefinite pseudo-inertia, friction and actuator inertia are not
+negative, and the user may bound masses and say where the material of a body can be. All of it is
+linear matrix inequalities and rows ``A phi ≥ c``: one convex set, shared by the projection and by
+the posterior.
 """
 
 from collections.abc import Sequence
@@ -23,7 +24,7 @@ Floats = NDArray[np.float64]
 class Hull:
     """A region that holds all the material of one body, as quadrics ``[r; 1]ᵀ Q [r; 1] ≥ 0``.
 
-    Integrated over the body it gives ``tr(J Q) ≥ 0``, which is linear [Wensing2017, eq. 20].
+    Integrated over the body it gives ``tr(J Q) ≥ 0``, which is linear [Wensing 2017].
 
     Attributes
     ----------
@@ -68,8 +69,8 @@ class Hull:
         c, a = np.asarray(centre, float), np.asarray(semi_axes, float)
         if not (a > 0).all():
             raise ValueError(
-                f"hull of body {body}: semi-axes {a.tolist()} m were given; expected three positive "
-                "lengths; give the half-widths of the ellipsoid."
+                f"hull of body {body}: semi-axes {a.tolist()} m were given; expected three "
+                "positive lengths; give the half-widths of the ellipsoid."
             )
         Q = np.diag([*(-1 / a**2), 1 - np.sum((c / a) ** 2)])
         Q[:3, 3] = Q[3, :3] = c / a**2
@@ -108,10 +109,10 @@ class PhysicalSet:
     def __post_init__(self) -> None:
         bodies = np.array(self.bodies, np.int64).reshape(-1, 10)
         nb, signs = len(bodies), np.array(self.nonnegative, bool)
-        if bodies.size and not (0 <= bodies.min() and bodies.max() < signs.size):
+        if bodies.size and (bodies.min() < 0 or bodies.max() >= signs.size):
             raise ValueError(
-                f"physical set: body columns {bodies.min()} … {bodies.max()} were given for {signs.size} "
-                "parameters; expected indices into the parameter vector."
+                f"physical set: body columns {bodies.min()} … {bodies.max()} were given for "
+                f"{signs.size} parameters; expected indices into the parameter vector."
             )
         arrays: dict[str, NDArray[np.generic]] = {
             "bodies": bodies,
@@ -159,7 +160,7 @@ class PhysicalSet:
 
     @cached_property
     def rows(self) -> tuple[Floats, Floats, tuple[str, ...]]:
-        """``A (m, p)``, ``c (m,)`` and a label a row, with ``A phi ≥ c``: signs, mass bounds, hulls."""
+        """``A (m, p)``, ``c (m,)``, labels with ``A phi ≥ c``: signs, mass bounds, hulls."""
         A: list[Floats] = []
         c: list[float] = []
         labels: list[str] = []
@@ -233,7 +234,7 @@ class PhysicalSet:
         )
 
     def violations(self, phi: ArrayLike) -> tuple[str, ...]:
-        """Everything that keeps a parameter vector out of the set, a sentence each; empty when inside.
+        """Everything that keeps a parameter vector out of the set, a sentence each.
 
         Parameters
         ----------

@@ -13,7 +13,8 @@ class LeastSquares:
     """Residual sum of squares of a linear model, ``‖R phi − z‖² + rss_min``.
 
     The three hundred thousand rows of a log enter the physical and the Bayesian stages only through
-    these numbers. `R` may have a null space, and it is never squared: ``RᵀR`` loses half the digits.
+    these numbers. `R` may have a null space, and it is never squared: ``RᵀR`` loses half the
+    digits.
 
     Attributes
     ----------
@@ -49,8 +50,9 @@ class LeastSquares:
             )
         if not (self.rss_min >= 0 and self.dof > 0):
             raise ValueError(
-                f"least-squares problem: rss_min {self.rss_min:g} and dof {self.dof:g} were given; expected "
-                "rss_min ≥ 0 and dof > 0; use more samples than the model has base parameters."
+                f"least-squares problem: rss_min {self.rss_min:g} and dof {self.dof:g} were given; "
+                "expected rss_min ≥ 0 and dof > 0; use more samples than the model has base "
+                "parameters."
             )
         for name, array in (("R", R), ("z", z)):
             array.flags.writeable = False

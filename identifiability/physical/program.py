@@ -1,15 +1,16 @@
-"""What the semidefinite programs share: scaled columns, cones and rows, and one call of the solver."""
+"""What the semidefinite programs share: scaled columns, cones and rows, one call of the solver."""
 
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import Any, cast
 
 import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
 from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.pseudo_inertia import BOUNDARY
 
 Floats = NDArray[np.float64]
 
@@ -48,12 +49,23 @@ def scaled_rows(region: PhysicalSet) -> tuple[Floats, Floats]:
     return scaled / length[:, None], c / length
 
 
+def above(J: Any, level: Any) -> cp.Constraint:
+    """Require ``J ⪰ level``: no eigenvalue below."""
+    return cast("cp.Constraint", J - level * np.eye(4) >> 0)
+
+
+def at_least(values: Any, level: Any) -> cp.Constraint:
+    """Require ``values ≥ level``, entry by entry."""
+    return cast("cp.Constraint", values >= level)
+
+
 def matrix(map_: Floats, x: Any) -> Any:
     """4×4 expression of a map (16, p).
 
     One reshape of one product compiles five times faster than a sum of ten terms.
     """
-    return cp.reshape(map_ @ x, (4, 4), order="C")
+    atoms: Any = cp
+    return atoms.reshape(map_ @ x, (4, 4), order="C")
 
 
 def adjoint(maps: Floats, Z: Floats) -> Floats:
@@ -86,9 +98,37 @@ def solve_program(problem: cp.Problem) -> str:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Solution may be inaccurate")
         try:
-            problem.solve(solver=cp.CLARABEL)
+            cast("Any", problem).solve(solver=cp.CLARABEL)
         except cp.SolverError as error:
             raise ValueError(
                 f"physical set: the solver failed ({error}); expected a solution; {ADVICE}."
             ) from error
     return str(problem.status)
+
+
+def check_room(region: PhysicalSet, margin: float) -> None:
+    """Refuse bounds that leave no room for a body; no constraint touches two bodies.
+
+    Raises
+    ------
+    ValueError
+        The body is named.
+    """
+    A, c = scaled_rows(region)
+    for k, (name, columns) in enumerate(zip(region.names, region.bodies, strict=True)):
+        own = np.flatnonzero((A[:, columns] != 0).any(axis=1))
+        if not own.size:
+            continue
+        x, t = cp.Variable(region.size), cp.Variable()
+        body = above(matrix(scaled_cones(region)[k], x), t)
+        status = solve_program(
+            cp.Problem(
+                cp.Maximize(t), [body, at_least(A[own] @ x, c[own]), t <= max(1.0, 2 * margin)]
+            )
+        )
+        if t.value is None or t.value < max(margin, BOUNDARY):
+            given = "; ".join(dict.fromkeys(region.rows[2][i] for i in own))
+            raise ValueError(
+                f"{name}: no body satisfies its bounds together ({given}; {status}); expected "
+                "bounds that leave room for a real body; widen or remove one of them."
+            )

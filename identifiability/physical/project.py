@@ -12,6 +12,7 @@ Two things keep the optimum right: R is factored, never squared, and the columns
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
@@ -23,31 +24,33 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.program import (
     ADVICE,
+    above,
     adjoint,
     adjoint_inverse,
+    at_least,
     body_columns,
     body_scale,
+    check_room,
     matrix,
     scaled_cones,
     scaled_rows,
     semidefinite,
     solve_program,
 )
-from identifiability.physical.pseudo_inertia import BOUNDARY
 
 Floats = NDArray[np.float64]
 
+#: Smallest dimensionless eigenvalue of a body in the answer: simulators refuse singular inertia.
 MARGIN = 1e-6
-"""Smallest dimensionless eigenvalue of a body in the answer: simulators refuse singular inertia."""
 
+#: Pull [σ²] to the reference per squared column scale: it decides where the data say nothing.
 RIDGE = 1e-8
-"""Pull [σ²] to the reference per squared column scale: it decides where the data say nothing."""
 
+#: Largest accepted distance to the optimum [σ²], relative to ``1 + excess``.
 GAP = 1e-3
-"""Largest accepted distance to the optimum [σ²], relative to ``1 + excess``."""
 
+#: The same relative to ``‖z‖²``, for data with next to no noise.
 ROUNDING = 1e-12
-"""The same relative to ``‖z‖²``, for data with next to no noise."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,7 @@ class Projection:
             )
         with threadpool_limits(1):
             scaled = self._scale(data)
-            free = np.linalg.solve(scaled.factor, scaled.target)
+            free = np.asarray(np.linalg.solve(scaled.factor, scaled.target), float)
             if self.prior is None and self._holds(free):
                 return self._read(data, scaled, free, np.zeros(self._rows.shape), "optimal")
             self._factor.value, self._free.value = scaled.factor[np.triu_indices(free.size)], free
@@ -235,16 +238,17 @@ def build_projection(
     ValueError
         When bounds leave no room for a body, or the prior holds one that cannot exist; it is named.
     """
-    _check_room(region, margin)
+    check_room(region, margin)
     # The unknown is the step from the unconstrained optimum, so that the solver's accuracy is
     # relative to what feasibility changes, not to the data.
     step, free = cp.Variable(region.size), cp.Parameter(region.size)
     factor = cp.Parameter(region.size * (region.size + 1) // 2)  # no zeros below the diagonal
     x = step + free
     A, c = scaled_rows(region)
-    rows = A @ x >= c
-    bodies = [matrix(map_, x) >> margin * np.eye(4) for map_ in scaled_cones(region)]
-    cost = cp.sum_squares(cp.vec_to_upper_tri(factor) @ step)
+    rows = at_least(A @ x, c)
+    bodies = [above(matrix(map_, x), margin) for map_ in scaled_cones(region)]
+    atoms: Any = cp
+    cost = atoms.sum_squares(atoms.vec_to_upper_tri(factor) @ step)
     if prior is not None:
         cost = cost + prior.weight * divergence(region, prior, x)
     problem = cp.Problem(cp.Minimize(cost), [rows, *bodies])
@@ -284,23 +288,3 @@ def _most(e: Floats, F: Floats, reach: float) -> float:
     force = np.abs(Vt @ e)
     d = np.minimum(force / (2 * s**2), reach)
     return float(np.sum(force * d - (s * d) ** 2))
-
-
-def _check_room(region: PhysicalSet, margin: float) -> None:
-    """Refuse bounds that leave no room for a body; no constraint touches two bodies."""
-    A, c = scaled_rows(region)
-    for k, (name, columns) in enumerate(zip(region.names, region.bodies, strict=True)):
-        own = np.flatnonzero((A[:, columns] != 0).any(axis=1))
-        if not own.size:
-            continue
-        x, t = cp.Variable(region.size), cp.Variable()
-        body = matrix(scaled_cones(region)[k], x) >> t * np.eye(4)
-        status = solve_program(
-            cp.Problem(cp.Maximize(t), [body, A[own] @ x >= c[own], t <= max(1.0, 2 * margin)])
-        )
-        if t.value is None or t.value < max(margin, BOUNDARY):
-            given = "; ".join(dict.fromkeys(region.rows[2][i] for i in own))
-            raise ValueError(
-                f"{name}: no body satisfies its bounds together ({given}; {status}); expected "
-                "bounds that leave room for a real body; widen or remove one of them."
-            )

@@ -1,11 +1,11 @@
 """Inertial parameters of a body as a 4×4 pseudo-inertia matrix, and what is wrong with it.
 
-The ten parameters ``[Ixx Ixy Ixz Iyy Iyz Izz mx my mz m]`` (tensor entries, ``Ixy = -∫xy dm``, about the
-origin of the body frame) belong to a real mass distribution exactly when the matrix
+The ten parameters ``[Ixx Ixy Ixz Iyy Iyz Izz mx my mz m]`` (tensor entries, ``Ixy = -∫xy dm``,
+about the origin of the body frame) belong to a real mass distribution exactly when the matrix
 
     J = ∫ [r; 1] [r; 1]ᵀ dm = [[S, h], [hᵀ, m]],   S = ½ tr(I) 1 − I,   h = (mx, my, mz)
 
-is positive semidefinite [Traversaro2016, §III; Wensing2017, eq. 8].
+is positive semidefinite [Traversaro 2016; Wensing 2017].
 """
 
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
+#: Order of the ten parameters of a body; [kg m²] ×6, [kg m] ×3, [kg].
 INERTIAL = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
-"""Order of the ten parameters of a body; [kg m²] ×6, [kg m] ×3, [kg]."""
 
+#: A body whose margin is above ``-BOUNDARY`` is on or inside the cone: a thin disc has margin 0.
 BOUNDARY = 1e-7
-"""A body whose margin is above ``-BOUNDARY`` is on or inside the cone: a thin disc has margin 0."""
 
 
 def _basis() -> Floats:
@@ -36,8 +36,8 @@ def _basis() -> Floats:
     return basis
 
 
+#: (10, 4, 4): ``J = Σ theta[i] BASIS[i]``.
 BASIS = _basis()
-"""(10, 4, 4): ``J = Σ theta[i] BASIS[i]``."""
 
 
 def to_matrix(theta: ArrayLike) -> Floats:
@@ -129,10 +129,8 @@ def margin(theta: ArrayLike, mass: ArrayLike = 1.0, length: ArrayLike = 0.1) -> 
     (...) dimensionless
     """
     s = scale_matrix(mass, length)
-    smallest: Floats = np.linalg.eigvalsh(to_matrix(theta) / (s[..., :, None] * s[..., None, :]))[
-        ..., 0
-    ]
-    return smallest
+    J = to_matrix(theta) / (s[..., :, None] * s[..., None, :])
+    return np.asarray(np.linalg.eigvalsh(J)[..., 0], float)
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,8 @@ class BodyCheck:
     ----------
     name : str
     margin : float
-        Smallest eigenvalue of J in the body's own scale (`natural_scale`); ≥ −`BOUNDARY` when feasible.
+        Smallest eigenvalue of J in the body's own scale (`natural_scale`); ≥ −`BOUNDARY` when
+        feasible.
     feasible : bool
     reason : str
         One sentence; for a feasible body it says so.
@@ -196,8 +195,8 @@ def _violation(theta: Floats, name: str) -> str:
             f"{_list(principal)} kg m²; none may be negative."
         )
     return (
-        f"{name}: the principal moments about its centre of mass, {_list(principal)} kg m², break the "
-        f"triangle inequality: {principal[0]:.4g} > {principal[1]:.4g} + {principal[2]:.4g} "
+        f"{name}: the principal moments about its centre of mass, {_list(principal)} kg m², break "
+        f"the triangle inequality: {principal[0]:.4g} > {principal[1]:.4g} + {principal[2]:.4g} "
         f"(largest about the axis [{axis}])."
     )
 

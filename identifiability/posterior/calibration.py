@@ -1,10 +1,10 @@
-"""Is the posterior right? Simulation-based calibration on sufficient statistics, all replicates at once.
+"""Is the posterior right? Simulation-based calibration, on sufficient statistics and all at once.
 
-If parameters are drawn from the prior, data from the parameters, and draws from the posterior of the data,
-then the rank of the true value among the draws is uniform [Talts2018]. The data need not be simulated
-sample by sample: the posterior sees only ``z`` and ``rss_min``. The chains are reversible, so the true value
-is put at a random place of its own chain, which makes the ranks uniform exactly, whatever the
-autocorrelation and without warm-up [Gandy2020].
+If parameters are drawn from the prior, data from the parameters, and draws from the posterior of
+the data, then the rank of the true value among the draws is uniform [Talts 2018]. The data need not
+be simulated sample by sample: the posterior sees only ``z`` and ``rss_min``. The chains are
+reversible, so the true value is put at a random place of its own chain, which makes the ranks
+uniform exactly, whatever the autocorrelation and without warm-up [Gandy 2020].
 """
 
 from dataclasses import dataclass, replace
@@ -24,11 +24,11 @@ from identifiability.posterior.target import Diagonal, Target
 
 Floats = NDArray[np.float64]
 
+#: Degrees of freedom of the inverse gamma from which replicates draw their noise variance.
 NOISE_DOF = 10.0
-"""Degrees of freedom of the inverse gamma from which replicates draw their noise variance."""
 
+#: Transitions from the starting point to a draw of the prior on the physical set.
 PRIOR_STEPS = 60
-"""Transitions from the starting point to a draw of the prior on the physical set."""
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,12 @@
 """The exit of a circular trajectory from the cone of pseudo-inertias.
 
-Along ``J(t) = M + A sin t + B cos t`` the first t with det J = 0 is a quadratic eigenvalue problem in
-``u = tan(t/2)``: ``u² (M − B) + 2u A + (M + B)``, whose matrix at u = 0 is J(0) ≻ 0, so that with v = 1/u it
-becomes an ordinary 8×8 eigenvalue problem, and the largest real positive v is the exit.
+Along ``J(t) = M + A sin t + B cos t`` the first t with det J = 0 is a quadratic eigenvalue problem
+in ``u = tan(t/2)``: ``u² (M − B) + 2u A + (M + B)``. A path that was just reflected starts with a
+singular J, and a problem solved around u = 0 would lose half its digits; around a point before the
+start, u = −U, it is an ordinary 8×8 eigenvalue problem with roots good to 1e-12.
 
-Most bodies do not leave in a short stretch, and that is cheap to prove: the three Bernstein coefficients of
-the quadratic on [0, U] are positive definite. Only the others cost an eigenvalue problem.
+Most bodies do not leave in a short stretch, and that is cheap to prove: the Bernstein coefficients
+of the quadratic on [0, U] are positive definite. Only the others cost an eigenvalue problem.
 """
 
 from dataclasses import dataclass
@@ -15,20 +16,18 @@ from numpy.typing import NDArray
 
 from identifiability.posterior.truncated import Bools, Circles, Floats, exit_through_rows
 
-SKIN = 1e-9
-"""Reflection happens where the smallest eigenvalue is this share of the trace: J(0) stays invertible."""
+#: Roots up to here are the reflection that the path comes from.
+START = 1e-10
 
-GRAZE = 1e-6
-"""Longest step back to the skin [rad]."""
+#: A stretch is cut to its first third, at most so often, while a body is outside at its end: then
+#: few bodies need eigenvalues.
+CUTS = 5
 
-HALVINGS = 8
-"""A stretch is halved while some body is outside at its middle: then few bodies need eigenvalues."""
-
+#: A symmetric matrix from its ten entries ``y[..., TRIANGLE]``.
 TRIANGLE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
-"""A symmetric matrix from its ten entries ``y[..., TRIANGLE]``."""
 
+#: The ten entries among the flattened sixteen.
 UPPER = np.array([0, 1, 2, 3, 5, 6, 7, 10, 11, 15])
-"""The ten entries among the flattened sixteen."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +49,8 @@ class Cone:
     def contains(self, y: Floats) -> Bools:
         """Whether points (K, M) are inside."""
         J = y[:, self.rows :].reshape(len(y), -1, 10)[..., TRIANGLE]
-        inside: Bools = (y[:, : self.rows] >= 0).all(axis=1) & positive(J).all(axis=1)
-        return inside
+        inside = (y[:, : self.rows] >= 0).all(axis=1) & positive(J).all(axis=1)
+        return np.asarray(inside)
 
     def first_exit(self, path: Circles, limit: Floats) -> tuple[Floats, Bools, Floats]:
         """First exit; see `truncated.Region`."""
@@ -68,10 +67,8 @@ class Cone:
         if chain.size:
             first = np.unique(chain, return_index=True)[1]  # sorted by chain, then time
             chain, body, when = chain[first], body[first], when[first]
-            t, null, leaves = _polish(M[chain, body], A[chain, body], B[chain, body], when)
-            time[chain] = t
-            hit[chain] = leaves
-            inward[chain] = 0.0
+            null, leaves = _boundary(M[chain, body], A[chain, body], B[chain, body], when)
+            time[chain], hit[chain], inward[chain] = when, leaves, 0.0
             columns = m + 10 * body[:, None] + np.arange(10)
             inward[chain[:, None], columns] = _gradient(null)
         return time, hit, inward
@@ -84,13 +81,13 @@ def _parts(path: Circles) -> tuple[Floats, Floats, Floats]:
 def _bracket(M: Floats, A: Floats, B: Floats, limit: Floats) -> Floats:
     """Shorter stretches (K,) that still hold the first exit of every chain, if it has one."""
     upper, k = limit.copy(), np.arange(len(limit))
-    for _ in range(HALVINGS):
-        half = (upper[k] / 2)[:, None, None, None]
-        inside = positive(M[k] + A[k] * np.sin(half) + B[k] * np.cos(half)).all(axis=1)
+    for _ in range(CUTS):
+        third = (upper[k] / 3)[:, None, None, None]
+        inside = positive(M[k] + A[k] * np.sin(third) + B[k] * np.cos(third)).all(axis=1)
         k = k[~inside]
         if not k.size:
             break
-        upper[k] /= 2
+        upper[k] /= 3
     return upper
 
 
@@ -103,39 +100,37 @@ def _crossings(
     middle = start + U * A
     end = middle + U * (A + U * (M - B))
     chain, body = np.nonzero(~(positive(middle) & positive(end)))
-    u = _first_root(start[chain, body], A[chain, body], (M - B)[chain, body])
+    u = _first_root(start[chain, body], A[chain, body], (M - B)[chain, body], U[chain, 0])
     found = u < np.tan(limit / 2)[chain]
     chain, body, u = chain[found], body[found], u[found]
     order = np.lexsort((u, chain))
     return chain[order], body[order], 2 * np.arctan(u[order])
 
 
-def _first_root(C0: Floats, C1: Floats, C2: Floats) -> Floats:
-    """Smallest positive u at which ``C0 + 2u C1 + u² C2`` is singular, infinite if none."""
+def _first_root(C0: Floats, C1: Floats, C2: Floats, U: Floats) -> Floats:
+    """Smallest positive u at which ``C0 + 2u C1 + u² C2`` is singular, infinite if none.
+
+    With ``u = 1/v − U`` the matrix of v² is the pencil at −U.
+    """
     if not len(C0):
         return np.zeros(0)
-    # In a corner of the cone a path may start on the edge itself; the shift is far below the skin.
-    lifted = C0 + 1e-14 * np.trace(C0, axis1=1, axis2=2)[:, None, None] * np.eye(4)
+    middle = C1 - U * C2
+    before = C0 - U * (C1 + middle)
     companion = np.zeros((len(C0), 8, 8))
-    companion[:, :4] = -np.linalg.solve(lifted, np.concatenate([2 * C1, C2], axis=2))
+    companion[:, :4] = -np.linalg.solve(before, np.concatenate([2 * middle, C2], axis=2))
     companion[:, 4:, :4] = np.eye(4)
     v = np.linalg.eigvals(companion)
     real = (v.imag == 0) & (v.real > 0)  # LAPACK returns real eigenvalues exactly real
-    largest = np.where(real, v.real, 0.0).max(axis=1)
-    return np.divide(1.0, largest, out=np.full(len(v), np.inf), where=largest > 0)
+    u = np.divide(1.0, v.real, out=np.full(v.shape, np.inf), where=real) - U[:, 0]
+    return np.asarray(np.where(u > START, u, np.inf).min(axis=1))
 
 
-def _polish(M: Floats, A: Floats, B: Floats, t: Floats) -> tuple[Floats, Floats, Bools]:
-    """One Newton step to the skin of the cone: time, null vector, and whether the path leaves."""
+def _boundary(M: Floats, A: Floats, B: Floats, t: Floats) -> tuple[Floats, Bools]:
+    """Null vector at the boundary, and whether the path leaves there."""
     sin, cos = np.sin(t)[:, None, None], np.cos(t)[:, None, None]
-    values, vectors = np.linalg.eigh(M + A * sin + B * cos)
-    null = vectors[:, :, 0]
+    null = np.linalg.eigh(M + A * sin + B * cos)[1][:, :, 0]
     rate = np.einsum("ki,kij,kj->k", null, A * cos - B * sin, null)
-    skin = SKIN * values.sum(axis=1)
-    leaves = rate < 0
-    step = np.divide(skin - values[:, 0], rate, out=np.zeros_like(t), where=leaves)
-    # A grazing path has no rate to divide by: its step back is cut short.
-    return np.clip(t + np.clip(step, -GRAZE, 0.0), 0.0, None), null, leaves
+    return null, rate < 0
 
 
 def _gradient(null: Floats) -> Floats:

@@ -1,15 +1,16 @@
 """May a posterior be shown? Convergence between independent ensembles, and the sentence if not.
 
-The walkers of one ensemble may depend on each other, so the plain R-hat over walkers proves nothing. Nested
-R-hat [Margossian2024] compares ensembles that started apart; effective sample sizes [Vehtari2021] and the
-integrated autocorrelation time say whether there are enough draws.
+The walkers of one ensemble may depend on each other, so the plain R-hat over walkers proves
+nothing. Nested R-hat compares ensembles that started apart [Margossian 2024]; effective sample
+sizes [Vehtari 2021] and the autocorrelation time say whether there are enough draws.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from arviz_stats.base import array_stats
+from arviz_stats.base.array import array_stats
 from numpy.typing import NDArray
 
 from identifiability.posterior.ensemble import ENSEMBLES, Posterior
@@ -24,12 +25,12 @@ class Thresholds:
     Attributes
     ----------
     rhat : float
-        Largest nested R-hat [Vehtari2021, Margossian2024].
+        Largest nested R-hat [Vehtari 2021; Margossian 2024].
     ess : float
-        Fewest effective draws, in the bulk and in the 5 % tails [Vehtari2021].
+        Fewest effective draws, in the bulk and in the 5 % tails [Vehtari 2021].
     lengths : float
         Fewest draws a walker in autocorrelation times, below which the time itself is not known
-        [Foreman-Mackey2013].
+        [Foreman-Mackey 2013].
     acceptance : float
         Smallest accepted share of proposals.
     """
@@ -96,10 +97,11 @@ def diagnose_convergence(
         )
     chains = posterior.draws.reshape(E * K, N, p)
     axes = {"chain_axis": 0, "draw_axis": 1}
+    stats: Any = array_stats
     members = np.repeat(np.arange(E), K)
-    rhat = np.asarray(array_stats.rhat_nested(chains, superchain_ids=members, **axes))
-    bulk = np.asarray(array_stats.ess(chains, method="bulk", **axes))
-    tail = np.asarray(array_stats.ess(chains, method="tail", prob=(0.05, 0.95), **axes))
+    rhat = np.asarray(stats.rhat_nested(chains, superchain_ids=members, **axes))
+    bulk = np.asarray(stats.ess(chains, method="bulk", **axes))
+    tail = np.asarray(stats.ess(chains, method="tail", prob=(0.05, 0.95), **axes))
     tau = autocorrelation_time(chains)
     labels = tuple(names) or tuple(f"parameter {j}" for j in range(p))
     found = Convergence(rhat, bulk, tail, tau, posterior.acceptance, ())
@@ -109,7 +111,7 @@ def diagnose_convergence(
 
 
 def autocorrelation_time(chains: Floats) -> Floats:
-    """Integrated autocorrelation time over all walkers, with Sokal's window [Foreman-Mackey2013].
+    """Integrated autocorrelation time over all walkers, with Sokal's window [Foreman-Mackey 2013].
 
     Parameters
     ----------
@@ -151,12 +153,13 @@ def _reasons(
     j = int(np.argmax(found.tau))
     if draws < limits.lengths * found.tau[j]:
         reasons.append(
-            f"The chains are short: {draws} draws are {draws / found.tau[j]:.0f} autocorrelation times "
-            f"of {names[j]} (at least {limits.lengths:g}); sample longer."
+            f"The chains are short: {draws} draws are {draws / found.tau[j]:.0f} autocorrelation "
+            f"times of {names[j]} (at least {limits.lengths:g}); sample longer."
         )
     if found.acceptance < limits.acceptance:
         reasons.append(
             f"Only {100 * found.acceptance:.1f} % of the proposals were accepted "
-            f"(at least {100 * limits.acceptance:g} %): the model differs too much from its Gaussian part."
+            f"(at least {100 * limits.acceptance:g} %): the density differs too much from the "
+            "proposals; use weaker further factors."
         )
     return tuple(reasons)

@@ -1,15 +1,16 @@
 """The posterior by emcee: exact transitions as proposals, mixed with preconditioned Crank–Nicolson.
 
-The exact sampler is a proposal that emcee accepts or rejects (`MHMove`). Its transition is reversible with
-respect to the model of `Target`, so the Metropolis ratio is exact, and acceptance is 1 as long as that
-model is the whole truth. Where the caller multiplies in more, say a log-det prior, emcee corrects. A few
-Crank–Nicolson steps share no code with the trajectories and keep moving where those are refused.
+The exact sampler is a proposal that emcee accepts or rejects (`MHMove`). Its transition is
+reversible with respect to the model of `Target`, so the Metropolis ratio is exact, and acceptance
+is 1 as long as that model is the whole truth. Where the caller multiplies in more, say a log-det
+prior, emcee corrects. A few Crank–Nicolson steps share no code with the trajectories and keep
+moving where those are refused.
 
-Several independent ensembles start at different points. `DESnookerMove` is refused: at 37 dimensions its
-standard deviations are 27 % too small in emcee 3.1.6.
+Several independent ensembles start at different points. `DESnookerMove` is refused: at 37
+dimensions its standard deviations are 27 % too small in emcee 3.1.6.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,11 +26,11 @@ Floats = NDArray[np.float64]
 
 Moves = Sequence[tuple[emcee.moves.Move, float]]
 
+#: Fewest independent ensembles: walkers of one ensemble say nothing about its own convergence.
 ENSEMBLES = 4
-"""Fewest independent ensembles: the walkers of one ensemble say nothing about its own convergence."""
 
+#: Size of a Crank–Nicolson step, as a share of the Gaussian.
 STEP = 0.1
-"""Size of a Crank–Nicolson step, as a share of the Gaussian."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def sample_posterior(
     start: ArrayLike,
     rng: np.random.Generator,
     *,
-    draws: int = 200,
+    draws: int = 100,
     walkers: int = 64,
     ensembles: int = ENSEMBLES,
     warmup: int = 20,
@@ -99,31 +100,24 @@ def sample_posterior(
     _check(target, moves, walkers, ensembles)
     sampler = build_sampler(target)
     centre = interior(target, sampler, start)
+    density = _log_density(target, sampler, extra)
     kept = np.empty((ensembles, walkers, draws, target.size))
-    done, shares, moved = 0, np.zeros(ensembles), np.zeros(ensembles)
+    shares, total = np.zeros(ensembles), warmup + draws
     with threadpool_limits(1):
         starts = sampler.disperse(centre, ensembles, rng)
         for e, child in enumerate(rng.spawn(ensembles)):
             own = _Exact(sampler, child)
-            steps = [(own, exact), (_crank_nicolson(sampler, centre, child), crank_nicolson), *moves]
-            engine = emcee.EnsembleSampler(
-                walkers,
-                target.size,
-                _log_density(target, sampler, extra),
-                moves=[(move, weight) for move, weight in steps if weight > 0],
-                vectorize=True,
-            )
+            step = _crank_nicolson(sampler, centre, child)
+            mix = [(own, exact), (step, crank_nicolson), *moves]
             first = _spread(sampler, starts[e], walkers, child)
-            before = first
-            for i, state in enumerate(_run(engine, first, warmup + draws, child)):
-                moved[e] += (state.coords != before).any(axis=1).mean() / (warmup + draws)
-                before = state.coords
+            moved = 0.0
+            for i, (eta, share) in enumerate(_walk(density, mix, first, total, child)):
+                moved += share / total
                 if i >= warmup:
-                    kept[e, :, i - warmup] = target.to_phi(state.coords)
-                done += 1
+                    kept[e, :, i - warmup] = target.to_phi(eta)
                 if progress is not None:
-                    progress(done, ensembles * (warmup + draws))
-            shares[e] = own.share if exact > 0 else moved[e]
+                    progress(e * total + i + 1, ensembles * total)
+            shares[e] = own.share if exact > 0 else moved
     return Posterior(kept, float(shares.mean()))
 
 
@@ -155,7 +149,7 @@ class _Exact(emcee.moves.MHMove):  # type: ignore[misc]
 def _crank_nicolson(
     sampler: ExactSampler, centre: Floats, rng: np.random.Generator
 ) -> emcee.moves.MHMove:
-    """Autoregressive step that keeps the Gaussian at a typical noise variance unchanged [Cotter2013]."""
+    """Autoregressive step that keeps the Gaussian at a typical noise unchanged [Cotter 2013]."""
     typical = sampler.model.rss(centre[None]) / 2 / sampler.model.shape
     if sampler.model.variance is not None:
         typical = np.full(1, sampler.model.variance)
@@ -183,27 +177,39 @@ def _log_density(
     return log_density
 
 
-def _spread(
-    sampler: ExactSampler, eta: Floats, walkers: int, rng: np.random.Generator
-) -> Floats:
+def _spread(sampler: ExactSampler, eta: Floats, walkers: int, rng: np.random.Generator) -> Floats:
     """Walkers of one ensemble: from one point, two transitions apart, as nested R-hat wants."""
     first = np.repeat(eta[None], walkers, axis=0)
     return sampler.step(sampler.step(first, rng), rng)
 
 
-def _run(engine: emcee.EnsembleSampler, first: Floats, steps: int, rng: np.random.Generator) -> Any:
+def _walk(
+    density: Callable[[Floats], Floats],
+    mix: Moves,
+    first: Floats,
+    steps: int,
+    rng: np.random.Generator,
+) -> Iterator[tuple[Floats, float]]:
+    """Walkers (K, p) of one ensemble after each step, and the share of them that moved."""
+    moves = [(move, weight) for move, weight in mix if weight > 0]
+    engine = emcee.EnsembleSampler(*first.shape, density, moves=moves, vectorize=True)
     # emcee copies NumPy's global state unless it is given one: ours comes from rng.
-    seed = np.random.RandomState(np.random.MT19937(rng.bit_generator.seed_seq.spawn(1)[0]))  # type: ignore[attr-defined]
-    state = emcee.State(first, random_state=seed.get_state())
-    return engine.sample(state, iterations=steps, skip_initial_state_check=True, store=False)
+    own = np.random.RandomState(int(rng.integers(2**32)))
+    before = emcee.State(first, random_state=own.get_state())
+    walk = engine.sample(before, iterations=steps, skip_initial_state_check=True, store=False)
+    last = first
+    for state in walk:
+        yield state.coords, float((state.coords != last).any(axis=1).mean())
+        last = state.coords.copy()  # emcee updates in place
 
 
 def _check(target: Target, moves: Moves, walkers: int, ensembles: int) -> None:
     for move, _ in moves:
         if isinstance(move, emcee.moves.DESnookerMove):
-            raise ValueError(
-                "posterior: emcee's DESnookerMove was given; expected any other move, since it is biased "
-                "in emcee 3.1.6 (standard deviations 27 % too small at 37 parameters); use DEMove."
+            raise ValueError(  # noqa: TRY004 - a wrong choice, not a wrong type
+                "posterior: emcee's DESnookerMove was given; expected any other move, since it is "
+                "biased in emcee 3.1.6 (standard deviations 27 % too small at 37 parameters); use "
+                "DEMove."
             )
     if ensembles < ENSEMBLES:
         raise ValueError(
@@ -213,6 +219,6 @@ def _check(target: Target, moves: Moves, walkers: int, ensembles: int) -> None:
     needed = 2 * target.size if moves else 2
     if walkers < needed or walkers % 2:
         raise ValueError(
-            f"posterior: {walkers} walkers were given; expected an even number of at least {needed} "
-            f"for {target.size} parameters{' and these moves' if moves else ''}."
+            f"posterior: {walkers} walkers were given; expected an even number of at least "
+            f"{needed} for {target.size} parameters{' and these moves' if moves else ''}."
         )

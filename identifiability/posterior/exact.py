@@ -1,8 +1,9 @@
 """Exact draws from a posterior: noise variance and parameters in turn, many chains at once.
 
-What to use when: `ExactSampler` alone is the fastest way to a posterior whose model is the one of `target`,
-and to many replicates of an experiment at once (calibration). `ensemble` runs it inside emcee, where other
-likelihoods and priors may be multiplied in, and where independent ensembles give the diagnostics.
+What to use when: `ExactSampler` alone is the fastest way to a posterior whose model is the one of
+`target`, and to many replicates of an experiment at once (calibration). `ensemble` runs it inside
+emcee, where other likelihoods and priors may be multiplied in, and where independent ensembles give
+the diagnostics.
 """
 
 from collections.abc import Callable
@@ -16,8 +17,8 @@ from identifiability.posterior.cone import UPPER, Cone
 from identifiability.posterior.target import Diagonal, Target
 from identifiability.posterior.truncated import Bools, Floats, HalfSpaces, Region, travel
 
+#: Called with the number of steps done and to do.
 Progress = Callable[[int, int], None]
-"""Called with the number of steps done and to do."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class ExactSampler:
     def step(self, eta: Floats, rng: np.random.Generator) -> Floats:
         """Move every chain once.
 
-        The step is reversible: drawing v given eta and then moving eta given v is a symmetric exchange.
+        The step is reversible: drawing v given eta and then moving eta given v is a symmetric
+        exchange.
 
         Parameters
         ----------
@@ -123,7 +125,8 @@ def sample_exact(
     ----------
     target : Target
     start : (p,)
-        Inside the physical set and near the data: the projection with a margin (`physical.project`).
+        Inside the physical set and near the data: the projection with a margin
+        (`physical.project`).
     draws : int
         Draws a chain.
     rng : numpy.random.Generator
@@ -171,7 +174,7 @@ def interior(target: Target, sampler: ExactSampler, start: ArrayLike) -> Floats:
     if not sampler.contains(eta[None])[0]:
         found = " ".join(target.region.violations(phi)) or "It lies on the boundary of the set."
         raise ValueError(
-            f"posterior: the starting point is not inside the physical set. {found} Expected an inner "
-            "point; use the projection with a margin, project(data, region, margin=1e-3).phi."
+            f"posterior: the starting point is not inside the physical set. {found} Expected an "
+            "inner point; use the projection with a margin, project(data, region, margin=1e-3).phi."
         )
     return eta

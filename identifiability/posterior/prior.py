@@ -38,7 +38,7 @@ class Prior:
         if not (np.isfinite(mean).all() and (sd > 0).all()):
             raise ValueError(
                 f"prior: mean or sd of parameters {_bad(mean, sd)} is not usable; "
-                "expected a finite mean and sd > 0; use sd = inf for a parameter of which nothing is known."
+                "expected a finite mean and sd > 0; use sd = inf where nothing is known."
             )
         for name, array in (("mean", mean), ("sd", sd)):
             array.flags.writeable = False
@@ -60,9 +60,9 @@ class Prior:
     ) -> Self:
         """Around a nominal robot, each sd a share of the body's own scale.
 
-        An entry that is zero by symmetry gets the scale of its kind: ``m ℓ²`` for inertias, ``m ℓ`` for
-        first moments, ``m`` for the mass, with ``ℓ`` the root mean square distance of the material from
-        the frame origin.
+        An entry that is zero by symmetry gets the scale of its kind: ``m ℓ²`` for inertias, ``m ℓ``
+        for first moments, ``m`` for the mass, with ``ℓ`` the root mean square distance of the
+        material from the frame origin.
 
         Parameters
         ----------
@@ -74,17 +74,21 @@ class Prior:
         """
         mean, columns = np.asarray(phi, float), np.asarray(bodies, int).reshape(-1, 10)
         size = np.abs(mean)
-        sd = np.where(size > 0, relative * size, np.broadcast_to(np.asarray(floor, float), mean.shape))
+        sd = np.where(
+            size > 0, relative * size, np.broadcast_to(np.asarray(floor, float), mean.shape)
+        )
         mass = np.abs(mean[columns[:, 9]])
         second = np.abs(mean[columns[:, [0, 3, 5]]].sum(axis=1)) / 2
         if not ((mass > 0) & (second > 0)).all():
             body = int(np.argmin((mass > 0) & (second > 0)))
             raise ValueError(
-                f"prior around CAD: body {body + 1} has no mass or no inertia; expected nominal values "
-                "to take a scale from; state mean and sd of this body yourself."
+                f"prior around CAD: body {body + 1} has no mass or no inertia; expected nominal "
+                "values to take a scale from; state mean and sd of this body yourself."
             )
         length = np.sqrt(second / mass)
-        sd[columns] = relative * mass[:, None] * length[:, None] ** np.array([2] * 6 + [1] * 3 + [0])
+        sd[columns] = (
+            relative * mass[:, None] * length[:, None] ** np.array([2] * 6 + [1] * 3 + [0])
+        )
         return cls(mean, sd)
 
 

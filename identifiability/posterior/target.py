@@ -7,7 +7,7 @@ correlated samples weigh as n/κ independent ones. With ``v = κ σ²``:
     v | phi ~ InvGamma((ν + b) / 2, (‖R phi − z‖² + rss_min) / 2),   ν = dof / κ,   b = rank R
     phi | v ~ Normal (least squares × prior), restricted to the physical set
 
-At κ = 1 this is the textbook posterior under the prior 1/σ² [Gelman2013, §14.2].
+At κ = 1 this is the textbook posterior under the prior 1/σ² [Gelman 2013, §14.2].
 """
 
 from dataclasses import dataclass, replace
@@ -22,11 +22,11 @@ from identifiability.posterior.prior import Prior
 
 Floats = NDArray[np.float64]
 
+#: Singular values of the column-scaled R below this share of the largest are null.
 RANK = 1e-9
-"""Singular values of the column-scaled R below this share of the largest are null."""
 
+#: A flat prior is a normal this many times wider than what data and other priors leave.
 FLAT = 1e4
-"""A flat prior is a normal this many times wider than what data and other priors leave."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ class Diagonal:
     Attributes
     ----------
     gain : (p,) [torque]
-        Coordinate i is measured as ``signal[i] = gain[i] eta[i] + noise``; zero where the data are blind.
+        Coordinate i is measured as ``signal[i] = gain[i] eta[i] + noise``; zero where the data are
+        blind.
     signal : (p,) or (K, p) [torque]
         One data set, or one for each of K chains.
     rss_min : float or (K,) [torque²]
@@ -85,7 +86,7 @@ class Diagonal:
 
     def log_density(self, eta: Floats) -> Floats:
         """Logarithm of likelihood × prior ``(K,)`` of coordinates ``(K, p)``, up to a constant."""
-        prior = -0.5 * np.einsum("kp,kp->k", eta, eta)
+        prior: Floats = -0.5 * np.einsum("kp,kp->k", eta, eta)
         if self.variance is not None:
             return prior - self.rss(eta) / (2 * self.variance)
         return prior - self.shape * np.log(self.rss(eta))
@@ -128,7 +129,9 @@ class Target:
                 "expected the same number; build them from one model."
             )
         if not self.iact > 0:
-            raise ValueError(f"posterior: IACT {self.iact:g} was given; expected a positive number.")
+            raise ValueError(
+                f"posterior: IACT {self.iact:g} was given; expected a positive number."
+            )
 
     @property
     def size(self) -> int:
@@ -179,7 +182,9 @@ class Target:
         seen = (z - self.data.R @ self.proper_prior.mean) @ U
         signal = np.zeros((*z.shape[:-1], self.size))
         signal[..., :rank] = seen[..., :rank]
-        floor = 1e-6 * self.data.unit**2  # noise-free data leave nothing to estimate a variance from
+        floor = (
+            1e-6 * self.data.unit**2
+        )  # noise-free data leave nothing to estimate a variance from
         rest = np.maximum(np.sum(seen[..., rank:] ** 2, axis=-1) + rss_min, floor)
         return replace(blank, signal=signal, rss_min=rest)
 
@@ -220,8 +225,9 @@ def make_proper(data: LeastSquares, prior: Prior) -> Prior:
     if null.any():
         free = np.flatnonzero(flat & (np.abs(Vt[null]).max(axis=0) > 1e-6)).tolist()
         raise ValueError(
-            f"posterior: neither the data nor the prior determine the parameters {free}, so it does not "
-            "exist; expected a finite prior sd for what the motion does not excite; state one."
+            f"posterior: neither the data nor the prior determine the parameters {free}, so it "
+            "does not exist; expected a finite prior sd for what the motion does not excite; state "
+            "one."
         )
     spread = np.linalg.norm(Vt.T / s, axis=1) / norms
     best = Vt.T @ ((U.T @ np.concatenate([data.z / data.unit, known * prior.mean])) / s) / norms

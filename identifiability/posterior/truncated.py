@@ -1,14 +1,14 @@
-"""Exact Hamiltonian Monte Carlo for a Gaussian inside a convex region [Pakman2014].
+"""Exact Hamiltonian Monte Carlo for a Gaussian inside a convex region [Pakman 2014].
 
-A Gaussian with unit covariance makes every trajectory a circle ``x(t) = μ + a sin t + b cos t``; it is
-followed exactly, without a step size, and reflected where it meets the boundary. After a quarter turn
-the position is the old velocity, so without constraints the draws are nearly independent. The turn is
-drawn anew each time: a fixed one can resonate with the bounces, when the mean is far outside. Every
-proposal is accepted.
+A Gaussian with unit covariance makes every trajectory a circle ``x(t) = μ + a sin t + b cos t``; it
+is followed exactly, without a step size, and reflected where it meets the boundary. After a quarter
+turn the position is the old velocity, so without constraints the draws are nearly independent. The
+turn is drawn anew each time: a fixed one can resonate with the bounces, when the mean is far
+outside. Every proposal is accepted.
 
 Many chains run at once, as rows of the arrays. The region enters only through linear coordinates
-``y = offset + map @ eta`` and a function that finds the first exit; `HalfSpaces` here has the exit through
-linear inequalities in closed form, `cone` adds matrix inequalities.
+``y = offset + map @ eta`` and a function that finds the first exit; `HalfSpaces` here has the exit
+through linear inequalities in closed form, `cone` adds matrix inequalities.
 """
 
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+#: Range of the turn of one transition [rad].
 TURN = (np.pi / 4, 3 * np.pi / 4)
-"""Range of the turn of one transition [rad]."""
 
+#: A trajectory with more reflections is given up: the chain stays, so the sampler stays exact.
 BOUNCES = 2000
-"""A trajectory with more reflections is given up: the chain stays, which keeps the sampler exact."""
 
 
 @dataclass(frozen=True)
@@ -101,15 +101,14 @@ class HalfSpaces:
 
     def contains(self, y: Floats) -> Bools:
         """Whether points are inside; see `Region`."""
-        inside: Bools = (y >= 0).all(axis=1)
-        return inside
+        return np.asarray((y >= 0).all(axis=1))
 
 
 def exit_through_rows(path: Circles) -> tuple[Floats, NDArray[np.intp]]:
     """First time at which a coordinate turns negative.
 
-    ``c + r cos(t − φ)`` falls through zero once a turn, at ``φ + arccos(−c/r)``; the rise is not an exit,
-    so a path that starts on the boundary, just reflected, needs no special case.
+    ``c + r cos(t − φ)`` falls through zero once a turn, at ``φ + arccos(−c/r)``; the rise is not an
+    exit, so a path that starts on the boundary, just reflected, needs no special case.
 
     Parameters
     ----------
@@ -179,7 +178,7 @@ class _State:
         self.left = left
 
     def advance(self) -> bool:
-        """Go to the next reflection of every chain that is still on its way; True when all arrived."""
+        """Go to the next reflection of every chain still on its way; True when all arrived."""
         k = np.flatnonzero(self.left > 0)
         if not k.size:
             return True

@@ -78,8 +78,8 @@ def make_robot(seed=0, bodies=7, joints=6, samples=250):
         wrench = body_regressor(spin, turn, lift)
         blocks.append(np.einsum("nwc,wj->njc", wrench, jacobian))
     speed = rng.normal(size=(samples, joints))
-    for column in (speed, np.maximum(np.sign(speed), 0), np.minimum(np.sign(speed), 0)):
-        blocks.append(column[:, :, None] * np.eye(joints))
+    friction = (speed, np.maximum(np.sign(speed), 0), np.minimum(np.sign(speed), 0))
+    blocks += [column[:, :, None] * np.eye(joints) for column in friction]
     W = np.concatenate(blocks, axis=2).reshape(samples * joints, -1)
     theta = random_bodies(rng, bodies)
     phi = np.concatenate([theta.ravel(), rng.uniform(0.2, 2.0, 3 * joints)])

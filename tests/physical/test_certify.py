@@ -42,7 +42,9 @@ def test_impossible_base_parameters_come_with_a_combination_no_real_robot_has(ro
     assert others.min() > found.bound - 1e-6 * np.abs(others).max()
     assert found.combination @ (G @ phi) == pytest.approx(found.value)
     said = found.sentence([f"b{i}" for i in range(len(G))])
-    assert "is at least 0 for any real bodies, and -" in said.replace("is at least -0 ", "is at least 0 ")
+    assert "is at least 0 for any real bodies, and -" in said.replace(
+        "is at least -0 ", "is at least 0 "
+    )
 
 
 def test_a_body_without_volume_is_feasible_with_no_margin():

@@ -56,7 +56,9 @@ def test_a_hull_holds_what_is_inside_it_and_refuses_what_is_outside(shape, rng):
     A, c, _ = region.rows
     mass = rng.uniform(0.1, 1.0, 20)
     for scale, inside in ((0.5, True), (4.0, False)):
-        r = 0.5 + scale * half * rng.uniform(-1, 1, (20, 3)) / np.sqrt(3 if shape == "ellipsoid" else 1)
+        r = 0.5 + scale * half * rng.uniform(-1, 1, (20, 3)) / np.sqrt(
+            3 if shape == "ellipsoid" else 1
+        )
         inertia = np.einsum("n,nij->ij", mass, [p @ p * np.eye(3) - np.outer(p, p) for p in r])
         theta = np.array([*inertia[np.triu_indices(3)], *(mass @ r), mass.sum()])
         assert (A @ with_friction(theta) >= c).all() == inside
@@ -70,7 +72,7 @@ def test_signs_of_inertial_columns_are_left_to_the_matrix_inequality():
 def test_bounds_that_contradict_each_other_are_refused_with_the_body_named():
     with pytest.raises(ValueError, match=r"arm: mass bounds \[3, 2\] kg contradict each other"):
         one_body(mass_bounds=[[3.0, 2.0]])
-    with pytest.raises(ValueError, match="the box from .* is empty; expected low < high"):
+    with pytest.raises(ValueError, match=r"the box from .* is empty; expected low < high"):
         Hull.box(0, [0, 0, 0], [1, 1, -1])
     with pytest.raises(ValueError, match="expected three positive lengths"):
         Hull.ellipsoid(0, [0, 0, 0], [1, 0, 1])

@@ -28,10 +28,7 @@ def scs_optimum(data, region, prior=None):
         root = region.root[k]
         nominal = to_matrix(prior.phi[region.bodies[k]]) / np.outer(root, root)
         cost += prior.weight * (
-            cp.trace(np.linalg.inv(nominal) @ M)
-            - cp.log_det(M)
-            + np.linalg.slogdet(nominal)[1]
-            - 4
+            cp.trace(np.linalg.inv(nominal) @ M) - cp.log_det(M) + np.linalg.slogdet(nominal)[1] - 4
         )
     problem = cp.Problem(cp.Minimize(cost), [*inside, x[signs] >= 0])
     problem.solve(solver=cp.SCS, eps_abs=1e-9, eps_rel=1e-9, max_iters=1_000_000)

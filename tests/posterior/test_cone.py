@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from arviz_stats.base import array_stats
 from scipy.special import ndtr, ndtri
 
 from identifiability.physical.pseudo_inertia import margin, to_matrix
@@ -64,8 +65,24 @@ def test_one_body_agrees_with_rejection_sampling(posteriors, rng):
 def test_two_bodies_agree_with_hit_and_run(posteriors, rng):
     target, start = posteriors.body_target(rng, bodies=2, rows=9, variance=1.0)
     exact = sample_exact(target, start, 120, rng, chains=100)
-    other = hit_and_run(target, start, 200, 2400, rng)
+    other = hit_and_run(target, start, 200, 1800, rng)
     posteriors.assert_same_distribution(exact, other)
+
+
+def test_seven_bodies_forget_where_they_start_and_every_transition_succeeds(posteriors, rng):
+    target, start = posteriors.body_target(rng, bodies=7, rows=35)
+    sampler = build_sampler(target)
+    eta = sampler.disperse(target.to_eta(start), 64, rng)
+    kept = []
+    for step in range(30):
+        new = sampler.step(eta, rng)
+        assert (new != eta).any(axis=1).all()
+        eta = new
+        if step >= 10:
+            kept.append(target.to_phi(eta))
+    draws = np.array(kept).transpose(1, 0, 2)
+    assert target.region.contains(draws).all()
+    assert array_stats.rhat(draws, chain_axis=0, draw_axis=1).max() < 1.1
 
 
 def test_far_from_the_boundary_the_cone_changes_nothing(posteriors, rng):
@@ -91,8 +108,10 @@ def test_the_first_exit_is_the_first_one_on_a_fine_grid(rng):
             break
         ahead = Circles(
             centre[again],
-            sine[again] * np.cos(time[again, None]) - path.cosine[again] * np.sin(time[again, None]),
-            path.cosine[again] * np.cos(time[again, None]) + sine[again] * np.sin(time[again, None]),
+            sine[again] * np.cos(time[again, None])
+            - path.cosine[again] * np.sin(time[again, None]),
+            path.cosine[again] * np.cos(time[again, None])
+            + sine[again] * np.sin(time[again, None]),
         )
         t, h, g = cone.first_exit(ahead, limit[again] - time[again])
         time[again], hit[again], inward[again] = time[again] + t, h, g
@@ -119,9 +138,7 @@ def test_a_transition_can_be_taken_back(posteriors, rng):
     back = _State(sampler.region, there.result(x), mean, sd, -there.v, turn.copy())
     while not back.advance():
         pass
-    # Each bounce happens in a skin of 1e-9, and several bounces magnify it.
-    assert np.median(np.abs(back.result(x) - x)) < 1e-6
-    assert (np.abs(back.result(x) - x).max(axis=1) < 1e-2).mean() > 0.95
+    np.testing.assert_allclose(back.result(x), x, atol=1e-6)
 
 
 def test_pivots_tell_positive_definite_matrices(rng):

@@ -85,7 +85,11 @@ def test_the_first_exit_is_the_first_one_on_a_fine_grid(rng):
     time, row = exit_through_rows(path)
     grid = np.linspace(0, 2 * np.pi, 20_001)
     for k in range(len(time)):
-        y = path.centre[k] + np.outer(np.sin(grid), path.sine[k]) + np.outer(np.cos(grid), path.cosine[k])
+        y = (
+            path.centre[k]
+            + np.outer(np.sin(grid), path.sine[k])
+            + np.outer(np.cos(grid), path.cosine[k])
+        )
         out = np.flatnonzero((y < 0).any(axis=1))
         if out.size:
             assert grid[out[0]] - time[k] == pytest.approx(0, abs=4e-4)
@@ -105,7 +109,9 @@ def test_the_spread_does_not_depend_on_where_chains_start(posteriors, rng):
 def test_a_start_outside_is_refused_with_the_reason(posteriors, rng):
     target, start = posteriors.sign_target(rng)
     start[1] = -0.5
-    with pytest.raises(ValueError, match="not inside the physical set. parameter 1 ≥ 0 does not hold"):
+    with pytest.raises(
+        ValueError, match=r"not inside the physical set. parameter 1 ≥ 0 does not hold"
+    ):
         sample_exact(target, start, 10, rng)
 
 
@@ -120,7 +126,9 @@ def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(
 def test_progress_is_told(posteriors, rng):
     target, start = posteriors.sign_target(rng)
     seen = []
-    sample_exact(target, start, 5, rng, warmup=2, progress=lambda done, total: seen.append((done, total)))
+    sample_exact(
+        target, start, 5, rng, warmup=2, progress=lambda done, total: seen.append((done, total))
+    )
     assert seen == [(k, 7) for k in range(1, 8)]
 
 

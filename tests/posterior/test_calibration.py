@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+from scipy import stats
+
+from identifiability.posterior.calibration import (
+    Calibration,
+    calibrate_posterior,
+    sample_replicates,
+)
+
+
+def assert_uniform(calibration):
+    p = calibration.p_values()
+    assert p.min() > 1e-3 / p.size
+    assert stats.kstest(p, "uniform").pvalue > 1e-3
+
+
+@pytest.mark.parametrize("variance", [None, 1.0])
+def test_ranks_are_uniform_under_signs(variance, posteriors, rng):
+    target, start = posteriors.sign_target(rng, size=8, signs=4, prior_sd=1.5, variance=variance)
+    found = calibrate_posterior(target, start, rng, replicates=2000)
+    assert found.ranks.shape == (2000, 8)
+    assert_uniform(found)
+
+
+def test_ranks_are_uniform_on_the_cone(posteriors, rng):
+    target, start = posteriors.body_target(rng, spread=0.7)
+    assert_uniform(calibrate_posterior(target, start, rng, replicates=800, draws=15))
+
+
+def test_a_posterior_that_is_too_narrow_is_found_out(posteriors, rng):
+    target, start = posteriors.sign_target(rng, size=4, signs=2, prior_sd=1.5, variance=1.0)
+    right = calibrate_posterior(target, start, rng, replicates=1000)
+    centred = (right.ranks - 15.5) * 1.4 + 15.5  # as if each sd were 1.4 times too small
+    wrong = Calibration(np.clip(centred.round(), 0, 31).astype(int), 31)
+    assert wrong.p_values().max() < 1e-3
+
+
+def test_many_outcomes_of_an_experiment_are_sampled_at_once(posteriors, rng):
+    target, start = posteriors.sign_target(rng, prior_sd=2.0, variance=1.0)
+    z = np.repeat(target.data.z[None], 64, axis=0)
+    draws = sample_replicates(target, z, np.full(64, target.data.rss_min), start, 200, rng)
+    other = sample_replicates(target, 0 * z, np.ones(64), start, 200, rng)
+    assert draws.shape == (64, 200, 6)
+    from identifiability.posterior.exact import sample_exact
+
+    posteriors.assert_same_distribution(draws, sample_exact(target, start, 200, rng))
+    assert np.abs(draws.mean(axis=(0, 1)) - other.mean(axis=(0, 1))).max() > 0.1
+
+
+def test_a_flat_prior_cannot_be_calibrated(posteriors, rng):
+    target, start = posteriors.sign_target(rng)
+    with pytest.raises(ValueError, match="the prior is flat for some parameters"):
+        calibrate_posterior(target, start, rng)
+
+
+def test_progress_is_told(posteriors, rng):
+    target, start = posteriors.sign_target(rng, prior_sd=1.0)
+    seen = []
+    calibrate_posterior(
+        target, start, rng, replicates=4, draws=3, progress=lambda *now: seen.append(now)
+    )
+    assert seen == [(k, 6) for k in range(1, 7)]

@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+
+from identifiability.posterior.diagnostics import (
+    Thresholds,
+    autocorrelation_time,
+    diagnose_convergence,
+)
+from identifiability.posterior.ensemble import Posterior, sample_posterior
+
+
+def test_independent_draws_may_be_shown(rng):
+    found = diagnose_convergence(Posterior(rng.normal(size=(4, 16, 100, 3)), 1.0))
+    assert found.trustworthy
+    assert found.reasons == ()
+    np.testing.assert_allclose(found.tau, 1.0, atol=0.1)
+    assert (found.ess_bulk > 4000).all()
+
+
+def test_ensembles_that_disagree_may_not_although_their_walkers_agree(rng):
+    draws = rng.normal(size=(4, 16, 100, 3))
+    draws[..., 1] += np.array([0, 0.5, 1.0, 0])[:, None, None]
+    found = diagnose_convergence(Posterior(draws, 1.0), ["a.Fv", "b.Fv", "c.Fv"])
+    assert not found.trustworthy
+    assert found.reasons[0].startswith("The ensembles disagree: nested R-hat of b.Fv is 1.")
+
+
+def test_few_short_or_refused_draws_may_not(rng):
+    walk = np.cumsum(rng.normal(size=(4, 4, 40, 2)), axis=2)
+    found = diagnose_convergence(Posterior(walk, 0.02))
+    said = " ".join(found.reasons)
+    for part in ("Too few effective draws", "The chains are short", "Only 2.0 % of the proposals"):
+        assert part in said
+
+
+def test_an_ensemble_of_default_moves_that_has_not_converged_is_found_out(posteriors, rng):
+    target, start = posteriors.sign_target(rng, size=12)
+    slow = sample_posterior(target, start, rng, draws=60, exact=0.0, crank_nicolson=1.0, warmup=0)
+    assert not diagnose_convergence(slow).trustworthy
+    good = sample_posterior(target, start, rng, draws=150)
+    assert diagnose_convergence(good).trustworthy
+
+
+def test_the_autocorrelation_time_of_a_known_process(rng):
+    rho, x = 0.8, np.zeros((200, 2000, 1))
+    for k in range(1, 2000):
+        x[:, k] = rho * x[:, k - 1] + rng.normal(size=(200, 1))
+    assert autocorrelation_time(x[:, 100:])[0] == pytest.approx((1 + rho) / (1 - rho), rel=0.03)
+
+
+def test_thresholds_can_be_stated(rng):
+    posterior = Posterior(rng.normal(size=(4, 4, 100, 1)), 1.0)
+    assert diagnose_convergence(posterior).trustworthy
+    assert not diagnose_convergence(posterior, thresholds=Thresholds(ess=1e5)).trustworthy
+
+
+def test_a_chain_that_never_moved_is_not_shown():
+    stuck = np.ones((4, 4, 20, 1)) * np.arange(4)[:, None, None, None]
+    with np.errstate(all="ignore"):
+        found = diagnose_convergence(Posterior(stuck, 1.0))
+    assert not found.trustworthy
+
+
+def test_too_few_ensembles_are_refused(rng):
+    with pytest.raises(ValueError, match="2 ensembles of 10 draws were given; expected at least 4"):
+        diagnose_convergence(Posterior(rng.normal(size=(2, 4, 10, 1)), 1.0))

@@ -1,0 +1,158 @@
+import re
+import time
+from pathlib import Path
+
+import emcee
+import numpy as np
+import pytest
+from arviz_stats.base import array_stats
+
+import identifiability.posterior
+from identifiability.posterior.ensemble import Posterior, sample_posterior
+from identifiability.posterior.exact import sample_exact
+
+
+def chains(posterior):
+    return posterior.draws.reshape(-1, *posterior.draws.shape[2:])
+
+
+@pytest.mark.parametrize("kind", ["signs", "cone"])
+def test_emcee_and_the_exact_sampler_agree_and_no_proposal_is_refused(kind, posteriors, rng):
+    make = {"signs": posteriors.sign_target, "cone": posteriors.body_target}[kind]
+    target, start = make(rng)
+    found = sample_posterior(target, start, rng, draws=100, walkers=32)
+    assert found.acceptance == 1.0
+    assert found.draws.shape == (4, 32, 100, target.size)
+    assert target.region.contains(found.draws).all()
+    other = sample_exact(target, start, 100, rng, chains=128)
+    posteriors.assert_same_distribution(chains(found), other)
+
+
+def test_emcee_corrects_when_the_model_is_not_the_whole_truth(posteriors, rng):
+    # A prior given as a further factor must act like the same prior inside the model.
+    narrow, start = posteriors.sign_target(rng, prior_sd=1.0)
+    wide, _ = posteriors.sign_target(np.random.default_rng(20240502), prior_sd=np.sqrt(2.0))
+    half = lambda phi: -np.sum(phi**2, axis=1) / 4  # noqa: E731 - N(0, 2)² = N(0, 1)
+    found = sample_posterior(wide, start, rng, draws=400, walkers=32, extra=half)
+    assert 0.3 < found.acceptance < 1.0
+    other = sample_exact(narrow, start, 400, rng, chains=128)
+    posteriors.assert_same_distribution(chains(found), other)
+
+
+def test_each_move_alone_samples_the_same_posterior(posteriors, rng):
+    target, start = posteriors.sign_target(rng)
+    other = sample_exact(target, start, 400, rng, chains=128)
+    only_cn = sample_posterior(
+        target, start, rng, draws=2000, warmup=400, walkers=64, exact=0.0, crank_nicolson=1.0
+    )
+    assert 0.3 < only_cn.acceptance < 1.0
+    posteriors.assert_same_distribution(chains(only_cn), other)
+
+
+def test_the_snooker_move_is_refused(posteriors, rng):
+    target, start = posteriors.sign_target(rng)
+    with pytest.raises(ValueError, match=r"DESnookerMove was given; .* biased .* use DEMove"):
+        sample_posterior(target, start, rng, moves=[(emcee.moves.DESnookerMove(), 0.1)])
+
+
+def test_no_source_of_the_library_makes_a_snooker_move():
+    folder = Path(identifiability.posterior.__file__).parents[1]
+    for path in folder.rglob("*.py"):
+        assert not re.search(r"DESnookerMove\s*\(", path.read_text()), path
+
+
+def test_the_snooker_move_is_biased_which_is_why():
+    d, walkers, rng = 37, 80, np.random.default_rng(5)
+    start = rng.standard_normal((walkers, d))  # already from the target, a standard normal
+    spread = {}
+    for move in (emcee.moves.DEMove(), emcee.moves.DESnookerMove()):
+        engine = emcee.EnsembleSampler(
+            walkers, d, lambda x: -0.5 * np.sum(x**2, axis=1), moves=move, vectorize=True
+        )
+        state = emcee.State(start, random_state=np.random.RandomState(7).get_state())
+        engine.run_mcmc(state, 900)
+        spread[type(move).__name__] = engine.get_chain(discard=200).std()
+    assert spread["DEMove"] == pytest.approx(1.0, abs=0.03)
+    assert spread["DESnookerMove"] < 0.85
+
+
+def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(posteriors, rng):
+    target, start = posteriors.sign_target(rng)
+    runs = []
+    for seed in (1, 1, 2):
+        np.random.seed(seed + 40 * len(runs))  # noqa: NPY002 - must not matter
+        before = np.random.get_state()[1].copy()  # noqa: NPY002
+        found = sample_posterior(target, start, np.random.default_rng(seed), draws=5, walkers=8)
+        np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+        runs.append(found.draws)
+    np.testing.assert_array_equal(runs[0], runs[1])
+    assert (runs[0] != runs[2]).any()
+
+
+def test_ensembles_are_independent_of_each_other(posteriors, rng):
+    target, start = posteriors.sign_target(rng)
+    draws = sample_posterior(target, start, rng, draws=5, walkers=8).draws
+    assert len(np.unique(draws[:, 0, 0, 0])) == 4
+
+
+def test_further_moves_of_emcee_can_be_mixed_in(posteriors, rng):
+    target, start = posteriors.sign_target(rng)
+    found = sample_posterior(
+        target, start, rng, draws=300, walkers=16, moves=[(emcee.moves.StretchMove(), 0.5)]
+    )
+    posteriors.assert_same_distribution(
+        chains(found), sample_exact(target, start, 200, rng, chains=64)
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"ensembles": 3}, "3 ensembles were given; expected at least 4"),
+        ({"walkers": 7}, "7 walkers were given; expected an even number"),
+        (
+            {"walkers": 8, "moves": [(emcee.moves.StretchMove(), 1.0)]},
+            "at least 12 for 6 parameters and these moves",
+        ),
+    ],
+)
+def test_wrong_numbers_are_refused(options, said, posteriors, rng):
+    target, start = posteriors.sign_target(rng)
+    with pytest.raises(ValueError, match=said):
+        sample_posterior(target, start, rng, **options)
+
+
+def test_progress_is_told(posteriors, rng):
+    target, start = posteriors.sign_target(rng)
+    seen = []
+    sample_posterior(
+        target, start, rng, draws=3, warmup=1, walkers=8, progress=lambda *now: seen.append(now)
+    )
+    assert seen == [(k, 16) for k in range(1, 17)]
+
+
+def test_it_is_much_faster_than_the_default_move_of_emcee(posteriors):
+    rng = np.random.default_rng(3)
+    target, start = posteriors.sign_target(rng, size=37, signs=12, dof=500.0)
+    rates = {}
+    for name, options in {
+        "ours": {"draws": 60, "walkers": 128},
+        "stretch": {
+            "draws": 500,
+            "walkers": 80,
+            "exact": 0.0,
+            "crank_nicolson": 0.0,
+            "moves": [(emcee.moves.StretchMove(), 1.0)],
+        },
+    }.items():
+        begin = time.process_time()
+        found = chains(sample_posterior(target, start, rng, **options))
+        spent = time.process_time() - begin
+        ess = array_stats.ess(found[..., ::5], chain_axis=0, draw_axis=1)
+        rates[name] = ess.min() / spent
+    assert rates["ours"] > 5 * rates["stretch"]  # fifty times in long runs
+
+
+def test_draws_can_be_had_as_rows():
+    posterior = Posterior(np.arange(24.0).reshape(1, 2, 3, 4), 1.0)
+    assert posterior.flat().shape == (6, 4)

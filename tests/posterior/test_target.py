@@ -1,0 +1,131 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.posterior.exact import sample_exact
+from identifiability.posterior.prior import Prior
+from identifiability.posterior.target import Target
+
+
+def free_target(rng, size=5, dof=12.0, **options):
+    R = rng.normal(size=(size, size)) + np.eye(size)
+    data = LeastSquares(R, R @ rng.normal(size=size), 1.7 * dof, dof)
+    region = PhysicalSet(np.empty((0, 10), int), np.zeros(size, bool))
+    return Target(data, options.pop("prior", Prior.flat(size)), region, **options)
+
+
+@pytest.mark.parametrize("iact", [1.0, 2.5])
+def test_without_constraints_and_prior_it_is_the_textbook_student_t(iact, posteriors, rng):
+    target = free_target(rng, dof=25.0, iact=iact)
+    best = np.linalg.solve(target.data.R, target.data.z)
+    nu = target.data.dof / iact
+    scale = iact * target.data.variance * np.linalg.inv(target.data.R.T @ target.data.R)
+    draws = sample_exact(target, best, 100, rng, chains=200)
+    t = (draws[:, ::5] - best) / np.sqrt(np.diag(scale))
+    for j in range(target.size):
+        # One draw a chain is independent of the others.
+        assert stats.kstest(t[:, -1, j], stats.t(nu).cdf).pvalue > 1e-3
+    expected = rng.multivariate_normal(np.zeros(5), scale, (200, 100))
+    expected *= np.sqrt(nu / rng.chisquare(nu, (200, 100, 1)))
+    posteriors.assert_same_distribution(draws, best + expected)
+
+
+def test_with_a_known_variance_and_a_prior_it_is_the_textbook_normal(posteriors, rng):
+    prior = Prior(rng.normal(size=5), rng.uniform(0.3, 2.0, 5))
+    target = free_target(rng, prior=prior, variance=1.7, iact=2.0)
+    information = target.data.R.T @ target.data.R / 3.4
+    covariance = np.linalg.inv(information + np.diag(prior.sd**-2))
+    linear = target.data.R.T @ target.data.z / 3.4 + prior.mean / prior.sd**2
+    draws = sample_exact(target, prior.mean, 100, rng, chains=200)
+    expected = rng.multivariate_normal(covariance @ linear, covariance, (200, 100))
+    posteriors.assert_same_distribution(draws, expected)
+
+
+@pytest.mark.parametrize("variance", [None, 2.0])
+def test_the_density_is_likelihood_times_prior(variance, rng):
+    prior = Prior(rng.normal(size=5), rng.uniform(0.5, 2.0, 5))
+    target = free_target(rng, prior=prior, variance=variance, iact=3.0)
+    phi = rng.normal(size=(40, 5))
+    rss = target.data.rss(phi)
+    nu = target.data.dof / 3.0
+    likelihood = -(nu + 5) / 2 * np.log(rss) if variance is None else -rss / (2 * variance * 3.0)
+    expected = likelihood - 0.5 * np.sum(((phi - prior.mean) / prior.sd) ** 2, axis=1)
+    found = target.diagonal.log_density(target.to_eta(phi))
+    np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=1e-9, atol=1e-9)
+
+
+def test_coordinates_go_there_and_back(rng):
+    target = free_target(rng, prior=Prior(np.ones(5), np.geomspace(1e-3, 1e3, 5)))
+    phi = target.prior.mean + target.prior.sd * rng.normal(size=(7, 5))
+    np.testing.assert_allclose(target.to_phi(target.to_eta(phi)), phi, rtol=1e-9)
+
+
+def test_what_the_data_do_not_see_keeps_its_prior(posteriors, rng):
+    R = np.array([[1.0, 1.0, 0.0]])
+    data = LeastSquares(R, np.array([2.0]), 20.0, 20.0)
+    region = PhysicalSet(np.empty((0, 10), int), np.zeros(3, bool))
+    prior = Prior(np.array([0.0, 0.0, 5.0]), np.array([10.0, 10.0, 2.0]))
+    draws = sample_exact(Target(data, prior, region), prior.mean, 200, rng, chains=100)
+    expected = rng.normal(5.0, 2.0, (100, 200, 1))
+    posteriors.assert_same_distribution(draws[..., 2:], expected)
+    assert np.std(draws[..., 0] + draws[..., 1]) < 0.2 * np.std(draws[..., 0])
+
+
+def test_a_flat_prior_where_the_data_are_blind_is_refused():
+    data = LeastSquares(np.array([[1.0, 1.0, 0.0]]), np.ones(1), 1.0, 9.0)
+    region = PhysicalSet(np.empty((0, 10), int), np.zeros(3, bool))
+    target = Target(data, Prior(np.zeros(3), np.array([np.inf, np.inf, 1.0])), region)
+    with pytest.raises(
+        ValueError, match=r"determine the parameters \[0, 1\], so it does not exist"
+    ):
+        target.diagonal  # noqa: B018
+
+
+def test_replicates_see_other_outcomes_of_the_same_experiment(rng):
+    target = free_target(rng, prior=Prior(np.zeros(5), np.ones(5)))
+    z, rss = rng.normal(size=(3, 5)), np.array([1.0, 2.0, 3.0])
+    many = target.replicates(z, rss)
+    for k in range(3):
+        one = replace(target, data=replace(target.data, z=z[k], rss_min=rss[k])).diagonal
+        np.testing.assert_allclose(many.signal[k], one.signal)
+        assert many.rss_min[k] == pytest.approx(one.rss_min)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"prior": Prior.flat(4)}, r"of \(5, 4, 5\) parameters were given"),
+        ({"iact": 0.0}, "IACT 0 was given; expected a positive number"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(change, said, rng):
+    with pytest.raises(ValueError, match=said):
+        replace(free_target(rng), **change)
+
+
+@pytest.mark.parametrize(
+    ("mean", "sd", "said"),
+    [
+        ([0, 0], [1], "expected one of each per parameter"),
+        ([0, np.nan], [1, 1], "parameters 1 is not usable"),
+        ([0, 0], [1, -1], "expected a finite mean and sd > 0"),
+    ],
+)
+def test_a_prior_checks_its_numbers(mean, sd, said):
+    with pytest.raises(ValueError, match=said):
+        Prior(np.array(mean, float), np.array(sd, float))
+
+
+def test_a_prior_around_cad_takes_its_scale_from_the_body():
+    phi = np.array([0.04, 0, 0, 0.04, 0, 0.08, 0, 0, 0.4, 2.0, 30.0, 0.0])
+    prior = Prior.around(phi, np.arange(10)[None], relative=0.5, floor=7.0)
+    length = np.sqrt(0.08 / 2.0)
+    np.testing.assert_allclose(prior.sd[:6], 0.5 * 2.0 * length**2)
+    np.testing.assert_allclose(prior.sd[6:9], 0.5 * 2.0 * length)
+    np.testing.assert_allclose(prior.sd[9:], [1.0, 15.0, 7.0])
+    with pytest.raises(ValueError, match="body 1 has no mass or no inertia"):
+        Prior.around(np.zeros(12), np.arange(10)[None])
