@@ -96,28 +96,32 @@ for _family in (
     Family(
         "viscous_friction", "viscous friction",
         lambda shape, joint: _plain("viscous_friction"), joint_places, positive=True,
+        basic=True,
     ),
     Family(
         "coulomb_friction", "Coulomb friction",
         lambda shape, joint: _plain("coulomb_friction"), joint_places, positive=True,
+        basic=True,
     ),
     Family(
         "coulomb_asymmetry", "asymmetric Coulomb friction",
         lambda shape, joint: _plain("coulomb_asymmetry"), joint_places,
+        needs="coulomb_friction",
     ),
     Family(
         "actuator_inertia", "actuator inertia",
         lambda shape, joint: _plain("actuator_inertia"), joint_places, positive=True,
-        separate=True, refuse=_in_motor,
+        separate=True, basic=True, refuse=_in_motor,
     ),
     Family(
         "torque_offset", "torque offset",
-        lambda shape, joint: _plain("torque_offset"), _actuated, refuse=_in_motor,
+        lambda shape, joint: _plain("torque_offset"), _actuated, basic=True,
+        refuse=_in_motor,
     ),
     Family(
         "stribeck_friction", "Stribeck friction",
-        lambda shape, joint: StribeckFriction(shape, joint), joint_places, _stribeck_velocities,
-        _speed_unit, positive=True,
+        StribeckFriction, joint_places, _stribeck_velocities,
+        _speed_unit, positive=True, needs="coulomb_friction",
     ),
     Family(
         "passive_joint_friction", "friction in passive joints",
@@ -127,11 +131,12 @@ for _family in (
     Family(
         "load_dependent_friction", "load-dependent friction",
         lambda shape, joint: _plain("load_dependent_friction"), joint_places, positive=True,
-        refuse=_needs_masses,
+        needs="coulomb_friction", refuse=_needs_masses,
     ),
     Family(
         "quadratic_friction", "quadratic friction",
         lambda shape, joint: _plain("quadratic_friction"), joint_places, positive=True,
+        needs="viscous_friction",
     ),
     Family(
         "joint_stiffness", "joint stiffness",
@@ -139,7 +144,7 @@ for _family in (
     ),
     Family(
         "position_ripple", "position ripple",
-        lambda shape, joint: PositionRipple(shape, joint), joint_places, _ripple_periods,
+        PositionRipple, joint_places, _ripple_periods,
         _length_unit,
     ),
     Family(

@@ -56,6 +56,10 @@ class Family:
         Whether each column is a candidate of its own, else they come together.
     fixed_only : bool
         Whether it can differ from the model only while that is not refitted.
+    basic : bool
+        Whether every joint has it, so that it goes before what only some joints have.
+    needs : str
+        Family that must be in the model at the same place: what this one refines.
     refuse : callable(Robot, place) -> str
         Why it makes no sense there, as a sentence; empty if it does.
     """
@@ -69,6 +73,8 @@ class Family:
     positive: bool = False
     separate: bool = False
     fixed_only: bool = False
+    basic: bool = False
+    needs: str = ""
     refuse: Callable[[Robot, str], str] = lambda robot, place: ""
 
     def grid(self, span: Span) -> tuple[float, ...]:

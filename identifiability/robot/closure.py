@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.spatial import cKDTree
 
-from identifiability.errors import ClosureError
+from identifiability.errors import ClosureError, listing
 from identifiability.names import Array
 from identifiability.robot.description import Robot
 from identifiability.robot.kinematics import Point
@@ -188,14 +188,18 @@ def check_home(robot: Robot) -> None:
     ClosureError
     """
     home = robot.home[None]
-    if loop_error(robot, home)[0] < ACCEPTED:
-        return
     closed = _newton(robot, home)
     if not closed.error[0] < ACCEPTED:
         raise ClosureError(
             f"The loops of {robot.name} do not close at its home position "
             f"{robot.describe_home()}: the loop error is {loop_error(robot, home)[0]:.2g} m; give "
             "a home keyframe (MJCF) or a [home] table (sidecar) that satisfies the closures."
+        )
+    if not _invert(closed.A[:, :, robot.dependent])[1][0] < HOPELESS:
+        raise ClosureError(
+            f"The loops of {robot.name} do not determine {listing(robot.passive)} at its home "
+            f"position {robot.describe_home()}: it is singular, or other joints are the actuated "
+            "ones; choose another home or other actuators."
         )
 
 

@@ -144,6 +144,8 @@ class Robot:
         Position limits of the actuated joints; infinite where the file has none.
     speed_limits, acceleration_limits : (n,)
         The same of their velocity and acceleration.
+    prior_relative, prior
+        Width of the default priors relative to the nominal robot, and stated (mean, sd) by name.
     inertia_parts : tuple of str
         Kinds that make up the inertia of an actuator (``Ia``, or rotor and screw).
     """
@@ -170,6 +172,8 @@ class Robot:
     acceleration_limits: Array
     transmission: Transmission | None = None
     inertia_parts: tuple[str, ...] = ("Ia",)
+    prior_relative: float = 1.0
+    prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     ties: tuple[Mapping[str, tuple[str, ...]], ...] = field(default=())
 
     @staticmethod

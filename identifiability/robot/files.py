@@ -310,6 +310,8 @@ def _assemble(
         speed_limits=np.empty(0),
         acceleration_limits=np.empty(0),
         inertia_parts=tuple(extra.inertia_parts),
+        prior_relative=extra.prior_relative,
+        prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
         ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
     )
     known = (*bodies, *shell.dofs, *(extra.transmission.motors if extra.transmission else ()))

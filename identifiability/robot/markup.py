@@ -42,6 +42,7 @@ def read_markup(path: Path) -> ET.Element:
     root = _parse(path, ("mujoco", "robot"))
     if root.tag == "mujoco":
         _expand_includes(path, root, (path,))
+        _merge_sections(root)
     _check_size(path, root)
     if root.tag == "mujoco":
         _drop_inactive(root)
@@ -96,11 +97,31 @@ def _expand_includes(path: Path, root: ET.Element, above: tuple[Path, ...]) -> N
             root.set("rewritten", "true")
 
 
+def _merge_sections(root: ET.Element) -> None:
+    """Join sections that stand in the file more than once; Pinocchio reads the first alone."""
+    first: dict[str, ET.Element] = {}
+    for section in list(root):
+        known = first.setdefault(section.tag, section)
+        if known is not section:
+            known.attrib.update(section.attrib)
+            known.extend(section)
+            root.remove(section)
+            root.set("rewritten", "true")
+
+
 def _drop_inactive(root: ET.Element) -> None:
-    """Leave out equalities that are switched off; Pinocchio would close them."""
+    """Leave out equalities that are switched off, and the name of the world as second body.
+
+    Pinocchio would close the ones, and knows the other only as a body that is not named.
+    """
     for parent in root.findall("equality"):
-        for child in [c for c in parent if c.get("active") == "false"]:
-            parent.remove(child)
+        for child in list(parent):
+            if child.get("active") == "false":
+                parent.remove(child)
+            elif child.get("body2") == "world":
+                del child.attrib["body2"]
+            else:
+                continue
             root.set("rewritten", "true")
 
 
@@ -129,6 +150,7 @@ def _check_mjcf(path: Path, root: ET.Element) -> None:
     joints = [e for world in root.findall("worldbody") for e in world.iter("joint")]
     _check_unique(path, "joints", joints)
     _check_unique(path, "bodies", root.iter("body"))
+    _check_unique(path, "sites", root.iter("site"))
     for parent in root.iter():
         for element in parent:
             if element.tag in _NUMBERED:
@@ -193,8 +215,7 @@ def _check_classes(path: Path, root: ET.Element) -> None:
 
 def _check_equalities(path: Path, root: ET.Element) -> None:
     """Refuse equalities that are not supported, or that name what is not there."""
-    names = {tag: {e.get("name", "") for e in root.iter(tag)} for tag in ("body", "site")}
-    names["body"].add("world")
+    names = _closable(root)
     for element in [e for parent in root.findall("equality") for e in parent]:
         if element.tag not in ("connect", "joint"):
             raise RobotError(
@@ -205,9 +226,8 @@ def _check_equalities(path: Path, root: ET.Element) -> None:
             if element.get("joint1") == element.get("joint2"):
                 raise RobotError(f"{path}: {_label(element)} needs two different joints.")
             continue
-        if not (element.get("site1") and element.get("site2")) and not (
-            element.get("body1") and element.get("anchor")
-        ):
+        sites = [element.get(key) is not None for key in ("site1", "site2")]
+        if not all(sites) and (any(sites) or not (element.get("body1") and element.get("anchor"))):
             raise RobotError(
                 f"{path}: {_label(element)} needs site1 and site2, or body1 and anchor."
             )
@@ -215,9 +235,21 @@ def _check_equalities(path: Path, root: ET.Element) -> None:
             name = element.get(key)
             if name is not None and name not in names[key[:4]]:
                 raise RobotError(
-                    f"{path}: <connect> names the {key[:4]} '{name}', which is not there"
-                    f"{near_match(name, names[key[:4]])}"
+                    f"{path}: <connect> names the {key[:4]} '{name}', which is not there or not "
+                    f"in a body of the robot{near_match(name, names[key[:4]])}"
                 )
+
+
+def _closable(root: ET.Element) -> dict[str, set[str]]:
+    """Return the names that closures may use; Pinocchio reads stray memory for any other site."""
+    names: dict[str, set[str]] = {"body": set(), "site": set()}
+    left = [body for world in root.findall("worldbody") for body in world.findall("body")]
+    while left:
+        body = left.pop()
+        names["body"].add(body.get("name", ""))
+        names["site"] |= {site.get("name", "") for site in body.findall("site")}
+        left += body.findall("body")
+    return names
 
 
 def _check_urdf(path: Path, root: ET.Element) -> None:

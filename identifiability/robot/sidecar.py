@@ -3,6 +3,7 @@
 Every key is optional::
 
     name = "3-RPS parallel robot"
+    prior_relative = 1.0                 # width of the other priors (default: 1, the size itself)
     actuated = ["joint1", "joint2"]      # URDF: which joints have a motor (default: all)
     inertia_parts = ["Jr", "Js"]         # what an actuator's inertia is made of (default: Ia)
 
@@ -39,6 +40,9 @@ Every key is optional::
 
     [limits]                             # actuated joint = {q = [lo, hi], v = vmax, a = amax}
     joint1 = {q = [-1, 1], v = 2, a = 10}
+
+    [prior]                              # normal priors of standard parameters
+    "arm1.m" = {mean = 3.0, sd = 0.3}    # the others: nominal ± prior_relative × their size
 
     [[symmetry]]                         # columns that equal legs let us add
     name = "equal legs"
@@ -134,6 +138,13 @@ class SymmetryEntry(_Strict):
     tie: dict[str, list[str]]
 
 
+class PriorEntry(_Strict):
+    """What is known of a parameter beforehand: a normal distribution."""
+
+    mean: float
+    sd: float = Field(gt=0)
+
+
 class Sidecar(_Strict):
     """The whole file."""
 
@@ -150,6 +161,8 @@ class Sidecar(_Strict):
     nominal: dict[str, float] = {}
     limits: dict[str, LimitEntry] = {}
     symmetry: list[SymmetryEntry] = []
+    prior_relative: float = Field(default=1.0, gt=0)
+    prior: dict[str, PriorEntry] = {}
 
 
 def read_sidecar(path: Path | None) -> Sidecar:

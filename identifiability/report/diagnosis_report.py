@@ -1,0 +1,286 @@
+"""The report on a `Diagnosis`: the answer, the gap before and after, the evidence, what is left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from identifiability.diagnosis.result import Curve, Diagnosis
+from identifiability.effects import FAMILIES, find_effect
+from identifiability.output import write_text
+from identifiability.report.blocks import (
+    Block,
+    Gallery,
+    Note,
+    Notes,
+    Picture,
+    Prose,
+    Section,
+    Term,
+    Terms,
+    Tile,
+)
+from identifiability.report.figures.diagnosis import (
+    draw_against,
+    draw_curve,
+    draw_evidence,
+    draw_gap,
+    draw_shrink,
+)
+from identifiability.report.numbers import format_number
+from identifiability.report.page import Page, render_page
+from identifiability.report.sections.facts import torque_units, velocity_units
+from identifiability.report.tables import Cell, Column, Table
+
+#: Joints whose gap is drawn.
+SHOWN = 6
+#: Seconds of unseen motion that are drawn.
+STRETCH = 10.0
+
+
+def build_diagnosis_page(d: Diagnosis) -> Page:
+    """Return the report as a page of blocks, to look at or to extend."""
+    names = ", ".join(d.base)
+    return Page(
+        title=d.robot.title or d.robot.name,
+        statement=d.statement,
+        sections=(
+            _section_effects(d), _section_gap(d), _section_where(d), _section_evidence(d),
+            _section_aliases(d), _section_remainder(d), _section_method(d),
+        ),
+        overline="What the model misses",
+        subtitle=f"{d.robot.path.name} · model: {names}{' · values fixed' if d.fixed else ''}",
+        tiles=_tiles(d),
+        summary=_caveats(d),
+    )  # fmt: skip
+
+
+def write_diagnosis_report(d: Diagnosis, path: str | Path) -> Path:
+    """Write the report on a diagnosis as one self-contained HTML file, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+    """
+    return write_text(path, render_page(build_diagnosis_page(d)))
+
+
+def _percent(x: float, digits: int = 3) -> str:
+    return f"{format_number(100 * x, digits)} %"
+
+
+def _tiles(d: Diagnosis) -> tuple[Tile, ...]:
+    low, high = (format_number(100 * x, 2) for x in d.interval)
+    return (
+        Tile(str(len(d.effects)), "effects named", ", ".join(e.title for e in d.effects)),
+        Tile(_percent(d.held_before), "error before", d.held_kind),
+        Tile(_percent(d.held_after), "error after", f"95 %: {low} … {high} points"),
+        Tile(_percent(d.remainder.smooth_limit, 2), "of the rest may still be smooth",
+             "upper bound, in position and velocity"),
+    )  # fmt: skip
+
+
+def _caveats(d: Diagnosis) -> tuple[Block, ...]:
+    notes = []
+    for e in d.effects:
+        if e.alternatives:
+            text = f"{e.names}: neither this motion nor the data tell them apart."
+            notes.append(Note("warning", "Two names", text))
+        for p in e.placements:
+            if p.fragile:
+                text = f"{e.title} in {p.place} would not be believed with: {', '.join(p.fragile)}."
+                notes.append(Note("note", "Fragile", text))
+    if not d.validation:
+        text = "Errors come from cross-validation on the logs that named the effects."
+        notes.append(Note("note", "No held-out log", text))
+    return (Notes(tuple(notes)),) if notes else ()
+
+
+def _section_effects(d: Diagnosis) -> Section:
+    columns = (
+        Column("effect"), Column("where"), Column("parameter", "code"), Column("value", "number"),
+        Column("± se", "number"), Column("unit"), Column("p", "number", "Family-wise."),
+        Column("adds, rms", "number"), Column("resembles"),
+    )  # fmt: skip
+    rows = []
+    for e in d.effects:
+        close = next(((n, s) for n, s in e.similar.items() if s > 0.5), None)
+        for p in e.placements:
+            for name, unit, value, error in zip(
+                p.parameters, p.units, p.values, p.errors, strict=True
+            ):
+                note = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
+                rows.append((
+                    Cell(e.names, note=note), Cell(p.place), Cell(name),
+                    Cell(format_number(float(value), 3), float(value)),
+                    Cell(format_number(float(error), 2), float(error)), Cell(unit),
+                    Cell(format_number(p.p_value, 2), p.p_value),
+                    Cell(format_number(p.rms, 3), p.rms),
+                    Cell(f"{close[0].replace('_', ' ')} ({close[1]:.2f})" if close else "nothing"),
+                ))  # fmt: skip
+    blocks: list[Block] = []
+    if rows:
+        blocks.append(Table("Effects that were added", columns, tuple(rows)))
+        labels = ["model as it was", *(f"+ {e.title}" for e in d.effects)]
+        errors = np.array([d.held_before, *(e.after for e in d.effects)])
+        blocks.append(Picture(draw_shrink(labels, errors), f"Error {d.held_kind}."))
+        blocks.append(_curves(d))
+    else:
+        blocks.append(Prose(("No effect stands out from the noise and helps on unseen motion.",)))
+    lead = "Each was found by the data, added to the model and refitted."
+    return Section("effects", "What was missing", lead, tuple(blocks))
+
+
+def _curves(d: Diagnosis) -> Gallery:
+    units = torque_units(d.robot)
+    pictures = []
+    for c in d.curves[:SHOWN]:
+        axis, unit = _axis(d, c)
+        labels = (f"{axis} [{unit}]", f"torque [{units[c.joint]}]")
+        title = f"{c.title}, {d.robot.joints[c.joint]}"
+        figure = draw_curve(c.x, c.learned, c.spread, c.data, title, labels)
+        pictures.append(Picture(figure, alt=f"{title} as learned from the data"))
+    return Gallery(
+        tuple(pictures),
+        "What each effect was learned to be, against the residual that it should explain.",
+    )
+
+
+def _axis(d: Diagnosis, c: Curve) -> tuple[str, str]:
+    speed = velocity_units(d.robot)[c.joint]
+    if c.against == "velocity":
+        return "velocity", speed
+    return "position", speed.removesuffix("/s")
+
+
+def _section_gap(d: Diagnosis) -> Section:
+    rows, residual = d.gap.rows, d.gap.residual
+    first = rows.log == rows.log.min()
+    t = rows.t[first]
+    part = np.flatnonzero(first)[(t >= t[0]) & (t <= t[0] + STRETCH)]
+    units, speeds = torque_units(d.robot), velocity_units(d.robot)
+    over_time, against = [], []
+    for k, joint in enumerate(d.robot.joints[:SHOWN]):
+        pair = residual[:, k, 0], residual[:, k, -1]
+        figure = draw_gap(rows.t[part], pair[0][part], pair[1][part], joint, units[k])
+        over_time.append(Picture(figure, alt=f"Residual of {joint} before and after"))
+        for what, x, unit in (
+            ("velocity", rows.dq[:, k], speeds[k]),
+            ("position", rows.q[:, k], speeds[k].removesuffix("/s")),
+            ("load", rows.measured[:, k], units[k]),
+        ):
+            figure = draw_against(x, *pair, joint, (unit, units[k]), what)
+            against.append(Picture(figure, alt=f"Residual of {joint} over {what}"))
+    lead = "Measured less predicted torque on unseen motion, before and after adding the effects."
+    blocks = (
+        Gallery(tuple(over_time), f"The first {STRETCH:g} s of the first unseen log."),
+        Gallery(tuple(against), "Dots: before. Lines join medians of equally filled bins."),
+    )
+    return Section("gap", "The gap before and after", lead, blocks)
+
+
+def _section_where(d: Diagnosis) -> Section:
+    columns = (
+        Column("joint"), Column("residual, rms", "number"), Column("of the torque", "number"),
+        Column("near reversals", "number", "Mean square there over that elsewhere."),
+        *(Column(f"by {k}", "number", "Share of the variance that averages over it explain.")
+          for k in d.discrepancies[0].explained),
+    )  # fmt: skip
+    rows = tuple(
+        (
+            Cell(x.joint), Cell(format_number(x.rms, 3), x.rms), Cell(_percent(x.share), x.share),
+            Cell(f"{format_number(x.reversals, 2)} ×", x.reversals),
+            *(Cell(_percent(s, 2), s) for s in x.explained.values()),
+        )
+        for x in d.discrepancies
+    )  # fmt: skip
+    lead = "Where the model as it was and the logs disagree, before anything was added."
+    return Section(
+        "where", "Where they disagree", lead, (Table("Residual by joint", columns, rows),)
+    )
+
+
+def _section_evidence(d: Diagnosis) -> Section:
+    families = list(dict.fromkeys(f for s in d.steps for f, _ in s.evidence))
+    blocks: list[Block] = []
+    if families:
+        steps = d.steps[:6]
+        scores = np.array([
+            [max((v for (f, _), v in s.evidence.items() if f == name), default=np.nan)
+             for s in steps]
+            for name in families
+        ])  # fmt: skip
+        titles = [FAMILIES[f].title if f in FAMILIES else f for f in families]
+        critical = np.array([s.critical for s in steps])
+        figure = draw_evidence(titles, scores, critical)
+        caption = "Right of the dashed line an effect stands out from the noise."
+        blocks.append(Picture(figure, caption, "Evidence of every family at every step"))
+    columns = (
+        Column("step"), Column("best"), Column("p", "number"), Column("unseen error", "number"),
+        Column("what became of it"),
+    )  # fmt: skip
+    rows = tuple(
+        (
+            Cell(str(k + 1)), Cell(" in ".join(s.best)), Cell(format_number(s.p_value, 2), s.p_value),
+            Cell(f"{_percent(-s.gain, 2)}" if np.isfinite(s.gain) else "—", s.gain), Cell(s.reason),
+        )
+        for k, s in enumerate(d.steps)
+    )  # fmt: skip
+    blocks.append(Table("Steps of the search", columns, rows))
+    lead = "Every family is scored beside the model so far, over all its shapes and places."
+    return Section("evidence", "The evidence", lead, tuple(blocks))
+
+
+def _section_aliases(d: Diagnosis) -> Section:
+    columns = (
+        Column("effect"), Column("where"), Column("visible", "number"), Column("hidden behind")
+    )  # fmt: skip
+    rows = tuple(
+        (Cell(a.family.replace("_", " ")), Cell(a.place), Cell(_percent(a.remaining, 2), a.remaining),
+         Cell(", ".join(a.behind)))
+        for a in sorted(d.aliases, key=lambda a: a.remaining)
+        if a.structural
+    )  # fmt: skip
+    refused = tuple(
+        Term(f"{r.family.replace('_', ' ')} {r.place}".strip(), r.reason) for r in d.refusals
+    )
+    blocks: list[Block] = []
+    if rows:
+        blocks.append(Table("Cannot be named from this motion", columns, rows))
+    if refused:
+        blocks.append(Terms(refused))
+    if not blocks:
+        blocks.append(Prose(("Every family is visible in this motion.",)))
+    lead = "What looks, along this motion, like parameters that the model has already."
+    return Section("aliases", "What could not be named", lead, tuple(blocks))
+
+
+def _section_remainder(d: Diagnosis) -> Section:
+    columns = (Column("effect"), Column("smallest that is named", "number", "Rms over residual."))
+    rows = tuple(
+        (Cell(name.replace("_", " ")), Cell(_percent(size, 2), size))
+        for name, size in sorted(d.remainder.detectable.items(), key=lambda x: x[1])
+    )
+    blocks: list[Block] = [Prose((d.unexplained,))]
+    if rows:
+        caption = "Sizes that are named in four of five logs like these, at the best place"
+        blocks.append(Table(caption, columns, rows))
+    return Section("remainder", "What is left", "", tuple(blocks))
+
+
+def _section_method(d: Diagnosis) -> Section:
+    names = dict.fromkeys([*d.base, *(f for s in d.steps for f, _ in s.evidence)])
+    terms = []
+    for name in names:
+        try:
+            effect = find_effect(name)
+        except Exception:  # noqa: BLE001 - a family that a study registered has no entry
+            continue
+        terms.append(Term(name.replace("_", " "), "", formula=effect.equation))
+    prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
+    lead = (
+        "p-values are family-wise: how often noise with the autocorrelation of these residuals "
+        "reaches the largest evidence over all families, places and shapes."
+    )
+    return Section("method", "Method", lead, (Terms(tuple(terms)), Prose(prepared)))

@@ -1,0 +1,110 @@
+"""Shared by the tests of bad input: good files to spoil, and commands that must refuse them."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identifiability.cli import app
+from identifiability.robot import Robot
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
+
+
+@cache
+def load(name: str) -> Robot:
+    return Robot.load(name)
+
+
+@cache
+def _simulated(name: str, samples: int, noise: Noise):
+    robot = load(name)
+    trajectory = shipped_trajectory(robot, "601" if name == "3-rps" else "a")
+    motion = PrescribedMotion.of(trajectory, samples)
+    return simulate(robot, motion, noise=noise, rng=np.random.default_rng(0)).to_frame()
+
+
+@pytest.fixture
+def simulated():
+    """A function (robot, samples, noise level) -> DataFrame of its own."""
+    return lambda name, samples=200, **noise: _simulated(name, samples, Noise(**noise)).copy()
+
+
+@pytest.fixture
+def arm(simulated):
+    """A log of the two-link arm, to be spoilt."""
+    return simulated("two-link")
+
+
+@pytest.fixture
+def bare(arm):
+    """The same without velocities and accelerations."""
+    return arm[["t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau"]]
+
+
+@pytest.fixture
+def write(tmp_path):
+    """A function (name, text or bytes or DataFrame) -> path of a file of this test."""
+
+    def put(name: str, content) -> Path:
+        path = tmp_path / name
+        if isinstance(content, str):
+            content = content.encode()
+        if isinstance(content, bytes):
+            path.write_bytes(content)
+        else:
+            content.to_csv(path, index=False)
+        return path
+
+    return put
+
+
+def files_in(folder: Path) -> dict[Path, bytes]:
+    return {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.fixture
+def command():
+    """A function (words) -> result of the command line, run in this process."""
+    return lambda *words: CliRunner().invoke(app, [str(w) for w in words])
+
+
+@pytest.fixture
+def refused(command, tmp_path):
+    """A function (words) -> the sentence; the command fails and leaves every file as it was."""
+
+    def run(*words) -> str:
+        before = files_in(tmp_path)
+        out = command(*words)
+        assert out.exit_code == 2, (out.output, out.exception)
+        assert isinstance(out.exception, SystemExit)
+        assert out.stdout == ""
+        lines = out.stderr.strip().split("\n")
+        assert len(lines) == 1, lines
+        assert lines[0].startswith("Error: ")
+        assert lines[0].endswith((".", "?"))
+        assert ".." not in lines[0].replace("../", "")
+        assert files_in(tmp_path) == before
+        return lines[0].removeprefix("Error: ")
+
+    return run
+
+
+@pytest.fixture
+def refuses(refused, write):
+    """A function (robot, log, options) -> the sentence with which `analyze` refuses them.
+
+    The output that is asked for exists already, so that an early write would be seen.
+    """
+
+    def run(robot, log, *options) -> str:
+        log = log if isinstance(log, str | Path) else write("log.csv", log)
+        return refused("analyze", robot, log, "--json", write("old.json", "old"), *options)
+
+    return run
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)

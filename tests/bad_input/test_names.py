@@ -1,0 +1,68 @@
+"""Names come from files: spaces, accents, markup and tags pass through and do no harm."""
+
+import json
+
+import numpy as np
+import pytest
+
+from identifiability.log import Log
+from identifiability.robot import Robot
+from identifiability.robot.files import locate_robot
+from identifiability.simulation import random_trajectory, simulate
+
+NAMES = [
+    "el bow ü",
+    "<script>alert(1)</script>",
+    "[red]x[/]",
+    "a.b",
+    "q",
+    "%s {0} $x_1$",
+    "x" * 500,
+]
+
+
+@pytest.fixture
+def odd(tmp_path):
+    """A function (name) -> robot file and log of a two-link arm whose second joint is called so."""
+
+    def make(name: str):
+        folder = tmp_path / "ein Ordner & mehr"
+        folder.mkdir()
+        escaped = name.replace("&", "&amp;").replace("<", "&lt;")
+        path = folder / "röbot 1.xml"
+        text = locate_robot("two-link").read_text().replace('"elbow"', f'"{escaped}"')
+        path.write_text(text, encoding="utf-8")
+        robot = Robot.load(path)
+        motion = random_trajectory(robot, np.random.default_rng(0), samples=100)
+        return path, simulate(robot, motion).write(folder / "lög 1.csv")
+
+    return make
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_joint_may_have_any_name(name, odd):
+    path, log = odd(name)
+    assert Log.read(log).select(Robot.load(path).joints).joints == ("shoulder", name)
+
+
+def test_spaces_and_accents_pass_through_the_command(odd, command):
+    path, log = odd("el bow ü")
+    out = log.with_name("out.json")
+    done = command("analyze", path, log, "--json", out, "--quick")
+    assert done.exit_code == 0, done.output
+    names = [p["name"] for p in json.loads(out.read_text())["full_parameters"]]
+    assert "el bow ü.Fv" in names
+
+
+def test_a_report_shows_a_tag_and_does_not_run_it(odd, command):
+    path, log = odd("<script>alert(1)</script>")
+    report = log.with_name("<b>.html")
+    done = command("analyze", path, log, "--report", report, "--quick")
+    assert done.exit_code == 0, done.output
+    text = report.read_text()
+    assert "<script>alert" not in text
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in text
+
+
+def test_an_error_shows_markup_and_does_not_follow_it(refused):
+    assert "There is no robot file '[red]x[/]'." in refused("analyze", "[red]x[/]", "x.csv")

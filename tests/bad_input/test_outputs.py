@@ -1,0 +1,143 @@
+"""A file is written whole or not at all; whatever happens, the old one is intact."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from identifiability import output
+from identifiability.errors import OutputError
+from identifiability.output import check_apart, check_writable, write_bytes, write_text
+
+FULL = OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.fixture
+def old(write):
+    return write("out.csv", "old")
+
+
+def alone(path: Path) -> bool:
+    """Whether nothing else lies beside a file: no temporary one is left."""
+    return list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("error", [FULL, PermissionError(errno.EACCES, "Permission denied")])
+@pytest.mark.parametrize("step", ["fsync", "replace", "open"])
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(step, error, old, monkeypatch):
+    def fail(*_args, **_options):
+        raise error
+
+    place = output.os if step == "fsync" else Path
+    monkeypatch.setattr(place, step, fail)
+    with pytest.raises(OutputError, match=rf"out.csv' cannot be written: {error.strerror}\."):
+        write_text(old, "new" * 1000)
+    monkeypatch.undo()
+    assert old.read_text() == "old"
+    assert alone(old)
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace"])
+def test_ctrl_c_in_the_middle_of_a_write_leaves_the_old_file(step, old, monkeypatch):
+    def stop(*_args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(output.os if step == "fsync" else Path, step, stop)
+    with pytest.raises(KeyboardInterrupt):
+        write_bytes(old, b"new")
+    monkeypatch.undo()
+    assert old.read_text() == "old"
+    assert alone(old)
+
+
+def test_ctrl_c_ends_a_command_with_130_and_the_old_file(old, command, monkeypatch):
+    def stop(*_args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(output.os, "fsync", stop)
+    out = command("simulate", "two-link", "a", "--samples", 30, "--out", old)
+    assert out.exit_code == 130
+    assert out.stderr == "Stopped; no file was left half-written.\n"
+    assert old.read_text() == "old"
+    assert alone(old)
+
+
+def test_a_full_disk_ends_a_command_with_a_sentence(old, refused, monkeypatch):
+    def fail(*_args):
+        raise FULL
+
+    monkeypatch.setattr(output.os, "fsync", fail)
+    words = ["simulate", "two-link", "a", "--samples", 30, "--out", old]
+    assert refused(*words) == f"'{old}' cannot be written: No space left on device."
+
+
+def test_paths_that_cannot_be_written_are_refused_before_the_work(refuses, refused, arm, tmp_path):
+    missing = tmp_path / "no" / "out.html"
+    folder = f"The folder '{tmp_path / 'no'}' does not exist; create it or choose another."
+    assert refuses("two-link", arm, "--report", missing) == folder
+    assert "is a folder; give a file name" in refuses("two-link", arm, "--report", tmp_path)
+    words = ["simulate", "two-link", "a", "--out"]
+    assert refused(*words, missing) == folder
+    assert "is a folder; give a file name" in refused(*words, tmp_path)
+    assert "cannot be written: File name too long." in refused(*words, tmp_path / ("a" * 300))
+
+
+def test_folders_and_files_that_are_not_writable_are_refused(old, refused, monkeypatch):
+    """Root may write everywhere, so the operating system's answer is made up."""
+    words = ["simulate", "two-link", "a", "--out", old]
+    for place, sentence in (
+        (old.parent, f"The folder '{old.parent}' is not writable; choose another."),
+        (old, f"'{old}' is protected against writing; give another name."),
+    ):
+        shut = (place, os.W_OK)
+        monkeypatch.setattr(output.os, "access", lambda *asked, shut=shut: asked != shut)
+        assert refused(*words) == sentence
+
+
+def test_pipes_and_devices_are_not_replaced_by_files(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(OutputError, match="is no regular file"):
+        write_text(pipe, "text")
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def test_a_link_stays_a_link_and_a_file_keeps_its_rights(old, tmp_path):
+    old.chmod(0o600)
+    link = tmp_path / "link.csv"
+    link.symlink_to(old)
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert old.read_text() == "new"
+    assert stat.S_IMODE(old.stat().st_mode) == 0o600
+
+
+def test_a_new_file_gets_the_rights_that_the_user_gives_files(tmp_path):
+    before = os.umask(0o027)
+    try:
+        path = write_text(tmp_path / "new.txt", "text")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+
+def test_inputs_are_not_written_over(refuses, refused, write, arm):
+    log = write("log.csv", arm)
+    sentence = f"'{log}' is an input or another output; give it its own name."
+    assert refuses("two-link", log, "--report", log) == sentence
+    assert refused("analyze", "two-link", "x.csv", "--validate", log, "--json", log) == sentence
+    assert refused("simulate", "two-link", log, "--out", log) == sentence
+    check_apart([log.with_name("a"), log.with_name("b")], [log])
+    with pytest.raises(OutputError, match="another output"):
+        check_apart(["a", "./a"], [])
+
+
+def test_names_that_are_no_paths_are_refused():
+    with pytest.raises(OutputError, match="cannot be written: embedded null byte"):
+        check_writable("a\0b")
+
+
+def test_a_demo_folder_that_is_a_file_is_refused(old, refused):
+    assert refused("demo", "--quick", "--folder", old) == f"'{old}' cannot be used: File exists."

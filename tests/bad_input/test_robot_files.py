@@ -1,0 +1,314 @@
+"""A robot file that cannot be read is refused with one sentence, by our checks, never by C++."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+
+from identifiability.errors import RobotError
+from identifiability.robot import Robot
+from identifiability.robot.files import locate_robot
+
+TWO, FIVE, ARM = (locate_robot(n).read_text() for n in ("two-link", "five-bar", "six-dof-arm"))
+GROUND = '<body name="ground"><geom type="sphere" size="0.1"/></body>'
+BOMB = "".join(
+    f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in zip("abcdefgh", "bcdefghi", strict=True)
+)
+
+#: What is no robot file at all, and the sentence.
+NO_ROBOT = {
+    "text": ("hello", r"is not an MJCF or URDF file: it is not XML \(syntax error: line 1"),
+    "binary": (bytes(range(256)), r"it is not XML \(not well-formed"),
+    "empty": ("", r"it is not XML \(no element found: line 1"),
+    "truncated MJCF": (TWO[:800], r"it is not XML \(no element found: line \d+"),
+    "truncated URDF": (ARM[:3000], r"it is not XML \(no element found: line \d+"),
+    "other root": ("<html><body/></html>", "root element is <html>, expected <mujoco> or <robot>"),
+    "odd encoding": (TWO.replace("utf-8", "klingon"), "cannot be read as XML: unknown encoding"),
+    "MJCF without bodies": ("<mujoco/>", "no body found"),
+    "MJCF without joints": (
+        '<mujoco><worldbody><body name="a"/></worldbody></mujoco>',
+        "has no joint that moves; there is nothing to identify",
+    ),
+    "URDF without links": ('<robot name="x"/>', "read as URDF: No link elements found"),
+    "URDF without name": ('<robot><link name="a"/></robot>', "No name given for the robot"),
+    "URDF of one link": ('<robot name="x"><link name="a"/></robot>', "no joint that moves"),
+    "entity bomb": (
+        f'<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa">{BOMB}]><mujoco model="&i;"/>',
+        "is not an MJCF or URDF file",
+    ),
+    "deep": (
+        f"<mujoco>{'<custom>' * 30000}{'</custom>' * 30000}</mujoco>",
+        "nests elements deeper than 250 levels",
+    ),
+    "large": (
+        f"<mujoco><worldbody>{'<body>' * 5000}{'</body>' * 5000}</worldbody></mujoco>",
+        "has 5000 bodies; robots of up to 200 can be read",
+    ),
+}
+
+
+def equality(inside):
+    return "</worldbody>", f"</worldbody><equality>{inside}</equality>"
+
+
+#: What is replaced in the two-link arm, by what, and the sentence.
+MJCF = {
+    "first of two bodies": (
+        ('<body name="base">', GROUND + '<body name="base">'),
+        r"3 of 4 bodies were lost in reading \(base, link1, link2\).*one root <body>",
+    ),
+    "second of two bodies": (
+        ("</worldbody>", GROUND + "</worldbody>"),
+        r"1 of 4 bodies were lost in reading \(ground\)",
+    ),
+    "second body without a name": (
+        ("</worldbody>", '<body><joint name="j"/></body></worldbody>'),
+        r"1 of 4 bodies were lost in reading \(one without a name\)",
+    ),
+    "macro": (
+        ("</worldbody>", "<replicate/></worldbody>"),
+        r"uses <replicate>, which Pinocchio does not read.*mj_saveLastXML",
+    ),
+    "joint type": (
+        ('"elbow" type="hinge"', '"elbow" type="hinged"'),
+        r"joint 'elbow' is of the unknown type 'hinged', did you mean 'hinge'\?",
+    ),
+    "joint twice": (('name="elbow"', 'name="shoulder"'), "two joints named 'shoulder'"),
+    "body twice": (('name="link2"', 'name="link1"'), "two bodies named 'link1'"),
+    "unknown motor": (('joint="elbow"', 'joint="elbw"'), "no joint 'elbw', did you mean 'elbow'"),
+    "number in words": (
+        ('mass="4"', 'mass="four"'),
+        r'<inertial> in <body name="link1"> has mass="four"; expected 1 finite number\.',
+    ),
+    "nan": (('mass="4"', 'mass="nan"'), 'mass="nan"; expected 1 finite number'),
+    "short vector": (('pos="0.5 0 0"', 'pos="0.5 0"'), 'pos="0.5 0"; expected 3 finite numbers'),
+    "zero axis": (('axis="0 -1 0"', 'axis="0 0 0"'), "expected 3 finite numbers, not all zero"),
+    "unknown class": (("<geom name", '<geom class="z" name'), "class 'z', which no <default>"),
+    "weld": (equality('<weld body1="link2"/>'), "closes a loop with <weld>; only <connect>"),
+    "tendon": (equality('<tendon tendon1="a"/>'), "closes a loop with <tendon>; only <connect>"),
+    "closure without anchor": (equality('<connect body1="link2"/>'), "needs site1 and site2, or"),
+    "closure of nothing": (
+        equality('<connect body1="link9" anchor="0 0 0"/>'),
+        r"names the body 'link9', which is not there .*, did you mean 'link\d'\?",
+    ),
+    "coupling of nothing": (equality('<joint joint1="elbo"/>'), "no joint 'elbo', did you mean"),
+    "coupling to itself": (
+        equality('<joint joint1="elbow" joint2="elbow"/>'),
+        "needs two different joints",
+    ),
+    "coupling in words": (equality('<joint joint1="elbow" polycoef="a"/>'), 'polycoef="a"'),
+    "coupling of driven joints": (
+        equality('<joint joint1="elbow" joint2="shoulder"/>'),
+        "1 independent equations for 0 passive joints, .*remove an actuator or a closure",
+    ),
+    "keyframe in words": (
+        ("</mujoco>", '<keyframe><key qpos="x"/></keyframe></mujoco>'),
+        'qpos="x"; expected one or more finite numbers',
+    ),
+    "missing include": (("<default>", '<include file="no.xml"/><default>'), "no.xml cannot be"),
+    "include ring": (("<default>", '<include file="robot.xml"/><default>'), "break the ring"),
+}
+
+MIMIC = '<limit lower="-2.97"'
+#: The same for the six-axis arm.
+URDF = {
+    "loose link": (
+        ("</robot>", '<link name="loose"/></robot>'),
+        "the links base_link, loose hang on no joint, .* connect the others",
+    ),
+    "two parents": (
+        ('<child link="link_2"/>', '<child link="link_1"/>'),
+        "the links base_link, link_2 hang on no joint",
+    ),
+    "unknown child": (
+        ('<child link="link_2"/>', '<child link="link2"/>'),
+        "joint 'joint_2' names the child link 'link2', which is not there, did you mean 'link_2'",
+    ),
+    "joint type": (
+        ('"joint_2" type="revolute"', '"joint_2" type="rotary"'),
+        "joint 'joint_2' is of the unknown type 'rotary'.* The types are revolute",
+    ),
+    "planar joint": (
+        ('"joint_2" type="revolute"', '"joint_2" type="planar"'),
+        r"'joint_2' is of a type \(Planar\) that is not supported",
+    ),
+    "floating joint": (
+        ('"joint_2" type="revolute"', '"joint_2" type="floating"'),
+        "6 joints have no actuator .joint_2.tx",
+    ),
+    "no joint type": (
+        ('"joint_2" type="revolute"', '"joint_2"'),
+        r"joint \[joint_2\] has no type",
+    ),
+    "no limit": (
+        ('<limit lower="-2.97" upper="2.97" velocity="2.9" effort="500"/>', ""),
+        r"Joint \[joint_1\] is of type REVOLUTE but it does not specify limits",
+    ),
+    "mass in words": (('value="20"', 'value="many"'), r"mass \[many\] is not a float"),
+    "short vector": (('xyz="0 0 0.2"', 'xyz="0 0"'), "2 elements but 3 expected"),
+    "zero axis": (('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>'), "'joint_2' has no axis"),
+    "joint twice": (('"joint_2"', '"joint_1"'), "'joint_1' is not unique"),
+    "mimics itself": ((MIMIC, f'<mimic joint="joint_1"/>{MIMIC}'), "'joint_1' mimics itself"),
+    "mimics nothing": ((MIMIC, f'<mimic joint="joint_9"/>{MIMIC}'), "no joint 'joint_9', did you"),
+}
+
+MOTOR = '<motor name="right_motor" joint="right_shoulder"/>'
+KEY = re.search("(?s)<keyframe>.*</keyframe>", FIVE).group(0)
+#: The same for the five-bar.
+CLOSED = {
+    "too few actuators": (
+        (MOTOR, ""),
+        r"3 joints have no actuator \(left_elbow, right_shoulder, right_elbow\) but the loops give "
+        "only 2 independent equations; name the missing",
+    ),
+    "too many actuators": (
+        (MOTOR, MOTOR + '<motor joint="left_elbow"/>'),
+        "2 independent equations for 1 passive joints, so not all 3 actuated joints are free",
+    ),
+    "home that does not close": (
+        (KEY, '<keyframe><key name="home" qpos="3.1 0 0 0"/></keyframe>'),
+        r"do not close at its home position left_shoulder = 3.1, .*error is 1.8 m; give a home",
+    ),
+    "home at a singularity": (
+        (KEY, ""),
+        "only 1 independent equations; .* a home position away from singularities",
+    ),
+    "short home": (
+        (KEY, '<keyframe><key name="home" qpos="1 2"/></keyframe>'),
+        "Keyframe size does not match model size",
+    ),
+    "unknown site": (('site1="left_tip"', 'site1="lefttip"'), "did you mean 'left_tip'"),
+    "site in the world": (
+        (
+            "</worldbody>",
+            '<site name="w"/></worldbody><equality><connect site1="w" site2="right_tip"/>'
+            "</equality>",
+        ),
+        "names the site 'w', which is not there or not in a body of the robot",
+    ),
+    "one site": ((' site2="right_tip"', ' body1="base" anchor="0 0 0"'), "needs site1 and site2"),
+    "site twice": (('name="left_tip"', 'name="right_tip"'), "two sites named 'right_tip'"),
+}
+
+
+def changed(text, old, new):
+    assert old in text
+    return text.replace(old, new)
+
+
+@pytest.mark.parametrize("case", NO_ROBOT)
+def test_what_is_no_robot_file_is_refused(case, write, capfd):
+    content, sentence = NO_ROBOT[case]
+    with pytest.raises(RobotError, match=sentence):
+        Robot.load(write("robot.xml", content))
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("case", MJCF)
+def test_a_bad_mjcf_is_refused(case, write):
+    change, sentence = MJCF[case]
+    with pytest.raises(RobotError, match=sentence):
+        Robot.load(write("robot.xml", changed(TWO, *change)))
+
+
+@pytest.mark.parametrize("case", URDF)
+def test_a_bad_urdf_is_refused_and_the_parser_prints_nothing(case, write, capfd):
+    change, sentence = URDF[case]
+    with pytest.raises(RobotError, match=sentence):
+        Robot.load(write("robot.urdf", changed(ARM, *change)))
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("case", CLOSED)
+def test_a_bad_closed_chain_is_refused(case, write):
+    change, sentence = CLOSED[case]
+    side = locate_robot("five-bar").with_suffix(".toml")
+    with pytest.raises(RobotError, match=sentence):
+        Robot.load(write("robot.xml", changed(FIVE, *change)), side)
+
+
+def test_bodies_without_names_are_not_lost_in_silence(write):
+    text = TWO.replace(' name="link1"', "").replace(' name="link2"', "")
+    with pytest.raises(RobotError, match=r"1 of 3 bodies were lost .*name them all"):
+        Robot.load(write("robot.xml", text))
+
+
+def test_a_missing_robot_file_is_refused_with_the_near_match(refused, write, arm):
+    log = write("log.csv", arm)
+    sentence = refused("analyze", "to-link", log)
+    assert "no robot file 'to-link', did you mean 'two-link'?" in sentence
+    assert "Give an MJCF or URDF file" in sentence
+    assert "is a folder; give the robot file" in refused("analyze", log.parent, log)
+    assert "cannot be a robot file: File name too long" in refused("analyze", "a" * 5000, log)
+
+
+@pytest.mark.parametrize("text", ["<mujoco", ARM.replace('"joint_2"', '"joint_1"')])
+def test_the_command_refuses_a_bad_robot_file(text, refuses, write, arm):
+    assert "robot.urdf" in refuses(write("robot.urdf", text), arm)
+
+
+def test_a_real_process_ends_with_the_sentence_and_no_traceback(write, arm):
+    """Once through the operating system: exit code, streams and what C++ parsers print."""
+    robot = write("robot.urdf", ARM.replace('value="20"', 'value="many"'))
+    words = [sys.executable, "-m", "identifiability", "simulate", robot, "random", "--out", "x.csv"]
+    out = subprocess.run(words, check=False, capture_output=True, text=True, cwd=robot.parent)
+    assert out.returncode == 2
+    assert out.stdout == ""
+    assert out.stderr.count("\n") == 1
+    assert out.stderr.endswith("cannot be read as URDF: Inertial: mass [many] is not a float.\n")
+    assert not (robot.parent / "x.csv").exists()
+
+
+def test_includes_and_inactive_equalities_are_what_mujoco_makes_of_them(write):
+    """Pinocchio would skip the one and close the other without a word."""
+    inner = re.search(r'(?s)<body name="link2".*?</body>', TWO).group(0)
+    write("inner.xml", f"<mujocoinclude>{inner}</mujocoinclude>")
+    off = '<weld body1="link2" active="false"/>'
+    text = TWO.replace(*equality(off)).replace(inner, '<include file="inner.xml"/>')
+    robot, whole = Robot.load(write("robot.xml", text)), Robot.load("two-link")
+    assert robot.bodies == whole.bodies
+    assert not robot.closed
+    assert robot.nominal == whole.nominal
+
+
+def test_sections_that_stand_twice_are_joined_as_mujoco_joins_them(write):
+    """Pinocchio reads the first of each; includes bring their own."""
+    one, two = FIVE.index("<equality>"), FIVE.index("</equality>")
+    closure = FIVE[one:two] + "</equality>"
+    text = FIVE.replace("<actuator>", "<equality></equality><actuator>")
+    text = text.replace(
+        closure, '<equality><connect body1="base" anchor="0 0 0" active="false"/></equality>'
+    )
+    text = text.replace("<keyframe>", closure + "<keyframe>")
+    side = locate_robot("five-bar").with_suffix(".toml").read_text().partition("# range")[0]
+    side = side.partition("# The loop")[0]
+    robot = Robot.load(write("robot.xml", text), write("side.toml", side))
+    assert [len(loop.axes) for loop in robot.loops] == [3]
+    assert len(robot.loop_rows) == 2
+
+
+@pytest.mark.parametrize("second", ["", ' body2="world"'])
+def test_a_closure_that_leaves_a_passive_joint_free_is_refused(second, write):
+    """The elbow's axis is pinned to the world: the shoulder is held and the elbow turns."""
+    pin = f'<connect body1="link2"{second} anchor="0 0 0"/>'
+    text = changed(TWO, *equality(pin)).replace('<motor name="elbow_motor" joint="elbow"/>', "")
+    with pytest.raises(
+        RobotError, match="do not determine elbow at its home position shoulder = 0"
+    ):
+        Robot.load(write("robot.xml", text))
+
+
+def test_two_actuators_of_one_joint_are_one_actuated_joint(write):
+    text = TWO.replace("</actuator>", '<velocity joint="elbow"/></actuator>')
+    assert Robot.load(write("robot.xml", text)).joints == ("shoulder", "elbow")
+
+
+def test_a_joint_held_at_a_constant_is_held_beside_its_reference(write):
+    """MuJoCo writes couplings in displacements from ``ref``, in degrees unless told otherwise."""
+    text = TWO.replace('angle="radian"', 'angle="degree"')
+    text = text.replace('<motor name="elbow_motor" joint="elbow"/>', "")
+    text = text.replace('"elbow" type="hinge"', '"elbow" type="hinge" ref="30"')
+    text = text.replace(*equality('<joint joint1="elbow" polycoef="0.1"/>'))
+    robot = Robot.load(write("robot.xml", text))
+    assert robot.couplings[0].polynomial == pytest.approx([0.1 + 3.141592653589793 / 6])

@@ -1,0 +1,73 @@
+"""A sidecar that does not fit its robot is refused with the file, the key and the near match."""
+
+import pytest
+
+from identifiability.errors import RobotError
+from identifiability.robot import Robot
+
+LOOP = 'actuated = ["shoulder"]\n[[loops]]\nbody1 = "link2"\nbody2 = '
+COUPLING = 'actuated = ["shoulder"]\n[[couplings]]\njoint = "elbow"\n'
+GEAR = '[transmission]\nmotors = ["m1", "m2"]\ncoupling = '
+
+BAD = {
+    "no TOML": ("actuated = ", "is not valid TOML: Invalid value"),
+    "binary": (bytes(range(256)), r"is not a sidecar file \(TOML\): 'utf-8' codec"),
+    "deep": ("name = " + "[" * 100_000, "is not valid TOML: it is nested too deeply"),
+    "long number": ("name = " + "9" * 5000, "is not valid TOML: Exceeds the limit"),
+    "unknown key": ("actuatd = []", "'actuatd' is not a key .* did you mean 'actuated'"),
+    "unknown inner key": (
+        "[limits]\nelbow = {q = [0, 1], vel = 2}",
+        r"'limits\.elbow\.vel' is not a key that is known here\. The keys are q, v, a\.",
+    ),
+    "unknown actuated joint": ('actuated = ["shoulde"]', "'shoulde', did you mean 'shoulder'"),
+    "no actuated joint": ("actuated = []", r"actuated joints are \[\]; name each one once"),
+    "actuated twice": ('actuated = ["elbow", "elbow"]', "name each one once"),
+    "unknown home joint": ("[home]\nelbw = 1", "no joint 'elbw', did you mean 'elbow'"),
+    "home in words": ('[home]\nelbow = "up"', r"'home\.elbow': input should be a valid number"),
+    "home nan": ("[home]\nelbow = nan", r"'home\.elbow': input should be a finite number"),
+    "unknown symbol": ('[symbols]\nlink9 = "1"', "names 'link9', .* did you mean 'link"),
+    "unknown body": ('[base_parameters]\nbodies = ["linc1"]', "did you mean 'link1'"),
+    "body twice": ('[base_parameters]\nbodies = ["link1", "link1"]', "name each one once"),
+    "unknown limit": ("[limits]\nelbo = {v = 1}", "names 'elbo', .* did you mean 'elbow'"),
+    "limits upside down": ("[limits]\nelbow = {q = [2, 1]}", "lower limit must be below the upper"),
+    "negative speed": ("[limits]\nelbow = {v = -1}", "input should be greater than 0"),
+    "unknown nominal": ('[nominal]\n"elbo.Fv" = 1', r"\[nominal\] names 'elbo', .* mean 'elbow'"),
+    "unknown tie": (
+        '[[symmetry]]\ntie = {"l.m" = ["link1.m", "linkk2.m"]}',
+        r"\[symmetry\] names 'linkk2', which .* did you mean 'link2'",
+    ),
+    "no inertia parts": ("inertia_parts = []", "'inertia_parts': list should have at least 1"),
+    "inertia parts twice": ('inertia_parts = ["Ia", "Ia"]', "name each one once"),
+    "unknown loop body": (LOOP + '"bas"', "names the body 'bas', .* did you mean 'base'"),
+    "loop without equations": (LOOP + '"link2"', "the loops give only 0 independent equations"),
+    "unknown axis": (LOOP + '"base"\naxes = ["w"]', "should be 'x', 'y' or 'z'"),
+    "unknown coupled joint": (COUPLING + 'of = "sholder"', "'sholder', did you mean 'shoulder'"),
+    "coupled to itself": (COUPLING + 'of = "elbow"', "cannot be coupled to itself"),
+    "no polynomial": (COUPLING + "polynomial = []", "list should have at least 1 item"),
+    "overflowing polynomial": (
+        COUPLING + 'of = "shoulder"\npolynomial = [1e308, 1e308]',
+        "do not close at its home position",
+    ),
+    "ragged gear": (GEAR + "[[1, 0], [1]]", "needs 2 motors and an invertible 2×2 coupling"),
+    "singular gear": (GEAR + "[[1, 1], [1, 1]]", "needs 2 motors and an invertible 2×2 coupling"),
+    "gear without ratio": (GEAR + "[[1, 0], [0, 1]]\nratio = [0, 1]", "needs 2 non-zero ratios"),
+    "motor twice": ('[transmission]\nmotors = ["m", "m"]\ncoupling = []', "name each one once"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_sidecar_is_refused(case, write):
+    content, sentence = BAD[case]
+    with pytest.raises(RobotError, match=sentence):
+        Robot.load("two-link", write("side.toml", content))
+
+
+def test_a_missing_sidecar_is_refused(refuses, arm, write):
+    folder = write("x", "").parent
+    assert "There is no sidecar file 'no.toml'" in refuses("two-link", arm, "--sidecar", "no.toml")
+    assert "cannot be read: Is a directory" in refuses("two-link", arm, "--sidecar", folder)
+
+
+def test_windows_line_endings_and_marks_are_no_matter(write):
+    side = write("side.toml", "\ufeffname = 'arm'\r\n[limits]\r\nelbow = {v = 1}\r\n")
+    assert Robot.load("two-link", side).title == "arm"

@@ -1,0 +1,126 @@
+"""`simulate` refuses motions, effects and noise that cannot be, and writes nothing then."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability.robot.files import locate_robot
+
+JOINTS = ("slider1", "slider2", "slider3")
+
+
+@pytest.fixture
+def simulates(refused, write):
+    """A function (robot, motion, options) -> the sentence; the old log stays."""
+    return lambda robot, motion, *options: refused(
+        "simulate", robot, motion, "--out", write("old.csv", "old"), *options
+    )
+
+
+@pytest.mark.parametrize(
+    ("robot", "motion", "sentence"),
+    [
+        ("3-rps", "600", "'600' for 3-rps, did you mean '601'? It has 571, 595, 601; 'random'"),
+        ("two-link", "no.csv", "There is no log file 'no.csv'"),
+        ("two-link", "no.json", "There is no trajectory file 'no.json'"),
+        ("two-link", "no.json:a", "There is no trajectory file 'no.json'"),
+    ],
+)
+def test_unknown_motion_is_refused(robot, motion, sentence, simulates):
+    assert sentence in simulates(robot, motion)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "sentence"),
+    [
+        ("--hide", "stribek_friction", "cannot be hidden, did you mean 'stribeck_friction'?"),
+        ("--hide", "stribeck_friction=much", "give its share of the joint's torque"),
+        ("--hide", "stribeck_friction=-1", "give its share of the joint's torque"),
+        ("--hide", "stribeck_friction=nan", "give its share of the joint's torque"),
+        ("--hide", "passive_joint_friction", "two-link has no passive joints"),
+        ("--noise", "papr", "The noise 'papr' is not understood; give 'paper', 'none', or levels"),
+        ("--noise", "motoin=0.1", "no noise level 'motoin', did you mean 'motion'?"),
+        ("--noise", "motion=-1", "motion = -1 cannot be; give a number of at least 0"),
+        ("--noise", "motion=nan", "motion = nan cannot be"),
+        ("--noise", "motion=1e308", "motion = 1e+308 cannot be; .* and below 100."),
+        ("--noise", "correlation=1", "correlation = 1 cannot be; .* and below 1."),
+    ],
+)
+def test_unknown_effects_and_noise_are_refused(option, value, sentence, simulates):
+    said = simulates("two-link", "a", option, value)
+    assert all(part in said for part in sentence.split(" .* ")), said
+
+
+def motion_of(q, step=0.01):
+    t = step * np.arange(len(q))
+    return pd.DataFrame({"t": t, **{f"{j}.q": q[:, k] for k, j in enumerate(JOINTS)}})
+
+
+SWING = np.sin(0.03 * np.arange(200))[:, None] * np.array([1.0, -1.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("q", "sentence"),
+    [
+        (0.7 + 1.5 * SWING, "MuJoCo cannot close the loops of 3-rps at sample "),
+        (1000 * (0.7 + 0.02 * SWING), "it looks like mm: convert it to m."),
+    ],
+)
+def test_motion_outside_the_workspace_is_refused(q, sentence, simulates, write):
+    assert sentence in simulates("3-rps", write("motion.csv", motion_of(q)))
+
+
+def test_a_motion_file_names_its_unknown_joint(simulates, write):
+    motion = motion_of(0.7 + 0.02 * SWING).rename(columns={"slider3.q": "slidre3.q"})
+    said = simulates("3-rps", write("motion.csv", motion))
+    assert "'slidre3.q' names a joint that the robot does not have, did you mean 'slider3'?" in said
+
+
+def test_a_motion_file_with_a_gap_is_refused(simulates, write):
+    rows = [*range(50), *range(60, 200)]
+    motion = motion_of(0.7 + 0.02 * SWING).iloc[rows]
+    assert "has a gap of 0.11 s after t = 0.49 s" in simulates("3-rps", write("m.csv", motion))
+
+
+def edited(**changes):
+    content = json.loads(locate_robot("two-link").with_name("trajectories.json").read_text())
+    entry = content["trajectories"]["a"]
+    entry |= {k: entry["elbow"] | v for k, v in changes.pop("joints", {}).items()}
+    for name in changes.pop("lost", ()):
+        del entry[name]
+    return json.dumps(content | changes)
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ("{", "is not valid JSON: Expecting property name"),
+        ("[1]", "'file': input should be a valid dictionary"),
+        ("[" * 200_000, "is not valid JSON: it is nested too deeply"),
+        ("9" * 5000, "is not valid JSON: Exceeds the limit"),
+        (bytes(range(128, 256)), "is not a trajectory file (JSON): 'utf-8' codec"),
+        (edited(trajectories={}), "holds no trajectory; give one under 'trajectories'"),
+        (edited(period=1e308), "'period': input should be less than or equal to"),
+        (edited(period=0.0), "'period': input should be greater than or equal to"),
+        (edited(samples=10**12), "'samples': input should be less than or equal to"),
+        (edited(samples=2), "has 2 samples, too few"),
+        (edited(lost=["elbow"]), "trajectory 'a' has no entry for elbow."),
+        (
+            edited(joints={"elbwo": {}}, lost=["elbow"]),
+            "trajectory 'a' has no entry for elbow, did you mean 'elbwo'?",
+        ),
+        (edited(joints={"elbow": {"sin": [1.0]}}), "has joints with different harmonics"),
+        (edited(joints={"elbow": {"sin": []}}), "'trajectories.a.elbow.sin': list should have"),
+        (edited(joints={"elbow": {"offset": 1e300}}), "elbow.offset': input should be less than"),
+        (edited(joints={"elbow": {"cosine": 1}}), "elbow.cosine' is not a key that is known here"),
+    ],
+)
+def test_a_bad_trajectory_file_is_refused(content, sentence, simulates, write):
+    assert sentence in simulates("two-link", write("motion.json", content))
+
+
+def test_an_unknown_trajectory_in_a_file_is_refused(simulates, write):
+    path = write("motion.json", edited())
+    assert f"{path} has no trajectory 'd'. It has a, b, c." in simulates("two-link", f"{path}:d")
