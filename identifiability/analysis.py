@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import metadata
 from pathlib import Path
@@ -15,6 +15,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from identifiability.assessment import RungResult, assess_ladder, select_model
+from identifiability.belief import Belief, belief_dict, form_belief, refine_verdicts
 from identifiability.errors import LogError, listing
 from identifiability.estimation import Estimate, Method, estimate
 from identifiability.evaluation import (
@@ -72,6 +73,8 @@ class Analysis:
         physically feasible ones first.
     fitted, held_out : Prediction
         Torque predicted by every model on the fitted and on the held-out samples.
+    belief : Belief or None
+        Posteriors of the selected model, where they were asked for.
     method, seed, thresholds
         As asked for.
     """
@@ -88,6 +91,7 @@ class Analysis:
     effects: tuple[str, ...]
     method: Method
     seed: int
+    belief: Belief | None = None
     thresholds: Thresholds = field(default_factory=Thresholds)
 
     @property
@@ -146,6 +150,7 @@ class Analysis:
                 "error_ra_validation": self.chosen.error_ra_physical,
                 "parameters": self.chosen.physical.parameters(),
             },
+            "posterior": None if self.belief is None else belief_dict(self.chosen, self.belief),
             "structure": {
                 "parameters": len(self.base.parameters),
                 "rank": self.base.rank,
@@ -247,6 +252,7 @@ def analyze(
     preparation: Preparation | None = None,
     method: Method = "wls",
     replicates: int = 2000,
+    posterior: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Analysis:
@@ -267,6 +273,8 @@ def analyze(
     method : {"wls", "ols"}
     replicates : int
         Refits of the block bootstrap.
+    posterior : bool
+        Also sample the posteriors of the selected model; takes some seconds.
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
@@ -278,7 +286,7 @@ def analyze(
         With one sentence on what to do.
     """
     say = progress or (lambda _text, _share: None)
-    streams = np.random.default_rng(seed).spawn(2)
+    streams = np.random.default_rng(seed).spawn(3)
     with threadpool_limits(1, "blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         if not isinstance(ladder, LadderEntry):
@@ -290,6 +298,7 @@ def analyze(
         if not train:
             raise LogError("No log was given; give at least one.")
         held = prepare_logs(robot, validate, preparation)
+        _check_held_out(train, held)
         say("finding base parameters", 0.2)
         base = find_base_parameters(robot, model, streams[0])
         rungs = build_ladder(ladder, robot, base)
@@ -318,9 +327,14 @@ def analyze(
             streams[1],
             replicates,
         )
+        at = select_model(results)
+        belief = None
+        if posterior:
+            results, belief = _believe(robot, base, information, results, at, streams[2], say)
         return Analysis(
-            robot, base, train, held, information, results, select_model(results),
-            fitted.first(len(rungs)), out.first(len(rungs)), model.names, method, seed, thresholds,
+            robot, base, train, held, information, results, at,
+            fitted.first(len(rungs)), out.first(len(rungs)), model.names, method, seed, belief,
+            thresholds,
         )  # fmt: skip
 
 
@@ -337,6 +351,39 @@ def prepare_logs(
             log = item if isinstance(item, Log) else Log.read(item)
         out.append(prepare_samples(robot, log, how))
     return tuple(out)
+
+
+def _check_held_out(train: Sequence[Samples], held: Sequence[Samples]) -> None:
+    """Refuse a validation log that is one of the fitted ones."""
+    seen = {s.sha256: s.name for s in train if s.sha256}
+    for s in held:
+        if s.sha256 in seen:
+            raise LogError(
+                f"The validation log {s.name} is the log {seen[s.sha256]} that is fitted; its "
+                "error would say nothing about unseen motion: give another log, or none for "
+                "cross-validation."
+            )
+
+
+def _believe(
+    robot: Robot,
+    base: BaseParameters,
+    information: Information,
+    results: tuple[RungResult, ...],
+    at: int,
+    rng: np.random.Generator,
+    say: Progress,
+) -> tuple[tuple[RungResult, ...], Belief]:
+    """Sample the posteriors of one model and let its verdicts know."""
+    chosen = results[at]
+    belief = form_belief(
+        robot, base, chosen.rung, chosen.rung.reduce(information), chosen.estimate,
+        chosen.physical, float(chosen.autocorrelation_time.mean()), rng,
+        progress=lambda done, total: say("sampling the posterior", 0.9 + 0.09 * done / total),
+    )  # fmt: skip
+    verdicts = refine_verdicts(chosen, belief)
+    updated = replace(chosen, verdicts=verdicts)
+    return (*results[:at], updated, *results[at + 1 :]), belief
 
 
 def _fit(

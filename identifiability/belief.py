@@ -8,11 +8,13 @@ Residuals are correlated, so the likelihood counts as many samples as are indepe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
+from identifiability.assessment import RungResult
 from identifiability.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.estimation import Estimate
 from identifiability.feasibility import (
@@ -34,6 +36,7 @@ from identifiability.posterior.exact import Progress
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target, make_proper
 from identifiability.robot import Robot
+from identifiability.verdict import Class, Thresholds, Verdict
 
 #: Margin of the point inside the cone that the samplers start from.
 START_MARGIN = 1e-3
@@ -61,7 +64,7 @@ class Source(StrEnum):
 class Effort:
     """How much is sampled: walkers of each of four ensembles, draws of each walker."""
 
-    walkers: int = 8
+    walkers: int = 4
     draws: int = 80
     warmup: int = 20
 
@@ -147,12 +150,15 @@ class Belief:
     standard : StandardBelief or None
         Of the standard parameters.
     note : str
+    model_prior_sd : (m,)
+        Prior sd of the model's parameters.
     """
 
     signs: Summary | None
     physical: Summary | None
     standard: StandardBelief | None
     note: str = ""
+    model_prior_sd: Array = field(default_factory=lambda: np.empty(0))
 
 
 def form_belief(
@@ -196,7 +202,9 @@ def form_belief(
         )  # fmt: skip
     except (ValueError, IdentifiabilityError) as error:
         return Belief(signs, None, None, "; ".join([*notes, str(error)]))
-    return Belief(signs, *whole, "; ".join(notes))
+    to_x = np.linalg.pinv(rung.M) @ base.G
+    prior_sd = np.sqrt(to_x**2 @ np.where(np.isfinite(prior.sd), prior.sd, 0.0) ** 2)
+    return Belief(signs, *whole, "; ".join(notes), prior_sd)
 
 
 def state_prior(
@@ -231,6 +239,79 @@ def state_prior(
             )
         mean[k], sd[k] = m, s
     return Prior(mean, sd)
+
+
+def refine_verdicts(
+    result: RungResult, belief: Belief, thresholds: Thresholds | None = None
+) -> tuple[Verdict, ...]:
+    """Return the verdicts of a model with what the physical posterior adds.
+
+    Verdicts on what the data determine stay. What they leave open may still be narrowed by
+    bodies that can exist, or be no more than the prior.
+    """
+    rules = thresholds or Thresholds()
+    physical = belief.physical
+    if physical is None or not physical.trustworthy or belief.standard is None:
+        return result.verdicts
+    prior_sd = belief.model_prior_sd
+    out = []
+    for k, v in enumerate(result.verdicts):
+        open_ = v.verdict in (Class.WEAK, Class.NOT_IDENTIFIABLE)
+        narrowed = physical.sd[k] ** 2 < rules.constraint_variance * v.sigma_robust**2
+        if not (open_ and narrowed):
+            out.append(v)
+            continue
+        low, high = physical.interval[k]
+        learned = 1 - physical.sd[k] / prior_sd[k] if prior_sd[k] > 0 else 0.0
+        if learned < rules.contraction:
+            kind = Class.PRIOR
+            text = (
+                f"Bodies that can exist leave {low:.3g} … {high:.3g} (95 %), but the prior around "
+                f"the robot file says nearly as much (contraction {max(learned, 0):.2f})."
+            )
+        else:
+            kind = Class.CONSTRAINT
+            text = (
+                f"Bodies that can exist narrow it to {low:.3g} … {high:.3g} (95 %), far inside "
+                "what the data alone allow."
+            )
+        out.append(replace(v, verdict=kind, reason=f"{v.reason} {text}"))
+    return tuple(out)
+
+
+def belief_dict(result: RungResult, belief: Belief) -> dict[str, Any]:
+    """Return a belief for JSON; numbers of a chain that did not converge are withheld."""
+    out: dict[str, Any] = {"note": belief.note}
+    for name, summary in (("signs", belief.signs), ("physical", belief.physical)):
+        if summary is None:
+            out[name] = None
+            continue
+        c = summary.convergence
+        entry: dict[str, Any] = {
+            "trustworthy": summary.trustworthy,
+            "reasons": list(c.reasons),
+            "rhat": float(np.max(c.rhat)),
+            "ess": float(np.min(c.ess_bulk)),
+            "acceptance": c.acceptance,
+        }
+        if summary.trustworthy:
+            entry["parameters"] = [
+                {"name": n, "mean": m, "sd": s, "interval95": list(i)}
+                for n, m, s, i in zip(
+                    result.rung.columns, summary.mean, summary.sd, summary.interval, strict=True
+                )
+            ]
+        out[name] = entry
+    known = belief.standard
+    if known is not None and belief.physical is not None and belief.physical.trustworthy:
+        out["standard"] = [
+            {"name": n, "mean": m, "sd": s, "prior_mean": pm, "prior_sd": ps, "determined_by": d}
+            for n, m, s, pm, ps, d in zip(
+                known.names, known.mean, known.sd, known.prior_mean, known.prior_sd, known.source,
+                strict=True,
+            )
+        ]  # fmt: skip
+    return out
 
 
 def _sample_signs(

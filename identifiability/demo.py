@@ -27,4 +27,4 @@ def run_demo(*, quick: bool = False, seed: int = 0, progress: Progress | None = 
             progress(f"simulating trajectory {name}", 0.0)
         motion = PrescribedMotion.of(shipped_trajectory(robot, name), 100 if quick else None)
         logs.append(simulate(robot, motion, noise=PAPER_NOISE, rng=rng))
-    return analyze(robot, logs[:1], logs[1:], seed=seed, progress=progress)
+    return analyze(robot, logs[:1], logs[1:], posterior=not quick, seed=seed, progress=progress)

@@ -34,17 +34,17 @@ class PhysicalResult:
     certificate : Certificate or None
         Whether a real robot has the estimated base parameters; None where the motion leaves some
         of them undetermined.
-    nearest : FeasibleEstimate
-        The real robot nearest to the data under the model.
+    nearest : FeasibleEstimate or None
+        The real robot nearest to the data under the model; None where the solver found none.
     value : (m,)
-        Its values of the model's parameters.
+        Its values of the model's parameters; NaN where there is none.
     sentence : str
         The certificate in words.
     """
 
     region: PhysicalSet
     certificate: Certificate | None
-    nearest: FeasibleEstimate
+    nearest: FeasibleEstimate | None
     value: Array
     sentence: str
 
@@ -60,6 +60,8 @@ class PhysicalResult:
 
     def parameters(self) -> dict[str, float]:
         """Return the standard parameters of the nearest real robot by name."""
+        if self.nearest is None:
+            return {}
         return {n: float(v) for n, v in zip(self.region.columns, self.nearest.phi, strict=True)}
 
 
@@ -164,22 +166,25 @@ def assess_feasibility(
     information : Information
         About the rung's columns.
     estimate : Estimate
-
-    Raises
-    ------
-    IdentifiabilityError
-        If the solver fails.
     """
     region = physical_set(robot, base)
     nominal = nominal_vector(robot, base)
     data = full_problem(information, estimate, rung, base.G)
     to_x = np.linalg.pinv(rung.M) @ base.G if len(rung) else np.zeros((0, base.G.shape[1]))
-    certificate, sentence = None, "The motion leaves parameters of the model undetermined."
+    certificate, nearest = None, None
+    sentence = "The motion leaves parameters of the model undetermined."
+    value = np.full(len(rung), np.nan)
     try:
         if len(estimate.kept) == len(rung) and len(rung):
             certificate = certify(to_x, estimate.value, region)
             sentence = certificate.sentence(rung.columns)
-        nearest = build_projection(region, reference=nominal).solve(data)
     except ValueError as error:
-        raise IdentifiabilityError(f"Physical consistency of {rung.name}: {error}") from None
-    return PhysicalResult(region, certificate, nearest, to_x @ nearest.phi, sentence)
+        sentence = f"Whether a real robot has these values was not decided: {error}"
+    try:
+        nearest = build_projection(region, reference=nominal).solve(data)
+        value = to_x @ nearest.phi
+        if not nearest.accurate:
+            sentence += f" The nearest real robot is within {nearest.gap:.2g} σ² of the optimum."
+    except ValueError as error:
+        sentence += f" The nearest real robot was not found: {error}"
+    return PhysicalResult(region, certificate, nearest, value, sentence)

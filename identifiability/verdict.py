@@ -20,6 +20,8 @@ class Class(StrEnum):
     WEAK = "weak"
     NEGLIGIBLE = "negligible"
     NOT_IDENTIFIABLE = "not identifiable"
+    CONSTRAINT = "constraint-determined"
+    PRIOR = "prior-dominated"
 
 
 @dataclass(frozen=True)
@@ -37,12 +39,19 @@ class Thresholds:
     negligible_share : float
         A parameter is negligible if no value in its 95 % interval moves the torque by more than
         this share of the residual's standard deviation.
+    constraint_variance : float
+        A parameter that the data leave open is determined by the constraints if bodies that can
+        exist narrow its variance below this share.
+    contraction : float
+        A posterior that is narrower than the prior by less than this share repeats the prior.
     """
 
     sigma_percent: float = 20.0
     sign_level: float = 0.05
     recurrence: float = 0.9
     negligible_share: float = 0.1
+    constraint_variance: float = 0.5
+    contraction: float = 0.5
 
 
 @dataclass(frozen=True)

@@ -57,8 +57,11 @@ def analyze(
     method: Annotated[
         Method, typer.Option(help="Weight actuators by their own variance, or all alike.")
     ] = Method.wls,
+    posterior: Annotated[
+        bool, typer.Option(help="Sample the posteriors of the selected model (some seconds).")
+    ] = True,
     seed: Seed = 0,
-    quick: Annotated[bool, typer.Option(help="A tenth of the random draws.")] = False,
+    quick: Annotated[bool, typer.Option(help="A tenth of the random draws, no posterior.")] = False,
 ) -> None:
     """Say which parameters the logs determine, and which model of a ladder to use.
 
@@ -77,7 +80,8 @@ def analyze(
         result = run(
             load_robot(robot, sidecar), logs, validate or (), ladder, preparation=how,
             method=method.value,
-            replicates=200 if quick else 2000, seed=seed, progress=say,
+            replicates=200 if quick else 2000, posterior=posterior and not quick,
+            seed=seed, progress=say,
         )  # fmt: skip
         written = write_results(result, report, json, say)
     print_analysis(result, written)

@@ -19,6 +19,7 @@ from identifiability.errors import RobotError
 from identifiability.names import INERTIAL_KINDS, Array
 from identifiability.output import write_text
 from identifiability.robot.description import Robot
+from identifiability.robot.markup import read_markup
 
 
 @dataclass(frozen=True)
@@ -58,8 +59,7 @@ def write_robot(robot: Robot, parameters: Mapping[str, float], path: str | Path)
     OutputError
     """
     path = Path(path)
-    root = ET.parse(robot.path, parser=ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
-    top = root.getroot()
+    top = _template(robot)
     mjcf = top.tag == "mujoco"
     if (path.suffix.lower() == ".urdf") == mjcf:
         raise RobotError(
@@ -72,11 +72,28 @@ def write_robot(robot: Robot, parameters: Mapping[str, float], path: str | Path)
         theta = np.array([values[f"{body}.{kind}"] for kind in INERTIAL_KINDS])
         _write_body(top, robot, index, theta, mjcf=mjcf)
     extra, left_out = _write_joints(top, robot, values, parameters, mjcf=mjcf)
-    ET.indent(root)
+    ET.indent(top)
     text = ET.tostring(top, encoding="unicode") + "\n"
     written = write_text(path, text)
     sidecar = _write_sidecar(robot, extra, path)
     return Written(written, sidecar, tuple(left_out))
+
+
+def _template(robot: Robot) -> ET.Element:
+    """Return the robot file's root, with its comments, or with its includes if it has any."""
+    builder = ET.TreeBuilder(insert_comments=True)
+    top: ET.Element = ET.parse(robot.path, parser=ET.XMLParser(target=builder)).getroot()
+    if any(e.tag == "include" for e in top.iter()):
+        top = read_markup(robot.path)
+        top.attrib.pop("rewritten", None)
+    named = {e.get("name") for e in top.iter() if e.tag in ("joint", "freejoint")}
+    single = {d for j in robot.tree.joints if j.nv == 1 for d in j.dofs}
+    if single - named:
+        raise RobotError(
+            f"{robot.path} has joints without a name, so parameters cannot be written to them; "
+            "name every <joint>."
+        )
+    return top
 
 
 def _write_body(top: ET.Element, robot: Robot, index: int, theta: Array, *, mjcf: bool) -> None:
