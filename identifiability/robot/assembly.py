@@ -1,0 +1,273 @@
+"""Put a `Robot` together from model, closures and sidecar; they must determine the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+
+from identifiability.errors import ClosureError, RobotError, listing, near_match
+from identifiability.names import INERTIAL_KINDS, Array
+from identifiability.robot import closure
+from identifiability.robot.description import Coupling, Loop, Robot, Transmission
+from identifiability.robot.kinematics import Point, Tree
+from identifiability.robot.sidecar import Sidecar
+
+#: Model, loops, couplings and actuated joints as a robot file states them.
+Closures = tuple[Any, list[Loop], list[Coupling], list[str] | None]
+
+
+def assemble(
+    path: Path,
+    sidecar: Path | None,
+    extra: Sidecar,
+    parts: Closures,
+    tree: Tree,
+    last: Mapping[int, int],
+) -> Robot:
+    """Put the parts together and check that they determine the motion.
+
+    Parameters
+    ----------
+    path, sidecar : Path
+    extra : Sidecar
+    parts : tuple
+        Model, loops, couplings and actuated joints as the robot file states them.
+    tree : Tree
+    last : mapping
+        Where each Pinocchio joint ends in the tree.
+
+    Raises
+    ------
+    RobotError
+    """
+    model, loops, couplings, actuated = parts
+    _check_sidecar(path, extra, _body_names(model), tree)
+    if extra.loops is not None:
+        closed = [_sidecar_loop(path, entry, model, last) for entry in extra.loops]
+    else:
+        closed = [
+            replace(loop, first=_on_tree(loop.first, last), second=_on_tree(loop.second, last))
+            for loop in loops
+        ]
+    if extra.couplings:
+        couplings = [
+            Coupling(c.name or c.joint, c.joint, c.of, tuple(c.polynomial)) for c in extra.couplings
+        ]
+    robot = _shell(path, sidecar, extra, model, tree)
+    robot = replace(robot, loops=tuple(closed), couplings=tuple(couplings))
+    robot = _choose_joints(robot, extra, actuated)
+    robot = replace(
+        robot,
+        nominal=_nominal(robot, extra),
+        limits=_limits(robot, extra),
+        speed_limits=_rate_limits(robot, extra, "v"),
+        acceleration_limits=_rate_limits(robot, extra, "a"),
+    )
+    return replace(robot, transmission=_transmission(robot, extra))
+
+
+def _shell(path: Path, sidecar: Path | None, extra: Sidecar, model: Any, tree: Tree) -> Robot:
+    """Return the robot before its joints are split and its values are read."""
+    bodies = _body_names(model)
+    named = tuple(extra.base_parameters.bodies)
+    return Robot(
+        name=path.parent.name if path.stem == "robot" else path.stem,
+        title=extra.name or model.name,
+        path=path,
+        sidecar=sidecar,
+        model=model,
+        tree=tree,
+        bodies=bodies,
+        body_symbols={b: extra.symbols.get(b, b) for b in bodies},
+        joint_symbols=dict(extra.symbols),
+        actuated=np.empty(0, int),
+        dependent=np.empty(0, int),
+        loops=(),
+        couplings=(),
+        loop_rows=np.empty(0, int),
+        home=_home(model),
+        nominal={},
+        body_order=named + tuple(b for b in bodies if b not in named),
+        limits=np.empty((0, 2)),
+        speed_limits=np.empty(0),
+        acceleration_limits=np.empty(0),
+        inertia_parts=tuple(extra.inertia_parts),
+        prior_relative=extra.prior_relative,
+        prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
+        ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
+    )
+
+
+def _check_sidecar(path: Path, extra: Sidecar, bodies: tuple[str, ...], tree: Tree) -> None:
+    """Refuse a sidecar that names what the robot does not have."""
+    dofs = tuple(d for j in tree.joints for d in j.dofs)
+    known = (*bodies, *dofs, *(extra.transmission.motors if extra.transmission else ()))
+    _check_known(path, "symbols", extra.symbols, known)
+    _check_known(path, "base_parameters.bodies", extra.base_parameters.bodies, bodies)
+    _check_known(path, "limits", extra.limits, dofs)
+    tied = [name for s in extra.symmetry for members in s.tie.values() for name in members]
+    for key, names in (("nominal", extra.nominal), ("symmetry", tied), ("prior", extra.prior)):
+        _check_known(path, key, (name.rpartition(".")[0] for name in names), known)
+
+
+def _on_tree(point: Point, last: Mapping[int, int]) -> Point:
+    """Move a point's joint from Pinocchio's numbering (less one) to the tree's."""
+    return Point(last[point.joint + 1], point.position)
+
+
+def _check_known(path: Path, key: str, given: Any, known: tuple[str, ...]) -> None:
+    for name in given:
+        if name not in known:
+            raise RobotError(
+                f"The sidecar of {path}: [{key}] names '{name}', which the robot does not have"
+                f"{near_match(name, known)} Known: {listing(known)}."
+            )
+
+
+def _body_names(model: Any) -> tuple[str, ...]:
+    """Return the body behind each Pinocchio joint."""
+    names = []
+    for index in range(1, model.njoints):
+        frames = [
+            f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == index
+        ]
+        direct = [f for f in frames if model.frames[f.parentFrame].type == pin.FrameType.JOINT]
+        names.append((direct or frames)[0].name if frames else model.names[index])
+    return tuple(names)
+
+
+def _home(model: Any) -> Array:
+    """Return the keyframe ``home``, else another keyframe, else the zero configuration."""
+    keys = {e.key(): np.array(e.data()) for e in model.referenceConfigurations}
+    for name in ("home", *(k for k in keys if k != "qpos0"), "qpos0"):
+        if name in keys and len(keys[name]) == model.nq:
+            return keys[name]
+    return np.array(pin.neutral(model))
+
+
+def _sidecar_loop(path: Path, entry: Any, model: Any, last: Mapping[int, int]) -> Loop:
+    ends = []
+    for body, point in ((entry.body1, entry.point1), (entry.body2, entry.point2)):
+        frames = [f for f in model.frames if f.name == body and f.type == pin.FrameType.BODY]
+        if not frames:
+            known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+            raise RobotError(
+                f"The sidecar of {path}: a loop names the body '{body}', which the robot does not "
+                f"have{near_match(body, known)} Known: {listing(known)}."
+            )
+        place = frames[0].placement
+        position = np.array(place.rotation) @ np.array(point) + np.array(place.translation)
+        ends.append(Point(last[frames[0].parentJoint], position))
+    axes = tuple("xyz".index(a) for a in entry.axes)
+    stated = ((entry.body1, entry.point1), (entry.body2, entry.point2))
+    return Loop(entry.name or f"{entry.body1}-{entry.body2}", ends[0], ends[1], axes, stated)
+
+
+def _choose_joints(robot: Robot, extra: Sidecar, actuated: list[str] | None) -> Robot:
+    """Split the degrees of freedom into actuated and dependent ones, and check the count."""
+    names = extra.actuated if extra.actuated is not None else actuated
+    names = list(robot.dofs) if names is None else names
+    index = np.array([robot.dof_index(n) for n in names], int)
+    if len(set(names)) != len(names) or not names:
+        raise RobotError(f"{robot.path}: the actuated joints are {names}; name each one once.")
+    dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
+    robot = replace(robot, actuated=index, dependent=dependent)
+    home = np.array(robot.home)
+    for name, value in extra.home.items():
+        joint = next(j for j in robot.tree.joints if j.iv == robot.dof_index(name))
+        home[joint.iq] = value
+    robot = replace(robot, home=home)
+    equations = sum(len(loop.axes) for loop in robot.loops) + len(robot.couplings)
+    if not len(dependent) and not equations:
+        return robot
+    robot = replace(robot, loop_rows=np.arange(equations))
+    rows = closure.independent_rows(robot) if equations else np.empty(0, int)
+    if len(rows) < len(dependent):
+        raise RobotError(
+            f"{robot.path}: {len(dependent)} joints have no actuator ({listing(robot.passive)}) "
+            f"but the loops give only {len(rows)} independent equations; name the missing "
+            "actuated joints (<actuator> in MJCF, 'actuated' in the sidecar), add the closures, or "
+            "choose a home position away from singularities."
+        )
+    if len(rows) > len(dependent):
+        raise RobotError(
+            f"{robot.path}: the loops give {len(rows)} independent equations for "
+            f"{len(dependent)} passive joints, so not all {len(index)} actuated joints are free; "
+            "remove an actuator or a closure."
+        )
+    robot = replace(robot, loop_rows=rows)
+    try:
+        closure.check_home(robot)
+    except ClosureError as error:
+        raise RobotError(str(error)) from None
+    return robot
+
+
+def _nominal(robot: Robot, extra: Sidecar) -> dict[str, float]:
+    """Return the parameter values that the files state, by name."""
+    model = robot.model
+    values: dict[str, float] = {}
+    for k, body in enumerate(robot.bodies):
+        pi = model.inertias[k + 1].toDynamicParameters()
+        values.update(
+            {f"{body}.{kind}": float(v) for kind, v in zip(INERTIAL_KINDS, pi, strict=True)}
+        )
+    friction = np.array(model.upperDryFrictionLimit)
+    for dof, name in enumerate(robot.dofs):
+        finite = float(friction[dof]) if np.isfinite(friction[dof]) else 0.0
+        values[f"{name}.Fv"] = float(model.damping[dof])
+        for kind in ("Fc", "Fc+", "Fc-"):
+            values[f"{name}.{kind}"] = finite
+        parts = robot.inertia_parts
+        values[f"{name}.{parts[0]}"] = float(model.armature[dof])
+        values.update({f"{name}.{part}": 0.0 for part in parts[1:]})
+    values.update(extra.nominal)
+    return values
+
+
+def _limits(robot: Robot, extra: Sidecar) -> Array:
+    """Return the position limits of the actuated joints, (n, 2)."""
+    out = np.tile([-np.inf, np.inf], (len(robot.actuated), 1))
+    for row, (name, dof) in enumerate(zip(robot.joints, robot.actuated, strict=True)):
+        joint = next(j for j in robot.tree.joints if j.iv == dof)
+        lower = float(robot.model.lowerPositionLimit[joint.iq])
+        upper = float(robot.model.upperPositionLimit[joint.iq])
+        if not joint.unbounded and lower < upper and max(abs(lower), abs(upper)) < 1e6:
+            out[row] = lower, upper
+        given = extra.limits.get(name)
+        if given is not None and given.q is not None:
+            out[row] = given.q
+    return out
+
+
+def _rate_limits(robot: Robot, extra: Sidecar, kind: Literal["v", "a"]) -> Array:
+    """Return velocity or acceleration limits of the actuated joints, (n,)."""
+    given = [extra.limits.get(name) for name in robot.joints]
+    values = [None if g is None else getattr(g, kind) for g in given]
+    return np.array([np.inf if v is None else v for v in values], float)
+
+
+def _transmission(robot: Robot, extra: Sidecar) -> Transmission | None:
+    entry, n = extra.transmission, len(robot.actuated)
+    if entry is None:
+        return None
+    square = len(entry.coupling) == n and all(len(row) == n for row in entry.coupling)
+    coupling = np.array(entry.coupling, float) if square else np.zeros((n, n))
+    if len(entry.motors) != n or not np.linalg.cond(coupling) < 1e9:
+        raise RobotError(
+            f"The sidecar of {robot.path}: [transmission] needs {n} motors and an invertible "
+            f"{n}×{n} coupling for the actuated joints {listing(robot.joints)}."
+        )
+    ratio = np.ones(n) if entry.ratio is None else np.array(entry.ratio, float)
+    offset = np.zeros(n) if entry.offset is None else np.array(entry.offset, float)
+    if ratio.shape != (n,) or offset.shape != (n,) or not np.all(ratio):
+        raise RobotError(
+            f"The sidecar of {robot.path}: [transmission] needs {n} non-zero ratios and {n} "
+            "offsets."
+        )
+    return Transmission(tuple(entry.motors), coupling, ratio, offset)
