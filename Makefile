@@ -1,4 +1,5 @@
-# make demo: run the main job; make test: run the tests; make lint: style, types, layers.
+# make demo: run the main job; make paper: check the paper's tables; make test: run the tests;
+# make lint: style, types, layers.
 # Each needs Python 3.11 or newer and nothing else: it makes .venv itself.
 
 PYTHON ?= python3
@@ -9,10 +10,13 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo test lint format bench clean
+.PHONY: demo paper test lint format bench clean
 
 demo: $(VENV)/run
 	$(BIN)/identifiability demo
+
+paper: $(VENV)/run
+	$(BIN)/identifiability paper
 
 test: $(VENV)/dev
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -q $(PYTEST)

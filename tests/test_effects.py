@@ -80,7 +80,7 @@ def test_passive_friction_loads_the_actuators_by_virtual_work(rps):
 
 def test_the_simulated_friction_of_passive_joints_is_the_columns_times_the_parameters(rps):
     trajectory = shipped_trajectory(rps, "601")
-    parameters = {"hinge1.Fv": 490.8, "hinge1.Fc": 34.2, "hinge1.Fc+": 34.2, "hinge1.Fc-": 34.2}
+    parameters = {"hinge1.Fv": 490.8, "hinge1.Fc": 34.2}
     plain = simulate(rps, trajectory)
     added = simulate(rps, trajectory, parameters=parameters)
     samples = prepare_samples(rps, plain)

@@ -12,6 +12,7 @@ from identifiability.cli.analyze import analyze
 from identifiability.cli.calibrate import calibrate
 from identifiability.cli.demo import demo
 from identifiability.cli.export import export
+from identifiability.cli.paper import paper
 from identifiability.cli.simulate import simulate
 
 app = typer.Typer(
@@ -22,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, analyze, simulate, export, calibrate):
+for command in (demo, analyze, simulate, export, calibrate, paper):
     app.command()(command)
 
 

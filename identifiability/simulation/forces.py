@@ -17,6 +17,16 @@ from identifiability.names import Array
 Law = Callable[[Array, Array, Array], Array]
 
 
+def both_directions(parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters with a Coulomb level for each direction where one stands for both."""
+    out = dict(parameters)
+    for name, value in parameters.items():
+        if name.endswith(".Fc"):
+            out.setdefault(f"{name}+", value)
+            out.setdefault(f"{name}-", value)
+    return out
+
+
 def nominal_force(values: Mapping[str, float], name: str, speed: Array) -> Array:
     """Return viscous and Coulomb friction of a joint from its parameter values, (N,)."""
     coulomb = values.get(f"{name}.Fc", 0.0)

@@ -52,7 +52,7 @@ def simulate(
     rng = rng or np.random.default_rng(0)
     noise = noise or Noise()
     move = motion if isinstance(motion, PrescribedMotion) else PrescribedMotion.of(motion)
-    values = {**robot.nominal, **(parameters or {})}
+    values = {**robot.nominal, **forces.both_directions(parameters or {})}
     rigid = MujocoRobot(robot).inverse_dynamics(move.q, move.dq, move.ddq)
     tau = rigid.tau + joint_torque(robot, move, rigid, values)
     added = np.zeros_like(tau)

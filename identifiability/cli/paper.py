@@ -1,0 +1,64 @@
+"""``identifiability paper``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from identifiability.cli.common import progress, sentences
+
+#: The studies of the paper, beside the package in a checkout.
+STUDIES = Path(__file__).resolve().parents[2] / "studies"
+
+
+def paper(
+    tables: Annotated[
+        list[str] | None,
+        typer.Argument(help="Tables and figures, such as 3, table3 or figure4; all by default."),
+    ] = None,
+    quick: Annotated[bool, typer.Option(help="Few seeds and coarse grids.")] = False,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Draws of the noise for every case (40; 4 if quick).")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    out: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
+) -> None:
+    """Compute every table and figure of the paper, ours beside the printed numbers.
+
+    Ends with reports/index.html; the exit code is 1 if a required check fails.
+
+    ```
+    identifiability paper
+    identifiability paper 3 figure4 --quick
+    ```
+    """
+    with sentences():
+        from identifiability.errors import IdentifiabilityError  # noqa: PLC0415
+
+        if not (STUDIES / "paper_study").is_dir():
+            raise IdentifiabilityError(
+                "The studies of the paper are part of the source checkout, in its folder "
+                "'studies', not of the installed package; run 'identifiability paper' there."
+            )
+        sys.path.insert(0, str(STUDIES))
+        from paper_study.command import (  # type: ignore[import-not-found]  # noqa: PLC0415
+            Options,
+            find_studies,
+            print_result,
+            run_studies,
+        )
+
+        try:
+            names = find_studies(tables or ())
+        except KeyError as error:
+            raise IdentifiabilityError(str(error.args[0])) from None
+        with progress() as say:
+            results = run_studies(names, Options(quick, seeds, jobs, progress=say), out)
+    for result in results:
+        print_result(result, out)
+    typer.echo(out / "index.html")
+    if not all(r.passed for r in results):
+        raise typer.Exit(1)

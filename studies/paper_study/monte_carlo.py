@@ -1,0 +1,206 @@
+"""Trials: noise drawn again and again, the four models fitted each time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
+
+from identifiability.estimation import Estimate, estimate
+from identifiability.evaluation import parameter_error, predict
+from identifiability.information import Information, gather_information
+from identifiability.ladder import Rung
+from identifiability.model import Regression
+from identifiability.names import Array
+from identifiability.robot import Motion
+from identifiability.samples import Samples
+from paper_study.readings import READINGS, measured_motion
+from paper_study.subject import SHIPPED, Subject, exact_log, load_subject
+
+Progress = Callable[[str, float], None]
+
+#: Trials that one task of a process does; small enough for an even load and a moving bar.
+BATCH = 5
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a trial is about.
+
+    Attributes
+    ----------
+    trajectory : str
+    samples : int
+    discrepancy : {"", "stribeck", "hinges", "actuators"}
+        What the robot has and the models leave out.
+    reading : str
+        Of the noise, a key of `READINGS`.
+    delta, eta : float
+        Noise on the motion and on the torque.
+    robot : str
+        Shipped name or file.
+    """
+
+    trajectory: str
+    samples: int = 750
+    discrepancy: str = ""
+    reading: str = "per sample"
+    delta: float = 0.04
+    eta: float = 0.05
+    robot: str = SHIPPED
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Models fitted to one draw of the noise; arrays have one entry a model.
+
+    Attributes
+    ----------
+    error_ra : (m,)
+        ε_RA, Eq. 18, as a fraction.
+    error_exact : (m,)
+        The same against the torque before noise.
+    error_av : (m,)
+        ε_AV, Eq. 19, over the properly identified parameters, as a fraction.
+    identified : (m,) int
+        Parameters that pass the 10× rule.
+    feasible : (m,) bool
+        Whether the inertias of rows 3, 16, 22 and all friction are positive.
+    sizes : (m,) int
+    values, sigma_percent, paper_rule : tuples of (k_m,)
+        Of each model's parameters.
+    dropped : int
+        Samples whose loops do not close.
+    """
+
+    error_ra: Array
+    error_exact: Array
+    error_av: Array
+    identified: np.ndarray
+    feasible: np.ndarray
+    sizes: np.ndarray
+    values: tuple[Array, ...]
+    sigma_percent: tuple[Array, ...]
+    paper_rule: tuple[np.ndarray, ...]
+    dropped: int
+
+
+def fit_models(
+    subject: Subject, samples: Sequence[Samples]
+) -> tuple[Regression, Information, list[Estimate]]:
+    """Fit every model by ordinary least squares, as the paper does."""
+    regression = Regression(subject.robot, subject.model, tuple(samples), subject.base.kept)
+    information = gather_information(regression)
+    return regression, information, [estimate(r.reduce(information), "ols") for r in subject.rungs]
+
+
+def expand_fits(subject: Subject, fits: Sequence[Estimate]) -> Array:
+    """Return the base parameters of every model, (b, m)."""
+    pairs = zip(subject.rungs, fits, strict=True)
+    return np.stack([rung.expand(fit.value) for rung, fit in pairs], 1)
+
+
+def physically_possible(rung: Rung, value: Array) -> bool:
+    """Return whether inertias of rows 3, 16, 22 and friction are positive, the paper's list."""
+    asked = [
+        n and not c.endswith(".Jr") for n, c in zip(rung.nonnegative, rung.columns, strict=True)
+    ]
+    return bool((value[np.array(asked)] > 0).all())
+
+
+def as_samples(name: str, motion: Motion, tau: Array) -> Samples:
+    """Return motion and the torque at its samples without any further preparation."""
+    return Samples(name, motion, tau[motion.kept], None, (), "")
+
+
+@cache
+def _subject(robot: str, discrepancy: str) -> Subject:
+    whole = load_subject(robot)
+    return whole.without_actuators() if discrepancy == "actuators" else whole
+
+
+def run_trial(case: Case, seed: int) -> Trial:
+    """Draw the noise of a seed, fit the models, and judge them."""
+    subject = _subject(case.robot, case.discrepancy)
+    kind = "" if case.discrepancy == "actuators" else case.discrepancy
+    exact = exact_log(case.robot, case.trajectory, case.samples, kind)
+    reading = READINGS[case.reading]
+    rng = np.random.default_rng([seed, int(case.trajectory), case.samples])
+    with threadpool_limits(1, "blas"):
+        noisy = reading.disturb(exact, case.delta, case.eta, rng)
+        motion = measured_motion(subject, exact, noisy, reading)
+        samples = as_samples(case.trajectory, motion, noisy.tau)
+        regression, _, fits = fit_models(subject, [samples])
+        prediction = predict(regression, expand_fits(subject, fits))
+        truth = replace(prediction, tau=exact.tau[motion.kept])
+    pairs = list(zip(fits, subject.exact, strict=True))
+    return Trial(
+        prediction.relative_error(),
+        truth.relative_error(),
+        np.array([parameter_error(f.value, x, f.paper_rule) for f, x in pairs]),
+        np.array([int(f.paper_rule.sum()) for f in fits]),
+        np.array(
+            [physically_possible(r, f.value) for r, f in zip(subject.rungs, fits, strict=True)]
+        ),
+        np.array([len(r) for r in subject.rungs]),
+        tuple(f.value for f in fits),
+        tuple(f.sigma_percent for f in fits),
+        tuple(f.paper_rule for f in fits),
+        len(motion.dropped),
+    )
+
+
+_done: dict[tuple[Case, int], Trial] = {}
+
+
+def run_trials(
+    cases: Iterable[Case],
+    seeds: int,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> dict[Case, list[Trial]]:
+    """Return the trials of seeds 0, 1, … of every case; what was done before is not done again.
+
+    Parameters
+    ----------
+    cases : iterable of Case
+    seeds : int
+        Trials a case; a case without noise gets one.
+    jobs : int
+        Processes.
+    progress : callable(str, float), optional
+    """
+    wanted = {c: 1 if c.delta == c.eta == 0 else seeds for c in cases}
+    missing = [(c, s) for c, n in wanted.items() for s in range(n) if (c, s) not in _done]
+    batches = [missing[k : k + BATCH] for k in range(0, len(missing), BATCH)]
+    if jobs == 1 or len(missing) <= BATCH:
+        results = map(_run_batch, batches)
+    else:
+        parallel = Parallel(n_jobs=jobs, return_as="generator", pre_dispatch="all", batch_size=1)
+        results = parallel(delayed(_run_batch)(b) for b in batches)
+    for k, (batch, trials) in enumerate(zip(batches, results, strict=True)):
+        _done.update(zip(batch, trials, strict=True))
+        if progress:
+            progress(f"{len(missing)} trials", (k + 1) / len(batches))
+    return {c: [_done[c, s] for s in range(n)] for c, n in wanted.items()}
+
+
+def _run_batch(batch: Sequence[tuple[Case, int]]) -> list[Trial]:
+    return [run_trial(case, seed) for case, seed in batch]
+
+
+def variants(case: Case, **changes: Sequence[object]) -> list[Case]:
+    """Return a case with every combination of some changes."""
+    out = [case]
+    for name, options in changes.items():
+        out = [replace(c, **{name: option}) for c in out for option in options]
+    return out
+
+
+def stack(trials: Sequence[Trial], name: str) -> Array:
+    """Return an attribute of all trials, (trials, m)."""
+    return np.array([getattr(t, name) for t in trials], float)

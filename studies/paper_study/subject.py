@@ -1,0 +1,133 @@
+"""The robot of the paper, its four models, and what it does when nothing is noisy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from identifiability.grouping import BaseParameters, find_base_parameters
+from identifiability.ladder import (
+    Rung,
+    build_ladder,
+    ladder_model,
+    ladder_path,
+    nominal_base,
+    read_ladder,
+)
+from identifiability.model import Model
+from identifiability.names import Array
+from identifiability.robot import Robot
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.simulation.forces import stribeck
+
+#: The shipped robot that stands in for the paper's.
+SHIPPED = "3-rps"
+
+#: The paper's exciting trajectories, by condition number.
+TRAJECTORIES = ("571", "595", "601")
+
+#: Friction with a static level, Table 4: Fs [N], Stribeck velocity [m/s], shape.
+STRIBECK = (600.0, 0.08, 1.0)
+
+#: Friction of the three revolute joints, Table 5: 15 % of the slides' friction, taken numerically.
+HINGE_FRICTION = {"Fv": 490.8, "Fc+": 34.2, "Fc-": 34.2}
+
+#: Share of the largest parameter below which an exact base parameter is zero.
+ZERO = 1e-6
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A robot with the models that are fitted to it.
+
+    Attributes
+    ----------
+    robot : Robot
+    model : Model
+    base : BaseParameters
+    rungs : tuple of Rung
+        Models 1 to 4.
+    """
+
+    robot: Robot
+    model: Model
+    base: BaseParameters
+    rungs: tuple[Rung, ...]
+
+    @cached_property
+    def exact(self) -> tuple[Array, ...]:
+        """Exact parameters of each model: those of the robot file."""
+        stated = nominal_base(self.robot, self.base)
+        values = [np.linalg.lstsq(r.M, stated - r.held, rcond=None)[0] for r in self.rungs]
+        # Groups that cancel in a symmetric robot come out as rounding errors.
+        return tuple(np.where(np.abs(x) < ZERO * np.abs(x).max(), 0.0, x) for x in values)
+
+    def without_actuators(self) -> Subject:
+        """Return the subject whose models have no actuator inertia (Table 6)."""
+        names = [f"{joint}.Jr" for joint in self.robot.joints]
+        rungs = tuple(r.without(names) for r in self.rungs)
+        return Subject(self.robot, self.model, self.base, rungs)
+
+
+@dataclass(frozen=True)
+class ExactLog:
+    """Motion of the actuated joints and their torque without noise, each (N, n) along t (N,)."""
+
+    t: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+
+
+@cache
+def load_subject(robot: str = SHIPPED) -> Subject:
+    """Return a robot (shipped name or file) with the ladder that stands beside its file."""
+    machine = Robot.load(robot)
+    path = ladder_path(machine)
+    if path is None:
+        raise FileNotFoundError(f"There is no ladder.toml beside {machine.path}.")
+    entry = read_ladder(path)
+    model = ladder_model(entry)
+    base = find_base_parameters(machine, model)
+    return Subject(machine, model, base, build_ladder(entry, machine, base))
+
+
+def hinge_friction(robot: Robot) -> Mapping[str, float]:
+    """Return the friction of Table 5 at the three revolute joints."""
+    hinges = [a.name for a in robot.passive_axes if a.name.startswith("hinge")]
+    return {f"{h}.{kind}": value for h in hinges for kind, value in HINGE_FRICTION.items()}
+
+
+@cache
+def exact_log(robot: str, trajectory: str, samples: int, discrepancy: str = "") -> ExactLog:
+    """Return the exact log of a trajectory, by the simulator.
+
+    Parameters
+    ----------
+    robot : str
+        Shipped name or file.
+    trajectory : str
+    samples : int
+    discrepancy : {"", "stribeck", "hinges"}
+        What the robot has and the models do not.
+    """
+    machine = load_subject(robot).robot
+    move = PrescribedMotion.of(shipped_trajectory(machine, trajectory), samples)
+    values = hinge_friction(machine) if discrepancy == "hinges" else {}
+    with threadpool_limits(1, "blas"):
+        tau = simulate(machine, move, noise=Noise(), parameters=values).tau
+    if discrepancy == "stribeck":
+        static, velocity, shape = STRIBECK
+        for k, joint in enumerate(machine.joints):
+            excess = static - machine.nominal[f"{joint}.Fc+"]
+            tau = (
+                tau
+                + np.eye(len(machine.joints))[k]
+                * (stribeck(move.dq[:, k], excess, velocity, shape)[:, None])
+            )
+    return ExactLog(move.t, move.q, move.dq, move.ddq, tau)

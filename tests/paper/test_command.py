@@ -1,0 +1,73 @@
+"""The command and the scripts say what they do and end with the right code."""
+
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+import table_1_base_parameters
+import typer
+from paper_study import command
+from paper_study.result import StudyCheck
+from typer.testing import CliRunner
+
+STUDIES = Path(command.__file__).resolve().parents[1]
+
+#: The module; its name in `identifiability.cli` is the command.
+module = import_module("identifiability.cli.paper")
+
+
+@pytest.fixture
+def run():
+    app = typer.Typer(rich_markup_mode="markdown")
+    app.command()(module.paper)
+    runner = CliRunner()
+    return lambda *words: runner.invoke(app, list(map(str, words)))
+
+
+def test_the_command_writes_the_named_tables_and_the_index(run, tmp_path):
+    out = run("1", "slips", "--quick", "--jobs", 1, "--out", tmp_path)
+    assert out.exit_code == 0, out.output
+    assert out.output.strip().splitlines()[-1].endswith("index.html")
+    names = {p.name for p in tmp_path.glob("*.html")}
+    assert names == {"table_1_base_parameters.html", "paper_slips.html", "index.html"}
+
+
+def test_a_failed_required_check_ends_with_1(run, tmp_path, monkeypatch):
+    wrong = StudyCheck("sky", "green", "blue", "exact", passed=False)
+    monkeypatch.setattr(table_1_base_parameters, "structure_checks", lambda *_: [wrong])
+    out = run("1", "--quick", "--out", tmp_path)
+    assert out.exit_code == 1
+    assert "sky: green" in out.output
+    assert "1 of 1 studies of the paper fail" in (tmp_path / "index.html").read_text()
+
+
+def test_outside_a_checkout_it_says_where_the_studies_are(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "STUDIES", tmp_path / "studies")
+    out = run("3")
+    assert out.exit_code == 2
+    assert "part of the source checkout" in " ".join(out.stderr.split())
+
+
+def test_an_unknown_table_is_one_sentence(run):
+    out = run("17")
+    assert out.exit_code == 2
+    assert "no study '17'" in out.stderr
+
+
+@pytest.mark.parametrize("name", command.STUDIES)
+def test_every_script_states_its_question(name):
+    text = (STUDIES / f"{name}.py").read_text(encoding="utf-8")
+    assert text.startswith('"""')
+    assert "?" in text.splitlines()[0]
+    assert "run_script(run)" in text
+
+
+def test_a_script_runs_alone(tmp_path):
+    script = STUDIES / "table_1_base_parameters.py"
+    words = [sys.executable, str(script), "--quick", "--jobs", "1", "--out", str(tmp_path)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "pass  Table 1" in done.stdout
+    assert (tmp_path / "table_1_base_parameters.html").exists()

@@ -1,0 +1,51 @@
+"""The stand-in is a machine: closed loops, a controller that follows, forces that balance."""
+
+import numpy as np
+import pytest
+from paper_study.procedure import filter_periodic, fit_record, process
+from paper_study.stand_in import record_all
+from paper_study.subject import TRAJECTORIES, load_subject
+from table_8_stand_in import stand_in_values
+
+ROWS = ["platform.mx", "leg2_upper.m", "leg3_upper.m"]
+
+
+@pytest.fixture
+def records():
+    return record_all("3-rps", TRAJECTORIES, 2)
+
+
+def test_loops_stay_closed_and_periods_repeat(records):
+    for record in records.values():
+        assert record.gap < 5e-6
+        assert record.tracking < 0.01
+        assert np.abs(record.q[0] - record.q[1]).max() < 1e-3
+        assert not np.array_equal(record.q[0], record.q[1])
+
+
+def test_its_mean_force_carries_its_weight(records):
+    """Friction and inertia average out over a period, up to uneven shares of both directions."""
+    weight = 9.81 * (10.248 + 3 * 2.0) / 3
+    for record in records.values():
+        motion = process(load_subject(), record).motion
+        dry = 228 * np.sign(motion.actuated_v).mean(0)
+        lifted = record.force.mean((0, 1)) - dry
+        assert lifted.mean() == pytest.approx(weight, rel=0.2)
+
+
+def test_the_procedure_gives_750_points_without_phase_shift(records):
+    samples = process(load_subject(), records["601"])
+    assert len(samples.tau) == 750
+    t = np.arange(750) * 0.01
+    wave = np.sin(2 * np.pi * 3 * t / 7.5)[:, None]
+    assert np.abs(filter_periodic(wave, 10.0) - wave).max() < 1e-3
+
+
+def test_model_4_finds_the_unlike_platform_better_than_model_1(records):
+    subject = load_subject()
+    truth = stand_in_values(subject, ROWS)
+    at = [subject.base.names.index(n) for n in ROWS]
+    for record in records.values():
+        values = fit_record(subject, process(subject, record)).values[at]
+        four, one = (np.abs(values[:, m] / truth - 1).max() for m in (3, 0))
+        assert four < 0.4 < 1.0 < one

@@ -1,0 +1,77 @@
+"""Every study runs quickly, passes its required checks and writes a page that loads nothing."""
+
+import json
+import re
+from importlib import import_module
+
+import pytest
+from paper_study.command import STUDIES, Options, find_studies, run_studies
+from paper_study.index import find_statement
+from paper_study.page import write_study
+from paper_study.printed import read_printed
+
+#: Four draws of the noise; the trials are shared by the studies of a process.
+QUICK = Options(quick=True)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_quick_study_passes_and_writes_its_page(name, tmp_path):
+    result = import_module(name).run(QUICK)
+    assert result.name == name
+    assert result.checks
+    assert not result.failed, [(c.name, c.ours, c.tolerance) for c in result.failed]
+    unexplained = [c.name for c in result.checks if not c.passed and not c.reason]
+    assert not unexplained
+    data, page = write_study(result, tmp_path)
+    assert find_statement(page) == result.statement
+    assert not re.search(r'(src|href)="https?:', page.read_text(encoding="utf-8"))
+    content = json.loads(data.read_text(encoding="utf-8"))
+    assert content["passed"] is True
+    assert len(content["checks"]) == len(result.checks)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["table_7_stand_in", "table_8_stand_in", "figure_3_forces", "figure_6_held_out"],
+)
+def test_the_stand_in_is_called_one(name):
+    module = import_module(name)
+    assert "STAND-IN" in module.__doc__
+    assert "not published" in module.__doc__
+
+
+def test_every_printed_table_is_a_file_with_its_number():
+    for number in range(1, 9):
+        assert read_printed(f"table_{number}")["table"] == number
+
+
+def test_the_index_links_every_report_with_its_result(tmp_path):
+    (tmp_path / "demo.html").write_text(
+        '<h1>A robot</h1><p class="statement">Nine of ten are <b>known</b>.</p>', encoding="utf-8"
+    )
+    run_studies(["table_1_base_parameters", "paper_slips"], QUICK, tmp_path)
+    text = (tmp_path / "index.html").read_text(encoding="utf-8")
+    for name in ("table_1_base_parameters", "paper_slips", "demo"):
+        assert f'href="{name}.html"' in text
+    assert "Nine of ten are known." in text
+    assert "All 2 studies of the paper pass" in text
+
+
+@pytest.mark.parametrize(
+    ("word", "wanted"),
+    [
+        ("3", "table_3_noise"),
+        ("table4", "table_4_stribeck"),
+        ("Table 4", "table_4_stribeck"),
+        ("fig4", "figure_4_noise_levels"),
+        ("figure_5_split_forces", "figure_5_split_forces"),
+        ("slips", "paper_slips"),
+    ],
+)
+def test_studies_go_by_short_names(word, wanted):
+    assert find_studies([word]) == [wanted]
+
+
+def test_an_unknown_study_is_refused_with_the_known_ones():
+    with pytest.raises(KeyError, match=r"no study '9'.*table_3_noise"):
+        find_studies(["9"])
