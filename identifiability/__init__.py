@@ -3,6 +3,7 @@
 What to use when:
 
 - `analyze` does the main job: robot and logs in, verdicts, models and a report out;
+- `prune` finds the reduced model that is worth using;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
 - every stage in between (`prepare_samples`, `find_base_parameters`, `gather_information`,
   `estimate`, …) can be called by itself.
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from identifiability.information import Information, gather_information
     from identifiability.log import Log
     from identifiability.model import Model, Regression
+    from identifiability.pruning import Ladder, prune
     from identifiability.robot import Motion, Robot
     from identifiability.samples import Preparation, Samples, prepare_samples
     from identifiability.simulation import Noise, Trajectory, simulate
@@ -36,6 +38,7 @@ _HOMES = {
     "Estimate": "estimation",
     "IdentifiabilityError": "errors",
     "Information": "information",
+    "Ladder": "pruning",
     "Log": "log",
     "Model": "model",
     "Motion": "robot",
@@ -51,6 +54,7 @@ _HOMES = {
     "find_base_parameters": "grouping",
     "gather_information": "information",
     "prepare_samples": "samples",
+    "prune": "pruning",
     "simulate": "simulation",
 }
 
@@ -60,6 +64,7 @@ __all__ = [
     "Estimate",
     "IdentifiabilityError",
     "Information",
+    "Ladder",
     "Log",
     "Model",
     "Motion",
@@ -76,6 +81,7 @@ __all__ = [
     "find_base_parameters",
     "gather_information",
     "prepare_samples",
+    "prune",
     "simulate",
 ]
 

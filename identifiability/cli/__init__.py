@@ -13,6 +13,7 @@ from identifiability.cli.calibrate import calibrate
 from identifiability.cli.demo import demo
 from identifiability.cli.export import export
 from identifiability.cli.paper import paper
+from identifiability.cli.prune import prune
 from identifiability.cli.simulate import simulate
 
 app = typer.Typer(
@@ -23,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, analyze, simulate, export, calibrate, paper):
+for command in (demo, analyze, prune, simulate, export, calibrate, paper):
     app.command()(command)
 
 

@@ -1,0 +1,145 @@
+"""``identifiability prune``."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from identifiability.cli.common import (
+    Derivatives,
+    JsonOption,
+    LogsArgument,
+    Method,
+    ReportOption,
+    RobotArgument,
+    Seed,
+    SidecarOption,
+    check_outputs,
+    escaped,
+    load_robot,
+    progress,
+    sentences,
+    write_results,
+)
+
+if TYPE_CHECKING:
+    from identifiability.pruning import Ladder
+
+
+class Rule(StrEnum):
+    """How much held-out error a smaller model may cost."""
+
+    identifiable = "identifiable"
+    difference = "one-se-of-difference"
+    one_se = "one-se"
+    best = "best"
+
+
+def prune(
+    robot: RobotArgument,
+    logs: LogsArgument,
+    validate: Annotated[
+        list[str] | None,
+        typer.Option(help="Log that is only reported on; may be given several times."),
+    ] = None,
+    ladder: Annotated[
+        str | None, typer.Option(help="TOML ladder; pruning starts from its first model.")
+    ] = None,
+    forbid: Annotated[
+        list[str] | None, typer.Option(help="Parameter that must stay; may be given several times.")
+    ] = None,
+    force: Annotated[
+        list[str] | None, typer.Option(help="Parameter that must go; may be given several times.")
+    ] = None,
+    criterion: Annotated[
+        Rule, typer.Option(help="How much held-out error a smaller model may cost.")
+    ] = Rule.identifiable,
+    propose: Annotated[
+        bool, typer.Option(help="Try the symmetries that the robot's joints suggest.")
+    ] = True,
+    reach: Annotated[
+        float, typer.Option(min=0.1, help="How many times faster than in the logs it will move.")
+    ] = 1.0,
+    sidecar: SidecarOption = None,
+    report: ReportOption = None,
+    json: JsonOption = None,
+    model: Annotated[
+        Path | None, typer.Option(help="Write the chosen model here, as a TOML ladder.")
+    ] = None,
+    derivatives: Annotated[
+        Derivatives, typer.Option(help="Velocity and acceleration: the log's own or computed.")
+    ] = Derivatives.auto,
+    cutoff: Annotated[
+        float | None, typer.Option(min=0, help="Low-pass for computed derivatives [Hz].")
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(min=0, help="Period of periodic motion [s], for fourier.")
+    ] = None,
+    harmonics: Annotated[int, typer.Option(min=1, help="Harmonics of the Fourier fit.")] = 5,
+    decimate: Annotated[
+        int | None, typer.Option(min=1, help="Parallel filter and keep every k-th sample.")
+    ] = None,
+    method: Annotated[
+        Method, typer.Option(help="Weight actuators by their own variance, or all alike.")
+    ] = Method.wls,
+    seed: Seed = 0,
+    quick: Annotated[bool, typer.Option(help="A tenth of the random draws.")] = False,
+) -> None:
+    """Reduce the full model of a robot to the one worth using, from logs alone.
+
+    ```
+    identifiability prune 3-rps run.csv --report pruning.html --model pruned.toml
+    identifiability analyze 3-rps run.csv --ladder pruned.toml
+    ```
+    """
+    with sentences(), progress() as say:
+        from identifiability.pruning import prune as run  # noqa: PLC0415
+        from identifiability.samples import Preparation  # noqa: PLC0415
+
+        read = [robot, *logs, *(validate or ()), ladder, sidecar]
+        check_outputs(report, json, model, inputs=read)
+        how = Preparation(derivatives.value, cutoff, period, harmonics, decimate)
+        result = run(
+            load_robot(robot, sidecar), logs, validate or (), ladder, forbid=forbid or (),
+            force=force or (), criterion=criterion.value, propose=propose, reach=reach,
+            preparation=how, method=method.value, replicates=20 if quick else 200, seed=seed,
+            progress=say,
+        )  # fmt: skip
+        written = write_results(result, report, json, say)
+        if model is not None:
+            written.append(result.write_model(model))
+    print_pruning(result, written)
+
+
+def print_pruning(result: Ladder, written: list[Path]) -> None:
+    """Print the ladder about the rung to use, the statement, and the paths of what was written."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    console = Console()
+    title = f"{escaped(result.robot.title)}: the way down (▸ use this rung)"
+    table = Table(title=title, title_justify="left")
+    for heading in ("size", "identifiable", "error", "unseen", "± SE", "signs", "move"):
+        table.add_column(heading, justify="left" if heading in ("signs", "move") else "right")
+    for k, rung in enumerate(result.rungs[: result.selected + 4]):
+        move = rung.step.move
+        table.add_row(
+            f"{'▸ ' if k == result.selected else ''}{len(rung)}", str(rung.identifiable),
+            f"{100 * rung.error_ra:.2f} %", f"{100 * rung.error_ra_unseen:.2f} %",
+            f"{100 * rung.error_se:.2f} %", "possible" if rung.feasible else "impossible",
+            escaped(f"{move.kind.value}: {_short(move.text)}") if move is not None else "",
+        )  # fmt: skip
+    console.print(table)
+    wide = not console.is_terminal
+    console.print(escaped(result.statement), highlight=False, soft_wrap=wide)
+    console.print(escaped(result.stability.statement), highlight=False, soft_wrap=wide)
+    for path in written:
+        sys.stdout.write(f"{path}\n")
+
+
+def _short(text: str, most: int = 60) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}…"

@@ -1,0 +1,298 @@
+"""From robot and logs to the reduced model worth using, without a simulated robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from identifiability.analysis import LogLike, Progress, prepare_logs
+from identifiability.assessment import RungResult, assess_ladder
+from identifiability.bootstrap import merge_blocks
+from identifiability.errors import IdentifiabilityError, LogError, ModelError, listing, near_match
+from identifiability.estimation import Method, estimate
+from identifiability.evaluation import predict
+from identifiability.feasibility import PhysicalResult, assess_feasibility
+from identifiability.grouping import BaseParameters, find_base_parameters
+from identifiability.information import Information, gather_information
+from identifiability.ladder import (
+    LadderEntry,
+    Rung,
+    build_ladder,
+    default_ladder,
+    ladder_model,
+    nominal_base,
+    read_ladder,
+)
+from identifiability.model import Model, Regression
+from identifiability.pruning.absorption import Absorption, absorb
+from identifiability.pruning.elimination import Step
+from identifiability.pruning.moves import Move
+from identifiability.pruning.prediction import RungErrors, measure_errors
+from identifiability.pruning.proposals import merge_moves, propose_moves
+from identifiability.pruning.result import Ladder
+from identifiability.pruning.rung import PrunedRung, build_rung
+from identifiability.pruning.search import Search, Wishes, find_path
+from identifiability.pruning.selection import Criterion, good_steps, least_error
+from identifiability.pruning.stability import assess_stability
+from identifiability.pruning.unseen import unseen_regressor
+from identifiability.robot import Robot
+from identifiability.samples import Preparation, Samples
+from identifiability.verdict import Thresholds
+
+#: Rungs as good as the best whose physical certificate is asked for, the preferred one first.
+CERTIFIED = 4
+
+
+def prune(
+    robot: Robot | str | Path,
+    logs: Sequence[LogLike] | LogLike,
+    validate: Sequence[LogLike] | LogLike = (),
+    ladder: LadderEntry | str | Path | None = None,
+    *,
+    forbid: Sequence[str] = (),
+    force: Sequence[str] = (),
+    criterion: Criterion = "identifiable",
+    propose: bool = True,
+    reach: float = 1.0,
+    preparation: Preparation | None = None,
+    method: Method = "wls",
+    replicates: int = 200,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Ladder:
+    """Reduce the full base model of a robot to the one worth using, from logs alone.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+    logs : log, path, DataFrame, or several
+        The size of the model is chosen on these only.
+    validate : the same, optional
+        Held out from everything; only reported.
+    ladder : LadderEntry or path, optional
+        Its first model is where pruning starts; by default every base parameter with asymmetric
+        friction.
+    forbid : sequence of str
+        Parameters that must not be dropped.
+    force : sequence of str
+        Parameters that are dropped whatever the data say.
+    criterion : {"identifiable", "one-se-of-difference", "one-se", "best"}
+        How much held-out error a smaller model may cost; see `selection.Criterion`.
+    propose : bool
+        Whether symmetries that the robot's kinematics suggest are tried.
+    reach : float
+        How many times faster than in the logs the robot is going to move with the model: what
+        only slow motion shows badly weighs more then.
+    preparation : Preparation, optional
+        How derivatives are made.
+    method : {"wls", "ols"}
+    replicates : int
+        Resampled logs on which the pruning is repeated.
+    seed : int
+        Of every random choice.
+    progress : callable(str, float), optional
+        Called with what is being done and the share that is done.
+
+    Raises
+    ------
+    IdentifiabilityError
+        With one sentence on what to do.
+    """
+    say = progress or (lambda _text, _share: None)
+    streams = np.random.default_rng(seed).spawn(4)
+    with threadpool_limits(1, "blas"):
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        if not isinstance(ladder, LadderEntry):
+            ladder = default_ladder(robot) if ladder is None else read_ladder(ladder)
+        say("reading logs", 0.0)
+        train = prepare_logs(robot, logs, preparation)
+        held = prepare_logs(robot, validate, preparation)
+        if not train:
+            raise LogError("No log was given; give at least one.")
+        say("building the regression", 0.1)
+        task = _set_up(robot, ladder, train, held, method, streams[0])
+        say("walking down the ladder", 0.4)
+        search = _search(
+            task, _check_wishes(task.start, forbid, force), streams[1], propose=propose,
+            reach=reach,
+        )  # fmt: skip
+        chosen, physical = _choose(task, search, criterion)
+        say("measuring errors", 0.5)
+        result = _assess(task, search.path.steps[chosen], physical, streams[2], replicates)
+        rungs = _build_rungs(task, search, chosen, float(result.autocorrelation_time.mean()))
+        if not held:
+            result = replace(result, error_ra_validation=rungs[chosen].error_ra_unseen)
+        say("resampling", 0.7)
+        stability = assess_stability(
+            search, search.path.steps[chosen].partition, criterion, streams[3],
+            replicates=replicates, length=result.uncertainty.block,
+            samples=task.information.samples, say=lambda s: say("resampling", 0.7 + 0.3 * s),
+        )  # fmt: skip
+        return Ladder(
+            robot, task.base, train, held, task.information, task.start, rungs, chosen, result,
+            search.path.refused, stability, _absorb(task, rungs[0], rungs[chosen]),
+            task.model.names, criterion, method, seed, least_error(search.path.steps),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What is pruned."""
+
+    robot: Robot
+    model: Model
+    base: BaseParameters
+    start: Rung
+    train: tuple[Samples, ...]
+    held: tuple[Samples, ...]
+    regression: Regression
+    information: Information
+    method: Method
+
+
+def _set_up(
+    robot: Robot,
+    ladder: LadderEntry,
+    train: tuple[Samples, ...],
+    held: tuple[Samples, ...],
+    method: Method,
+    rng: np.random.Generator,
+) -> _Task:
+    model = ladder_model(ladder)
+    base = find_base_parameters(robot, model, rng)
+    start = build_ladder(LadderEntry(models=ladder.models[:1]), robot, base)[0]
+    regression = Regression(robot, model, train, base.kept)
+    return _Task(
+        robot, model, base, start, train, held, regression, gather_information(regression), method
+    )
+
+
+def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> Wishes:
+    for name in (*forbid, *force):
+        if name not in start.columns:
+            raise ModelError(
+                f"'{name}' is not a parameter that can be kept or dropped"
+                f"{near_match(name, start.columns)} The model has {listing(start.columns)}."
+            )
+    both = sorted(set(forbid) & set(force))
+    if both:
+        raise ModelError(f"'{both[0]}' is to be kept and to be dropped; say which.")
+    return Wishes(frozenset(forbid), tuple(force))
+
+
+def _search(
+    task: _Task, wishes: Wishes, rng: np.random.Generator, *, propose: bool, reach: float
+) -> Search:
+    start, robot = task.start, task.robot
+    regressor = unseen_regressor(robot, task.model, task.base.kept, task.train, rng, reach)
+    unseen = regressor @ start.M
+    suggested: list[Move] = (
+        propose_moves(robot, task.base, start.columns)
+        if propose
+        else merge_moves(robot, start.columns)
+    )
+    return find_path(
+        start.reduce(task.information), start.nonnegative, unseen=unseen, suggested=suggested,
+        wishes=wishes, method=task.method,
+    )  # fmt: skip
+
+
+def _choose(task: _Task, search: Search, criterion: Criterion) -> tuple[int, PhysicalResult]:
+    """Return the step to use: the first as good as the best that a real robot can have."""
+    steps = search.path.steps
+    asked: list[tuple[int, PhysicalResult]] = []
+    problem: IdentifiabilityError | None = None
+    for k in good_steps(steps, criterion)[:CERTIFIED]:
+        rung = _rung_of(task.start, steps[k])
+        part = rung.reduce(task.information)
+        fit = estimate(part, task.method)
+        try:
+            physical = assess_feasibility(task.robot, task.base, rung, part, fit)
+        except IdentifiabilityError as error:
+            problem = error
+            continue
+        if physical.feasible:
+            return k, physical
+        asked.append((k, physical))
+    if asked:
+        return asked[0]
+    assert problem is not None
+    raise problem
+
+
+def _rung_of(start: Rung, step: Step) -> Rung:
+    size = len(step.partition)
+    if step.move is None:
+        return start
+    text = f"from {start.name}: {len(start) - size} parameters fewer"
+    name = f"{size} parameter{'' if size == 1 else 's'}"
+    return step.partition.rung(start, name, text)
+
+
+def _build_rungs(task: _Task, search: Search, chosen: int, times: float) -> tuple[PrunedRung, ...]:
+    """Return the rungs with their errors; `times` is the residual's autocorrelation time."""
+    steps = search.path.steps
+    # One block a log: rungs are many, and only their sums are needed.
+    information = merge_blocks(task.information, float(task.information.samples))
+    models = [_rung_of(task.start, s) for s in steps]
+    parts = [m.reduce(information) for m in models]
+    fits = [estimate(p, task.method) for p in parts]
+    values = np.stack([m.expand(e.value) for m, e in zip(models, fits, strict=True)], 1)
+    fitted = measure_errors(task.regression, values[None], reference=chosen)
+    unseen = _measure_unseen(task, search, chosen)
+    outside = np.full(len(steps), np.nan)
+    if task.held:
+        held = Regression(task.robot, task.model, task.held, task.base.kept)
+        outside = measure_errors(held, values[None], reference=chosen).error_ra
+    best = steps[least_error(steps)]
+    unit = max(steps[0].errors.total, 1e-300)
+    return tuple(
+        build_rung(
+            steps[k], models[k], fits[k], parts[k], times,
+            (float(fitted.error_ra[k]), float(unseen.error_ra[k]),
+             float(unseen.difference_se[k]), float(outside[k])),
+            best, unit,
+        )
+        for k in range(len(steps))
+    )  # fmt: skip
+
+
+def _measure_unseen(task: _Task, search: Search, chosen: int) -> RungErrors:
+    """Return errors on stretches (or logs) by models fitted to the others."""
+    folds, start = search.folds, task.start
+    fits = np.stack([s.values[1:] for s in search.path.steps], 2)
+    values = start.held[:, None] + start.M @ fits
+    of_sample = np.repeat(folds.fold[folds.stretch], task.information.counts)
+    return measure_errors(task.regression, values, of_sample, chosen)
+
+
+def _assess(
+    task: _Task,
+    chosen: Step,
+    physical: PhysicalResult,
+    rng: np.random.Generator,
+    replicates: int,
+) -> RungResult:
+    """Return the chosen model with verdicts and certificate."""
+    rung = _rung_of(task.start, chosen)
+    fit = estimate(rung.reduce(task.information), task.method)
+    values = np.stack([rung.expand(fit.value), rung.expand(physical.value)], 1)
+    fitted = held = predict(task.regression, values)
+    if task.held:
+        held = predict(Regression(task.robot, task.model, task.held, task.base.kept), values)
+    nominal = nominal_base(task.robot, task.base)
+    (result,) = assess_ladder(
+        [rung], [fit], task.information, [physical], fitted, held, nominal, Thresholds(), rng,
+        replicates,
+    )  # fmt: skip
+    return result
+
+
+def _absorb(task: _Task, full: PrunedRung, chosen: PrunedRung) -> Absorption:
+    return absorb(
+        task.start.reduce(task.information), full.estimate, chosen.estimate, chosen.step.partition
+    )

@@ -1,0 +1,179 @@
+"""`Ladder`: the rungs from the unpruned model down, which one to use, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from identifiability.assessment import RungResult
+from identifiability.estimation import Method
+from identifiability.grouping import BaseParameters
+from identifiability.information import Information
+from identifiability.ladder import Rung
+from identifiability.output import write_json, write_text
+from identifiability.pruning.absorption import Absorption
+from identifiability.pruning.elimination import Refusal
+from identifiability.pruning.moves import Partition
+from identifiability.pruning.rung import PrunedRung, verdict_row
+from identifiability.pruning.selection import Criterion
+from identifiability.pruning.stability import Stability
+from identifiability.pruning.words import ladder_toml, statement
+from identifiability.robot import Robot
+from identifiability.samples import Samples
+from identifiability.verdict import Verdict
+
+SCHEMA = "identifiability/pruning/1"
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """The answer of `prune`. `to_frame`, `to_json`, `write_report`, `write_model` give it away.
+
+    Attributes
+    ----------
+    robot : Robot
+    base : BaseParameters
+    samples, validation : tuple of Samples
+    information : Information
+        About the base parameters.
+    start : Rung
+        The model that pruning started from.
+    rungs : tuple of PrunedRung
+        Unpruned model first.
+    selected : int
+        The rung to use.
+    result : RungResult
+        The rung to use with verdicts, uncertainties by resampling, and physical certificate.
+    refused : tuple of Refusal
+        Suggested moves that the data contradict.
+    stability : Stability
+    absorption : Absorption
+    effects : tuple of str
+    criterion, method, seed
+        As asked for.
+    least : int
+        The rung with the least held-out error.
+    """
+
+    robot: Robot
+    base: BaseParameters
+    samples: tuple[Samples, ...]
+    validation: tuple[Samples, ...]
+    information: Information
+    start: Rung
+    rungs: tuple[PrunedRung, ...]
+    selected: int
+    result: RungResult
+    refused: tuple[Refusal, ...]
+    stability: Stability
+    absorption: Absorption
+    effects: tuple[str, ...]
+    criterion: Criterion
+    method: Method
+    seed: int
+    least: int
+
+    @property
+    def chosen(self) -> PrunedRung:
+        """The rung to use."""
+        return self.rungs[self.selected]
+
+    @property
+    def full(self) -> PrunedRung:
+        """The unpruned model."""
+        return self.rungs[0]
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Verdicts on the parameters of the rung to use."""
+        return self.result.verdicts
+
+    @property
+    def feasible(self) -> bool:
+        """Whether a real robot can have the values of the rung to use."""
+        return self.result.feasible
+
+    @property
+    def partition(self) -> Partition:
+        """What became of each column of the starting model."""
+        return self.chosen.step.partition
+
+    @property
+    def statement(self) -> str:
+        """The answer in plain words."""
+        return statement(self)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter of the rung to use."""
+        return pd.DataFrame([verdict_row(v) for v in self.verdicts])
+
+    def ladder_frame(self) -> pd.DataFrame:
+        """Return one row a rung."""
+        return pd.DataFrame([r.row() for r in self.rungs])
+
+    def stability_frame(self) -> pd.DataFrame:
+        """Return how often each parameter of the starting model survives."""
+        kept = self.partition.survivors()
+        return pd.DataFrame(
+            {"name": self.stability.columns, "survives": self.stability.survives, "chosen": kept}
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as plain values."""
+        physical = self.result.physical
+        return {
+            "schema": SCHEMA,
+            "robot": {"name": self.robot.name, "title": self.robot.title},
+            "samples": self.information.samples,
+            "statement": self.statement,
+            "models": [r.row() for r in self.rungs],
+            "selected": self.chosen.name,
+            "parameters": [verdict_row(v) for v in self.verdicts],
+            "full_parameters": [verdict_row(v) for v in self.full.verdicts],
+            "refused": [
+                {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
+            ],
+            "stability": {
+                "replicates": self.stability.replicates,
+                "same": self.stability.same,
+                "survives": dict(
+                    zip(self.stability.columns, self.stability.survives.tolist(), strict=True)
+                ),
+                "models": [{"columns": m, "share": s} for m, s in self.stability.models],
+            },
+            "absorption": self.absorption.to_frame().to_dict("records"),
+            "physical": {
+                "feasible": self.feasible,
+                "margin": self.result.margin,
+                "infeasible": list(self.result.infeasible),
+                "sentence": physical.sentence,
+                "parameters": physical.parameters(),
+            },
+            "ladder": ladder_toml(self),
+            "effects": list(self.effects),
+            "criterion": self.criterion,
+            "method": self.method,
+            "seed": self.seed,
+        }
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write the result as JSON, whole or not at all."""
+        return write_json(path, self.to_dict())
+
+    def write_model(self, path: str | Path) -> Path:
+        """Write the chosen model as a ladder file, for `analyze` and others."""
+        return write_text(path, ladder_toml(self))
+
+    def write_report(self, path: str | Path) -> Path:
+        """Write the result as one self-contained HTML file, whole or not at all."""
+        from identifiability.report.pruning_report import (  # noqa: PLC0415 - roof above us
+            write_pruning_report,
+        )
+
+        return write_pruning_report(self, path)
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.statement}</p>{self.ladder_frame().to_html(escape=True)}"

@@ -1,0 +1,142 @@
+"""How much of a pruned model is the robot, and how much the luck of one log.
+
+The whole path, from the unpruned model to the chosen rung, is walked again on resampled blocks
+of time. The selection is part of what is resampled, so the answer speaks of it, not of one fixed
+model.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identifiability.pruning.elimination import walk
+from identifiability.pruning.folds import Folds
+from identifiability.pruning.moves import Partition
+from identifiability.pruning.search import Search
+from identifiability.pruning.selection import Criterion, choose_step
+
+
+@dataclass(frozen=True)
+class Stability:
+    """What the replicates chose.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Of the starting model.
+    survives : (k,)
+        Share of replicates in which a column is not zero.
+    sizes : (replicates,) int
+        Number of parameters chosen.
+    same : float
+        Share of replicates that chose exactly the columns that the logs themselves chose.
+    models : tuple of (tuple of str, float)
+        Sets of columns chosen most often, with their shares.
+    """
+
+    columns: tuple[str, ...]
+    survives: np.ndarray
+    sizes: np.ndarray
+    same: float
+    models: tuple[tuple[tuple[str, ...], float], ...]
+
+    @property
+    def replicates(self) -> int:
+        """Number of replicates."""
+        return len(self.sizes)
+
+    @property
+    def statement(self) -> str:
+        """The answer in one sentence."""
+        if not self.replicates:
+            return "No log was resampled, so nothing is known of the stability of the choice."
+        low, high = np.quantile(self.sizes, [0.05, 0.95])
+        torn = int(((self.survives > 0.1) & (self.survives < 0.9)).sum())
+        span = f"{low:.0f} to {high:.0f}" if high > low else f"{low:.0f}"
+        shaky = (
+            f"{torn} of {len(self.columns)} parameters survive in some (10 to 90 %) and not in "
+            "others"
+            if torn
+            else "no parameter survives in some and not in others (10 to 90 %)"
+        )
+        return (
+            f"Of {self.replicates} resampled logs {100 * self.same:.0f} % lead to exactly this "
+            f"model, and 90 % to {span} parameters; {shaky}."
+        )
+
+
+def assess_stability(
+    search: Search,
+    chosen: Partition,
+    criterion: Criterion,
+    rng: np.random.Generator,
+    *,
+    replicates: int,
+    length: float,
+    samples: int,
+    say: Callable[[float], None] = lambda _share: None,
+) -> Stability:
+    """Walk the path again on resampled logs.
+
+    Parameters
+    ----------
+    search : Search
+    chosen : Partition
+        What the logs themselves chose.
+    criterion : Criterion
+    rng : numpy.random.Generator
+    replicates : int
+    length : float
+        Samples a block must have at least to be nearly independent of the next.
+    samples : int
+        Of the logs.
+    say : callable(float), optional
+        Told the share that is done.
+    """
+    folds = search.folds
+    unit = _units(folds, max(1, round(length * len(folds.blocks) / max(samples, 1))))
+    count = int(unit.max()) + 1
+    drawn = []
+    for k in range(replicates):
+        draws = rng.multinomial(count, np.full(count, 1 / count))
+        path = walk(folds.fit(draws[unit].astype(float)), search.start, search.plan)
+        steps = search.embed(path).steps
+        drawn.append(steps[choose_step(steps, criterion)].partition)
+        say((k + 1) / replicates)
+    return _summarise(chosen.columns, drawn, chosen)
+
+
+def _units(folds: Folds, blocks: int) -> np.ndarray:
+    """Return the unit of resampling of each block: runs of `blocks` within a stretch."""
+    unit = np.empty(len(folds.blocks), int)
+    at = 0
+    for s in range(len(folds.fold)):
+        rows = np.flatnonzero(folds.stretch == s)
+        runs = max(1, len(rows) // blocks)
+        unit[rows] = at + np.arange(len(rows)) * runs // max(len(rows), 1)
+        at += runs
+    return unit
+
+
+def _summarise(
+    columns: tuple[str, ...], drawn: Sequence[Partition], chosen: Partition
+) -> Stability:
+    if not drawn:
+        return Stability(columns, np.full(len(columns), np.nan), np.empty(0, int), np.nan, ())
+    sets = Counter(_set(p) for p in drawn)
+    models = tuple((m, c / len(drawn)) for m, c in sets.most_common(5))
+    return Stability(
+        columns,
+        np.mean([p.survivors() for p in drawn], axis=0),
+        np.array([len(p) for p in drawn]),
+        sets[_set(chosen)] / len(drawn),
+        models,
+    )
+
+
+def _set(partition: Partition) -> tuple[str, ...]:
+    return tuple("=".join(partition.members(g)) for g in partition.leaders)

@@ -1,0 +1,58 @@
+"""Linear regressions with planted truth, and one pruned robot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identifiability.information import Information
+from identifiability.linalg import triangular_factor
+from identifiability.pruning import prune
+from identifiability.simulation.noise import ar1
+
+
+def gather(W, tau, blocks: int = 256, log=None) -> Information:
+    """Return the information of a regressor (N, n, k) and torque (N, n)."""
+    N, _, k = W.shape
+    Z = np.concatenate([W, tau[:, :, None]], axis=2)
+    basis = triangular_factor(Z.reshape(-1, k + 1))
+    Z = Z @ np.linalg.inv(basis)
+    log = np.zeros(N, int) if log is None else log
+    size = -(-N // blocks)
+    at = [(s, min(s + size, N)) for s in range(0, N, size)]
+    return Information(
+        tuple(f"p{j}" for j in range(k)),
+        basis,
+        np.array([np.einsum("tai,taj->aij", Z[a:b], Z[a:b]) for a, b in at]),
+        np.array([b - a for a, b in at]),
+        np.array([log[a] for a, _ in at]),
+    )
+
+
+def plant(rng, rho: float = 0.0, precision: float = 10.0, samples: int = 1000):
+    """Return the information of 20 correlated columns of which 7 act, and the names of those.
+
+    `precision` is the smallest |φ|/σ of a true parameter if the noise were white and the other
+    columns absent.
+    """
+    n, k = 2, 20
+    columns = ar1((samples, n * k), 0.95, rng).reshape(samples, n, k)
+    W = columns @ np.linalg.cholesky(0.5 * np.eye(k) + 0.5).T
+    true = rng.choice(k, 7, replace=False)
+    phi = np.zeros(k)
+    phi[true] = rng.choice([-1, 1], 7) * rng.uniform(1, 3, 7)
+    noise = ar1((samples, n), rho, rng) * np.sqrt(samples * n) / precision
+    return gather(W, W @ phi + noise), {f"p{j}" for j in true}
+
+
+def chosen_set(search, criterion="identifiable") -> set[str]:
+    partition = search.path.steps[search.choose(criterion)].partition
+    return {partition.columns[g] for g in partition.leaders}
+
+
+@pytest.fixture(scope="session")
+def pruned(simulated_session):
+    """The 3-RPS with the paper's noise, pruned on one trajectory and validated on another."""
+    return prune(
+        "3-rps", simulated_session("3-rps", "601", 0), simulated_session("3-rps", "595", 1)
+    )

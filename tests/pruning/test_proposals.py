@@ -1,0 +1,85 @@
+"""What the joints of a robot suggest about its bodies."""
+
+import numpy as np
+import pytest
+
+from identifiability.grouping import find_base_parameters
+from identifiability.model import Model
+from identifiability.pruning.geometry import (
+    Attachment,
+    Mirror,
+    attachments,
+    find_equal_bodies,
+    find_mirrors,
+)
+from identifiability.pruning.moves import Kind, Partition, common_name
+from identifiability.pruning.proposals import propose_moves, tie_moves
+from identifiability.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def moves():
+    robot = Robot.load("3-rps")
+    effects = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
+    base = find_base_parameters(robot, Model.of(*effects))
+    return robot, base, propose_moves(robot, base, base.names)
+
+
+def test_the_papers_geometry_is_proposed_from_the_joints_alone(moves):
+    """Rows 1, 4, 14, 18, 20, 24 and 7, 8, 10, 13 of Table 1."""
+    zeroed = {c for m in moves[2] if m.kind is Kind.ZERO for c in m.zero}
+    legs = {f"leg{k}_{part}.mx" for k in (1, 2, 3) for part in ("lower", "upper")}
+    assert zeroed == legs | {"platform.Ixy", "platform.Ixz", "platform.Iyz", "platform.mz"}
+
+
+def test_the_papers_equal_legs_are_proposed_from_the_joints_alone(moves):
+    robot, base, _ = moves
+    ties = {frozenset(m.tie[0]) for m in tie_moves(robot, base, base.names)}
+    for kind in ("lower.my", "upper.Iyy", "upper.mz"):
+        assert frozenset(f"leg{k}_{kind}" for k in (1, 2, 3)) in ties
+    declared = [m for m in moves[2] if m.declared]
+    assert len(declared) == 3
+
+
+def test_friction_and_actuators_are_never_tied(moves):
+    tied = {c for m in moves[2] if m.kind is Kind.TIE for s in m.tie for c in s}
+    assert not any(c.startswith("slider") for c in tied)
+
+
+def test_serial_robots_have_no_equal_bodies():
+    assert find_equal_bodies(Robot.load("six-dof-arm")) == []
+    assert find_equal_bodies(Robot.load("two-link")) == []
+
+
+def test_the_platform_is_attached_at_three_points(moves):
+    platform = attachments(moves[0])[moves[0].bodies.index("platform")]
+    assert [a.kind for a in platform] == ["point"] * 3
+
+
+def test_a_mirror_leaves_what_its_body_may_have():
+    rows = Mirror(np.array([0.0, 0, 1]), 0.0).constraints()
+    body = np.array([3.0, 0.1, 0, 2, 0, 4, 0.5, 0.7, 0, 1])  # no Ixz, Iyz, mz
+    np.testing.assert_allclose(rows @ body, 0, atol=1e-12)
+    body[8] = 0.1
+    assert np.abs(rows @ body).max() > 0.1
+
+
+def test_a_slide_goes_one_way_and_a_hinge_both():
+    along = np.array([0.0, 1, 0])
+    plane = Mirror(along, 0.0)
+    for kind, same in (("hinge", True), ("slide", False)):
+        part = Attachment(kind, np.zeros(3), along)
+        assert part.reflected(plane).equals(part) is same
+
+
+def test_a_hinge_does_not_say_where_along_it_the_mirror_is():
+    hinge = Attachment("hinge", np.zeros(3), np.array([0.0, 0, 1]))
+    normals = [m.normal for m in find_mirrors([hinge])]
+    assert not any(abs(n[2]) > 0.5 for n in normals)
+
+
+def test_names_of_equal_columns():
+    assert common_name(["a.Fc+", "a.Fc-"]) == "a.Fc"
+    assert common_name(["leg1_lower.my", "leg2_lower.my"]) == "leg*_lower.my"
+    ties = Partition(("a1.m", "a2.m", "a*.m"), np.array([0, 0, 2])).ties()
+    assert ties == {"a1.m = a2.m": ["a1.m", "a2.m"]}

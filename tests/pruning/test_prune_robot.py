@@ -1,0 +1,199 @@
+"""From robot and log to the model worth using, no truth, no simulation."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import Log, Robot, analyze
+from identifiability.errors import ModelError
+from identifiability.pruning import prune
+from identifiability.simulation import Noise
+from identifiability.verdict import Class
+
+SLIDERS = {f"slider{k}.{kind}" for k in (1, 2, 3) for kind in ("Fv", "Fc", "Jr")}
+MODEL_4 = SLIDERS | {"platform.mx", "leg2_upper.m", "leg3_upper.m"}
+
+
+def test_the_3rps_ends_at_the_papers_smallest_model_without_knowing_it(pruned):
+    assert set(pruned.chosen.columns) == MODEL_4
+    assert pruned.feasible
+    assert all(v.verdict is Class.IDENTIFIABLE for v in pruned.verdicts)
+
+
+@pytest.mark.parametrize(("trajectory", "seed"), [("571", 3), ("595", 4), ("601", 5)])
+def test_other_logs_give_nine_friction_and_actuator_parameters_and_few_others(
+    simulated, trajectory, seed
+):
+    out = prune("3-rps", simulated("3-rps", trajectory, seed), replicates=0)
+    chosen = set(out.chosen.columns)
+    assert chosen >= SLIDERS
+    assert 2 <= len(chosen - SLIDERS) <= 6
+    assert out.chosen.feasible
+
+
+def test_the_pruned_model_predicts_a_new_trajectory_no_worse_than_the_unpruned(pruned):
+    assert pruned.chosen.error_ra_validation <= pruned.full.error_ra_validation
+    assert pruned.chosen.error_ra_unseen < pruned.full.error_ra_unseen
+
+
+def test_every_rung_below_the_first_has_a_move_a_reason_and_fewer_parameters(pruned):
+    sizes = [len(r) for r in pruned.rungs]
+    assert sizes[0] == 37
+    assert sizes[-1] == 0
+    assert all(a > b for a, b in pairwise(sizes))
+    for rung in pruned.rungs[1:]:
+        assert rung.step.move is not None
+        assert rung.reason.endswith(".")
+    fitted = [r.error_ra for r in pruned.rungs]
+    assert fitted[-1] > 0.9  # nothing predicts nothing
+
+
+def test_the_pruning_is_stable_and_says_so(pruned):
+    assert pruned.stability.replicates == 200
+    assert pruned.stability.same > 0.8
+    frame = pruned.stability_frame().set_index("name")
+    assert frame.loc["slider1.Fv", "survives"] == 1.0
+    assert frame.loc["leg1_lower.mx", "survives"] < 0.05
+    assert "% lead to exactly this model" in pruned.stability.statement
+
+
+def test_bias_is_not_hidden(pruned):
+    frame = pruned.absorption.to_frame().set_index("removed")
+    assert len(frame) == 25  # 22 zeroed columns and three differences of Coulomb levels
+    # A constant offset looks like gravity: the difference of the levels goes there.
+    row = frame.loc["slider1.Fc- − slider1.Fc+"]
+    assert row["absorbed_share"] > 0.98
+    assert "platform.mx" in row["absorbed_by"]
+
+
+def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_path):
+    path = pruned.write_model(tmp_path / "pruned.toml")
+    again = analyze("3-rps", simulated("3-rps", "601", 0), ladder=path, replicates=20)
+    model = again.models[1]
+    assert set(model.rung.columns) == set(pruned.chosen.columns)
+    np.testing.assert_allclose(
+        model.estimate.value, pruned.result.estimate.value, rtol=1e-6
+    )  # fmt: skip
+
+
+def test_json_and_report_hold_the_ladder(pruned, tmp_path):
+    content = json.loads(pruned.to_json(tmp_path / "p.json").read_text())
+    assert content["schema"].startswith("identifiability/pruning/")
+    assert content["selected"] == pruned.chosen.name
+    assert len(content["models"]) == len(pruned.rungs)
+    assert len(content["full_parameters"]) == 37
+    page = pruned.write_report(tmp_path / "p.html").read_text()
+    for words in ("12 are worth using", "What survives", "What the survivors took over"):
+        assert words in page
+    assert "<table" in pruned._repr_html_()
+    assert pruned.to_frame()["name"].tolist() == list(pruned.chosen.columns)
+
+
+def test_the_user_can_keep_and_drop_parameters(simulated):
+    log = simulated("3-rps", "601", 0)
+    out = prune("3-rps", log, forbid=["platform.mz"], force=["slider1.Jr"], replicates=0)
+    assert "platform.mz" in out.chosen.columns
+    assert "slider1.Jr" not in out.chosen.columns
+    with pytest.raises(ModelError, match=r"did you mean 'platform\.mz'"):
+        prune("3-rps", log, forbid=["platform.mzz"])
+    with pytest.raises(ModelError, match="to be kept and to be dropped"):
+        prune("3-rps", log, forbid=["platform.mz"], force=["platform.mz"])
+
+
+def test_pruning_starts_from_the_users_own_ladder(simulated, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        '[[models]]\nname = "mine"\neffects = ["rigid_body", "viscous_friction", '
+        '"coulomb_friction"]\nzero = ["platform.mz"]\n'
+    )
+    log = simulated("3-rps", "601", 0)
+    out = prune("3-rps", log, ladder=path, replicates=0)
+    assert len(out.full) == 30
+    assert "platform.mz" not in out.full.columns
+    again = analyze("3-rps", log, ladder=out.write_model(tmp_path / "p.toml"), replicates=0)
+    assert set(again.models[1].rung.columns) == set(out.chosen.columns)
+
+
+def test_several_logs_are_left_out_one_at_a_time(simulated):
+    logs = [simulated("3-rps", t, k) for k, t in enumerate(("571", "595", "601"))]
+    out = prune("3-rps", logs, replicates=10)
+    assert set(out.chosen.columns) == MODEL_4
+    assert out.chosen.error_ra_unseen < 0.05
+
+
+@pytest.mark.parametrize("name", ["five-bar", "two-link", "six-dof-arm"])
+def test_other_robots_prune_without_special_cases(simulated, name):
+    out = prune(name, simulated(name, "a", 0, Noise(torque=0.02)), replicates=5)
+    assert len(out.chosen) < len(out.full)
+    assert out.chosen.error_ra_unseen < 1.05 * out.full.error_ra_unseen
+    assert out.chosen.feasible
+
+
+def test_when_everything_is_identifiable_nothing_is_pruned(simulated, tmp_path):
+    """Two-link arm, the eight parameters that act, next to no noise."""
+    robot = Robot.load("two-link")
+    log = simulated("two-link", "a", 0, Noise(torque=0.002))
+    first = prune(robot, log, replicates=0)
+    path = first.write_model(tmp_path / "first.toml")
+    text = path.read_text().split("[[models]]")
+    model = text[2].replace("description", f"effects = {list(first.effects)}\ndescription", 1)
+    path.write_text("[[models]]" + model)
+    again = prune(robot, log, ladder=path, replicates=20)
+    assert len(again.chosen) == len(again.full) == len(first.chosen)
+    assert "Nothing was pruned" in again.statement
+    assert again.absorption.removed == ()
+
+
+def test_a_robot_that_never_moves_keeps_at_most_what_gravity_shows(rps):
+    n, rng = 80, np.random.default_rng(0)
+    frame = {"t": np.arange(n) * 0.01}
+    for j in rps.joints:
+        frame |= {f"{j}.q": np.full(n, 0.7), f"{j}.dq": np.zeros(n), f"{j}.ddq": np.zeros(n)}
+        frame[f"{j}.tau"] = 54 + rng.normal(size=n)
+    out = prune(rps, Log.from_frame(pd.DataFrame(frame)), replicates=10)
+    assert out.rungs[1].step.move.kind.value == "not excited"
+    assert "never makes" in out.rungs[1].reason
+    assert len(out.chosen) <= 3
+    assert not any(c.startswith("slider") for c in out.chosen.columns)
+
+
+def test_a_joint_that_never_moves_loses_its_friction_and_inertia(simulated):
+    log = simulated("six-dof-arm", "a", 0, Noise(torque=0.02))
+    frame = log.to_frame()
+    for column in ("joint_6.q", "joint_6.dq", "joint_6.ddq"):
+        frame[column] = 0.0
+    frame["joint_6.tau"] = np.random.default_rng(0).normal(scale=0.1, size=len(frame))
+    out = prune("six-dof-arm", frame, replicates=0)
+    gone = set(out.rungs[1].step.move.zero)
+    assert {"joint_6.Fv", "joint_6.Fc+", "joint_6.Fc-"} <= gone
+    assert "joint_1.Fv" in out.chosen.columns
+
+
+def test_the_same_inputs_give_the_same_result(simulated):
+    log = simulated("two-link", "a", 0, Noise(torque=0.02))
+    a, b = (prune("two-link", log, replicates=10).to_dict() for _ in range(2))
+    assert json.dumps(a) == json.dumps(b)
+
+
+def test_the_command_line_prunes_and_writes(simulated, tmp_path):
+    import typer
+
+    from identifiability.cli.prune import prune as command
+
+    simulated("two-link", "a", 0, Noise(torque=0.02)).write(tmp_path / "run.csv")
+    app = typer.Typer()
+    app.command()(command)
+    model, data = tmp_path / "m.toml", tmp_path / "p.json"
+    outputs = ["--model", str(model), "--json", str(data), "--report", str(tmp_path / "p.html")]
+    run = ["two-link", str(tmp_path / "run.csv"), "--quick", *outputs]
+    out = CliRunner().invoke(app, run)
+    assert out.exit_code == 0, out.output
+    assert "worth using" in out.output
+    assert model.is_file()
+    assert json.loads(data.read_text())["selected"].endswith("parameters")
+    bad = CliRunner().invoke(app, ["two-link", str(tmp_path / "none.csv")])
+    assert bad.exit_code == 2
