@@ -22,16 +22,15 @@ from identifiability.report.tables import Cell, Column, Table
 from identifiability.verdict import Class
 
 MOVES = (
-    Column("parameters", "number"),
     Column("move", hint="What was zeroed or made equal, and why."),
+    Column("size", "number", "Number of parameters that are left."),
     Column("p", "number", "Of the denied difference, by the scatter between folds."),
     Column("identifiable", "number"),
     Column("fitted", "number", "ε_RA on the logs it was fitted to."),
     Column("unseen", "number", "ε_RA on stretches or logs that the fits have not seen."),
     Column("± SE", "error", "Standard error of the difference to the rung to use."),
     Column("squares", "number", "What the rung is chosen by, relative to the unpruned model."),
-    Column("condition", "number", "Condition number of the column-scaled regressor."),
-    Column("worst σ%", "number", "Largest σ of a parameter that allows for autocorrelation."),
+    Column("worst σ%", "number", "Largest robust σ of a parameter; below it the condition number."),
     Column("signs", "badge", "Whether no parameter has a sign that physics forbids."),
 )
 
@@ -178,8 +177,8 @@ def _move_row(rung: PrunedRung) -> tuple[Cell, ...]:
     title = f"{move.kind.value}: {move.text}" if move is not None else rung.name
     wrong = ", ".join(rung.infeasible[:4]) + (" …" if len(rung.infeasible) > 4 else "")
     return (
-        Cell(str(len(rung)), len(rung)),
         Cell(title, note=rung.reason),
+        Cell(str(len(rung)), len(rung)),
         Cell(format_number(p, 2), p),
         Cell(str(rung.identifiable), rung.identifiable),
         Cell(error_text(rung.error_ra), rung.error_ra),
@@ -187,8 +186,11 @@ def _move_row(rung: PrunedRung) -> tuple[Cell, ...]:
         Cell(f"± {format_number(100 * rung.error_se, 2)} %" if rung.error_se > 0 else "—",
              rung.error_se),
         Cell(format_number(rung.error_squares, 3), rung.error_squares),
-        Cell(format_number(rung.estimate.condition, 3), rung.estimate.condition),
-        Cell(percent_text(rung.worst_sigma_percent), rung.worst_sigma_percent),
+        Cell(
+            percent_text(rung.worst_sigma_percent),
+            rung.worst_sigma_percent,
+            f"condition {format_number(rung.estimate.condition, 3)}",
+        ),
         Cell("possible" if rung.feasible else "impossible", None, wrong,
              "pass" if rung.feasible else "differs"),
     )  # fmt: skip
