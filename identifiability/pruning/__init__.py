@@ -2,7 +2,7 @@
 
 What to use when:
 
-- `prune.prune` does it all, from robot and logs to a `result.Ladder`;
+- `workflow.prune` does it all, from robot and logs to a `result.Ladder`;
 - `search.find_path` walks the path of any linear regression from its `Information`;
 - `proposals.propose_moves` says what the robot's joints suggest about the shape of its bodies.
 
@@ -12,8 +12,8 @@ The method, in the order of the files: what a move is (`moves`), held-out errors
 `absorption`).
 """
 
-from identifiability.pruning.prune import prune
 from identifiability.pruning.result import Ladder
 from identifiability.pruning.rung import PrunedRung
+from identifiability.pruning.workflow import prune
 
 __all__ = ["Ladder", "PrunedRung", "prune"]

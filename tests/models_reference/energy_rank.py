@@ -1,8 +1,9 @@
 """Count the rigid-body base parameters of a robot from its energy.
 
 The total energy of a robot is linear in the ten inertial parameters of every body,
-``H(q, dq) = h(q, dq) · φ``, and what H cannot tell apart, no torque can: the number of base parameters
-is the rank of the rows ``h(q, dq) − h(q0, 0)`` over states that satisfy the closures [Gautier-Khalil 1990].
+``H(q, dq) = h(q, dq) · φ``, and what H cannot tell apart, no torque can: the number of base
+parameters is the rank of the rows ``h(q, dq) − h(q0, 0)`` over states that satisfy the closures
+[Gautier-Khalil 1990].
 This is a reference for tests: it uses MuJoCo's poses and velocities, and no inverse dynamics.
 
 Each body has, in its own frame and about its own origin,
@@ -54,10 +55,12 @@ def singular_values(rows: FloatArray) -> FloatArray:
 
 
 def energy_rows(path: str | Path, samples: int, rng: np.random.Generator) -> FloatArray:
-    """Rows ``h(q, dq) − h(home, 0)`` at random states : (samples, 10 · bodies) [J per unit of φ]."""
+    """Rows ``h(q, dq) − h(home, 0)`` at random states, (samples, 10 · bodies) [J per unit]."""
     model = mujoco.MjModel.from_xml_path(str(path))
     if model.nq != model.nv:
-        raise ValueError(f"{path}: energy_rank reads hinges and slides only; found a ball or a free joint.")
+        raise ValueError(
+            f"{path}: energy_rank reads hinges and slides only; found a ball or a free joint."
+        )
     data = mujoco.MjData(model)
     home = model.key_qpos[0].copy() if model.nkey else np.zeros(model.nq)
     reference = energy_row(model, data, home, np.zeros(model.nv))
@@ -71,7 +74,9 @@ def energy_rows(path: str | Path, samples: int, rng: np.random.Generator) -> Flo
     raise ValueError(f"{path}: only {len(rows)} of {10 * samples} random states could be closed.")
 
 
-def energy_row(model: mujoco.MjModel, data: mujoco.MjData, q: FloatArray, dq: FloatArray) -> FloatArray:
+def energy_row(
+    model: mujoco.MjModel, data: mujoco.MjData, q: FloatArray, dq: FloatArray
+) -> FloatArray:
     """Kinetic plus potential energy per unit of each inertial parameter : (10 · bodies,)."""
     data.qpos[:], data.qvel[:] = q, dq
     mujoco.mj_fwdPosition(model, data)
@@ -90,7 +95,9 @@ def energy_row(model: mujoco.MjModel, data: mujoco.MjData, q: FloatArray, dq: Fl
     return np.concatenate(row)
 
 
-def random_position(model: mujoco.MjModel, home: FloatArray, rng: np.random.Generator) -> FloatArray:
+def random_position(
+    model: mujoco.MjModel, home: FloatArray, rng: np.random.Generator
+) -> FloatArray:
     """Draw a position inside the joint ranges, or near home where the file gives none : (nq,)."""
     limited = model.jnt_limited.astype(bool)
     low = np.where(limited, model.jnt_range[:, 0], home - SPREAD)
@@ -98,7 +105,9 @@ def random_position(model: mujoco.MjModel, home: FloatArray, rng: np.random.Gene
     return rng.uniform(low, high)
 
 
-def random_velocity(model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator) -> FloatArray:
+def random_velocity(
+    model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator
+) -> FloatArray:
     """Draw a velocity that keeps the loops closed at the position held in `data` : (nv,)."""
     dq = SPEED * rng.standard_normal(model.nv)
     _, jacobian = closures(model, data)
@@ -119,7 +128,7 @@ def close_loops(model: mujoco.MjModel, data: mujoco.MjData, q: FloatArray) -> Fl
 
 
 def closures(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
-    """Distance of each pair of connected sites and its Jacobian : (3 · loops,) [m], (3 · loops, nv)."""
+    """Distances of connected sites and their Jacobian : (3 · loops,) [m], (3 · loops, nv)."""
     residuals, jacobians = [np.zeros(0)], [np.zeros((0, model.nv))]
     for site1, site2 in zip(model.eq_obj1id, model.eq_obj2id, strict=True):
         first, second = np.zeros((3, model.nv)), np.zeros((3, model.nv))
