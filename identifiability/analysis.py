@@ -253,6 +253,7 @@ def analyze(
     method: Method = "wls",
     replicates: int = 2000,
     posterior: bool = False,
+    cad_weight: float = 0.0,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Analysis:
@@ -275,6 +276,9 @@ def analyze(
         Refits of the block bootstrap.
     posterior : bool
         Also sample the posteriors of the selected model; takes some seconds.
+    cad_weight : float
+        Weight of a log-det prior around the bodies of the robot file when the nearest real robot
+        is sought [σ²]; 0 for none.
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
@@ -306,7 +310,7 @@ def analyze(
         regression = Regression(robot, model, train, base.kept)
         information = gather_information(regression)
         say("fitting models", 0.6)
-        fits, physical, values = _fit(robot, base, rungs, information, method)
+        fits, physical, values = _fit(robot, base, rungs, information, method, cad_weight)
         fitted = predict(regression, values)
         if held:
             out = predict(Regression(robot, model, held, base.kept), values)
@@ -392,13 +396,14 @@ def _fit(
     rungs: Sequence[Rung],
     information: Information,
     method: Method,
+    cad_weight: float = 0.0,
 ) -> tuple[list[Estimate], list[PhysicalResult], Array]:
     """Return the estimates, the nearest real robots, and the base parameters of both, (b, 2 m)."""
     fits, physical = [], []
     for rung in rungs:
         reduced = rung.reduce(information)
         fits.append(estimate(reduced, method))
-        physical.append(assess_feasibility(robot, base, rung, reduced, fits[-1]))
+        physical.append(assess_feasibility(robot, base, rung, reduced, fits[-1], cad_weight))
     values = [r.expand(e.value) for r, e in zip(rungs, fits, strict=True)]
     values += [r.expand(p.value) for r, p in zip(rungs, physical, strict=True)]
     return fits, physical, np.stack(values, 1)

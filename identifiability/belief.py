@@ -20,6 +20,7 @@ from identifiability.estimation import Estimate
 from identifiability.feasibility import (
     PhysicalResult,
     body_index,
+    check_nominal,
     full_problem,
     nominal_vector,
 )
@@ -216,7 +217,10 @@ def state_prior(
     ------
     RobotError
         If the sidecar states a prior for a parameter that is not there, or one that is impossible.
+    IdentifiabilityError
+        If the robot file states a body that cannot exist, with its name.
     """
+    check_nominal(robot)
     nominal = nominal_vector(robot, base)
     data = full_problem(information, estimate, rung, base.G)
     reach = np.linalg.norm(data.R, axis=0)

@@ -16,6 +16,7 @@ from identifiability.grouping import BaseParameters
 from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.names import Array
+from identifiability.physical.cad_prior import CadPrior, nominal_cones
 from identifiability.physical.certify import Certificate, certify
 from identifiability.physical.feasible_set import PhysicalSet, scale_from
 from identifiability.physical.least_squares import LeastSquares
@@ -148,12 +149,26 @@ def full_problem(
     return LeastSquares(R[:m, :m] @ to_x, R[:m, m], rss, max(float(estimate.dof), 1.0))
 
 
+def _cad_prior(robot: Robot, region: PhysicalSet, nominal: Array, weight: float) -> CadPrior | None:
+    """Return the prior of the robot file, whose bodies must be possible and have volume."""
+    if not weight:
+        return None
+    check_nominal(robot)
+    prior = CadPrior(nominal, weight)
+    try:
+        nominal_cones(region, prior)
+    except ValueError as error:
+        raise IdentifiabilityError(f"{robot.path}: {error}") from None
+    return prior
+
+
 def assess_feasibility(
     robot: Robot,
     base: BaseParameters,
     rung: Rung,
     information: Information,
     estimate: Estimate,
+    cad_weight: float = 0.0,
 ) -> PhysicalResult:
     """Say whether a real robot has the estimated parameters, and find the nearest that has.
 
@@ -166,6 +181,13 @@ def assess_feasibility(
     information : Information
         About the rung's columns.
     estimate : Estimate
+    cad_weight : float
+        Weight of a log-det prior around the bodies of the robot file, in σ² of the residual.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the robot file states a body that cannot be a prior, with its name.
     """
     region = physical_set(robot, base)
     nominal = nominal_vector(robot, base)
@@ -181,7 +203,8 @@ def assess_feasibility(
     except ValueError as error:
         sentence = f"Whether a real robot has these values was not decided: {error}"
     try:
-        nearest = build_projection(region, reference=nominal).solve(data)
+        prior = _cad_prior(robot, region, nominal, cad_weight)
+        nearest = build_projection(region, reference=nominal, prior=prior).solve(data)
         value = to_x @ nearest.phi
         if not nearest.accurate:
             sentence += f" The nearest real robot is within {nearest.gap:.2g} σ² of the optimum."

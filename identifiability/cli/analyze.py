@@ -60,6 +60,9 @@ def analyze(
     posterior: Annotated[
         bool, typer.Option(help="Sample the posteriors of the selected model (some seconds).")
     ] = True,
+    cad_prior: Annotated[
+        float, typer.Option(min=0, help="Weight of a log-det prior around the robot file's bodies.")
+    ] = 0.0,
     seed: Seed = 0,
     quick: Annotated[bool, typer.Option(help="A tenth of the random draws, no posterior.")] = False,
 ) -> None:
@@ -81,6 +84,7 @@ def analyze(
             load_robot(robot, sidecar), logs, validate or (), ladder, preparation=how,
             method=method.value,
             replicates=200 if quick else 2000, posterior=posterior and not quick,
+            cad_weight=cad_prior,
             seed=seed, progress=say,
         )  # fmt: skip
         written = write_results(result, report, json, say)
