@@ -3,7 +3,7 @@
 What to use when:
 
 - `analyze` does the main job: robot and logs in, verdicts, models and a report out;
-- `prune` finds the reduced model that is worth using;
+- `prune` finds the reduced model that is worth using, `diagnose` what a model misses;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
 - every stage in between (`prepare_samples`, `find_base_parameters`, `gather_information`,
   `estimate`, …) can be called by itself.
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from identifiability.analysis import Analysis, analyze
+    from identifiability.diagnosis import Diagnosis, diagnose
     from identifiability.errors import IdentifiabilityError
     from identifiability.estimation import Estimate, estimate
     from identifiability.grouping import BaseParameters, find_base_parameters
@@ -35,6 +36,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Analysis": "analysis",
     "BaseParameters": "grouping",
+    "Diagnosis": "diagnosis",
     "Estimate": "estimation",
     "IdentifiabilityError": "errors",
     "Information": "information",
@@ -50,6 +52,7 @@ _HOMES = {
     "Trajectory": "simulation",
     "Verdict": "verdict",
     "analyze": "analysis",
+    "diagnose": "diagnosis",
     "estimate": "estimation",
     "find_base_parameters": "grouping",
     "gather_information": "information",
@@ -61,6 +64,7 @@ _HOMES = {
 __all__ = [
     "Analysis",
     "BaseParameters",
+    "Diagnosis",
     "Estimate",
     "IdentifiabilityError",
     "Information",
@@ -77,6 +81,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "analyze",
+    "diagnose",
     "estimate",
     "find_base_parameters",
     "gather_information",

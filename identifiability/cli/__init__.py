@@ -11,6 +11,7 @@ import typer
 from identifiability.cli.analyze import analyze
 from identifiability.cli.calibrate import calibrate
 from identifiability.cli.demo import demo
+from identifiability.cli.diagnose import diagnose
 from identifiability.cli.export import export
 from identifiability.cli.paper import paper
 from identifiability.cli.prune import prune
@@ -24,7 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, analyze, prune, simulate, export, calibrate, paper):
+for command in (demo, analyze, prune, diagnose, simulate, export, calibrate, paper):
     app.command()(command)
 
 

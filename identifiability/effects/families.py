@@ -42,6 +42,11 @@ def _ripple_periods(span: Span) -> tuple[float, ...]:
     return tuple(span.position_range / k for k in RIPPLES)
 
 
+def inner_bodies(robot: Robot) -> tuple[str, ...]:
+    """Return the bodies that carry others: a wrong last one is a payload."""
+    return tuple(b for b in robot.bodies if b not in last_bodies(robot))
+
+
 def _passive(robot: Robot) -> tuple[str, ...]:
     return tuple(a.name for a in robot.passive_axes)
 
@@ -156,12 +161,12 @@ for _family in (
         lambda robot: (BASE,), refuse=_needs_gravity,
     ),
     Family(
-        "payload", "a payload", lambda shape, joint: _plain("payload"), last_bodies,
-        fixed_only=True,
+        "payload", "a payload (or wrong masses of the last body)",
+        lambda shape, joint: _plain("payload"), last_bodies, fixed_only=True,
     ),
     Family(
         "rigid_body", "wrong masses", lambda shape, joint: _plain("rigid_body"),
-        lambda robot: tuple(robot.bodies), fixed_only=True,
+        inner_bodies, fixed_only=True,
     ),
 ):  # fmt: skip
     register_family(_family)

@@ -11,12 +11,8 @@ import numpy as np
 from identifiability.effects.effect import Effect
 from identifiability.effects.nominal import gravity_torque, gravity_vector
 from identifiability.effects.rigid_body import RigidBody
-from identifiability.names import Array, Parameter
+from identifiability.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Motion, Robot
-
-#: What a payload adds to its body: mass and first moments; its own inertia is left to the body.
-_PARTS = {"m": ("payload_m", "kg"), "mx": ("payload_mx", "kg·m"), "my": ("payload_my", "kg·m"),
-          "mz": ("payload_mz", "kg·m")}  # fmt: skip
 
 #: Where a tilt is: at no joint.
 BASE = "base"
@@ -29,29 +25,31 @@ def last_bodies(robot: Robot) -> tuple[str, ...]:
 
 
 class Payload(Effect):
-    """``τ = K_body [m mx my mz]``: a load fixed to a last body of the robot.
+    """``τ = K_body [m mx my mz Ixx …]``: a load fixed to a last body of the robot.
 
     Source: [Khalil 2007, Eq. 6]. In a refit it is the same as that body's own mass and moments.
     """
 
     name = "payload"
-    equation = "τ = K_body [m mx my mz]ᵀ"
+    equation = "τ = K_body [m mx my mz Ixx Ixy Iyy Ixz Iyz Izz]ᵀ"
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return mass and first moments of the payload on every last body."""
+        """Return the ten inertial parameters of the payload on every last body."""
         return tuple(
-            Parameter(body, kind, unit, self.name, robot.body_symbols[body])
+            Parameter(
+                body, f"payload_{kind}", inertial_unit(kind), self.name, robot.body_symbols[body]
+            )
             for body in last_bodies(robot)
-            for kind, unit in _PARTS.values()
+            for kind in INERTIAL_KINDS
         )
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write the rigid-body columns of mass and first moments."""
+        """Write the rigid-body columns of the last bodies."""
         rigid = RigidBody()
         names = [p.name for p in rigid.parameters(robot)]
         W = np.zeros((len(motion), out.shape[1], len(names)))
         rigid.fill(robot, motion, W)
-        wanted = [names.index(f"{b}.{kind}") for b in last_bodies(robot) for kind in _PARTS]
+        wanted = [names.index(f"{b}.{kind}") for b in last_bodies(robot) for kind in INERTIAL_KINDS]
         out[:] = W[:, :, wanted]
 
 

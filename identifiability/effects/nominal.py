@@ -21,7 +21,7 @@ def rigid_torque(robot: Robot, motion: Motion) -> Array:
     """Return the rigid-body torque of the actuated joints by the file's masses, (N, n)."""
     model, data = robot.model, robot.model.createData()
     tree = [
-        pin.rnea(model, data, q, v, a).copy()
+        pin.rnea(model, data, q, v, a) - model.armature * a  # rotors are no load
         for q, v, a in zip(motion.q, motion.v, motion.a, strict=True)
     ]
     return project(robot, motion, np.array(tree).reshape(len(motion), robot.nv))

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.diagnosis.result import Curve, Diagnosis
+from identifiability.diagnosis.named_effect import Curve
+from identifiability.diagnosis.result import Diagnosis
 from identifiability.effects import FAMILIES, find_effect
 from identifiability.output import write_text
 from identifiability.report.blocks import (
@@ -222,7 +223,8 @@ def _section_evidence(d: Diagnosis) -> Section:
     )  # fmt: skip
     rows = tuple(
         (
-            Cell(str(k + 1)), Cell(" in ".join(s.best)), Cell(format_number(s.p_value, 2), s.p_value),
+            Cell(str(k + 1)), Cell(" in ".join(s.best)),
+            Cell(format_number(s.p_value, 2), s.p_value),
             Cell(f"{_percent(-s.gain, 2)}" if np.isfinite(s.gain) else "—", s.gain), Cell(s.reason),
         )
         for k, s in enumerate(d.steps)
@@ -237,8 +239,8 @@ def _section_aliases(d: Diagnosis) -> Section:
         Column("effect"), Column("where"), Column("visible", "number"), Column("hidden behind")
     )  # fmt: skip
     rows = tuple(
-        (Cell(a.family.replace("_", " ")), Cell(a.place), Cell(_percent(a.remaining, 2), a.remaining),
-         Cell(", ".join(a.behind)))
+        (Cell(a.family.replace("_", " ")), Cell(a.place),
+         Cell(_percent(a.remaining, 2), a.remaining), Cell(", ".join(a.behind)))
         for a in sorted(d.aliases, key=lambda a: a.remaining)
         if a.structural
     )  # fmt: skip

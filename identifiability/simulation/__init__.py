@@ -1,8 +1,8 @@
 """The simulated robot: the road to torque that knows nothing of the regressor.
 
-What to use when: `simulate` makes a log along a `Trajectory`; `Campaign` makes many logs of
-the same motions, with one size of every hidden effect in all of them; `MujocoRobot` gives bare rigid-body
-torques.
+What to use when: `simulate` makes a log along a `Trajectory`; `Campaign` makes many logs of the
+same motions, with one size of every hidden effect in all of them; `MujocoRobot` gives bare
+rigid-body torques.
 """
 
 from identifiability.simulation.campaign import Campaign

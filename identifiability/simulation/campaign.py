@@ -56,10 +56,8 @@ class Campaign:
         for m in moves:
             times.append(m.t - m.t[0] + start)
             start = times[-1][-1] + PAUSE
-        whole = PrescribedMotion(
-            np.concatenate(times), *(np.concatenate([getattr(m, k) for m in moves])
-                                     for k in ("q", "dq", "ddq")),
-        )  # fmt: skip
+        q, dq, ddq = (np.concatenate([getattr(m, k) for m in moves]) for k in ("q", "dq", "ddq"))
+        whole = PrescribedMotion(np.concatenate(times), q, dq, ddq)
         rigid = MujocoRobot(robot).inverse_dynamics(whole.q, whole.dq, whole.ddq)
         values = {**robot.nominal, **(parameters or {})}
         tau = rigid.tau + joint_torque(robot, whole, rigid, values)
@@ -105,7 +103,9 @@ class Campaign:
             q = noise.on_encoder(noise.on_motion(self.move.q[rows], rng))
             dq, ddq = (noise.on_motion(x[rows], rng) for x in (self.move.dq, self.move.ddq))
             t = self.move.t[rows] - self.move.t[rows][0]
-            rates = (dq, ddq) if derivatives else (None, None)
-            log = Log(f"motion {k + 1}", self.robot.joints, t, q, tau, *rates, "")
+            log = Log(
+                f"motion {k + 1}", self.robot.joints, t, q, tau, dq if derivatives else None,
+                ddq if derivatives else None, "",
+            )  # fmt: skip
             out.append(Log.from_frame(log.to_frame(), log.name))
         return out

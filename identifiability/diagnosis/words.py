@@ -1,0 +1,127 @@
+"""A diagnosis in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from identifiability.diagnosis.named_effect import NamedEffect
+    from identifiability.diagnosis.result import Diagnosis
+
+#: Similarity from which on a name is said to be hard to tell from another.
+NOTEWORTHY = 0.6
+#: Share of the residual from which on its dependence on something is said.
+VISIBLE = 0.05
+
+
+def join(names: Sequence[str]) -> str:
+    """Return ``a, b and c``."""
+    names = list(names)
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def state(d: Diagnosis) -> str:
+    """Return the answer in plain words."""
+    start = "the robot file's own values" if d.fixed else "the refitted model"
+    if not d.effects:
+        return (
+            f"No effect can be named: {start} predict{'' if d.fixed else 's'} unseen motion with "
+            f"an error of {_percent(d.held_before)}. {d.unexplained}"
+        )
+    named = ". ".join(_state_effect(e) for e in d.effects)
+    low, high = d.interval
+    verb = "falls" if d.held_after < d.held_before else "goes"
+    change = (
+        f"{d.held_kind[0].upper()}{d.held_kind[1:]} the error {verb} from "
+        f"{_percent(d.held_before)} to {_percent(d.held_after)} (95 %: {_points(low)} … "
+        f"{_points(high)} points)."
+    )
+    return " ".join([f"{named}.", change, *_caveats(d), d.unexplained])
+
+
+def _state_effect(e: NamedEffect) -> str:
+    title = e.names[0].upper() + e.names[1:]
+    where = "" if e.joints == ("base",) else f" in {join(e.joints)}"
+    return f"{title}{where} (p = {e.p_value:.2g}, family-wise)"
+
+
+def _caveats(d: Diagnosis) -> list[str]:
+    out = []
+    for e in d.effects:
+        close = [(n, s) for n, s in e.similar.items() if s > NOTEWORTHY and n not in e.alternatives]
+        if e.alternatives:
+            out.append(
+                f"This motion cannot tell {e.names} apart (similarity "
+                f"{max(e.similar[a] for a in e.alternatives):.2f}): {advice(e)}."
+            )
+        elif close:
+            name, similarity = close[0]
+            text = name.replace("_", " ")
+            out.append(f"{e.title[0].upper() + e.title[1:]} resembles {text} in this motion "
+                       f"(similarity {similarity:.2f}); the data prefer the former.")  # fmt: skip
+        fragile = list(dict.fromkeys(x for p in e.placements for x in p.fragile))
+        if fragile:
+            out.append(
+                f"{e.title[0].upper() + e.title[1:]} does not survive every change of the "
+                f"motion's preparation ({join(fragile)}): treat it with caution."
+            )
+    return out
+
+
+def advice(e: NamedEffect) -> str:
+    """Return the motion that would tell an effect from its alternatives."""
+    both = {e.name, *e.alternatives}
+    if both & {"stribeck_friction", "quadratic_friction", "viscous_friction"}:
+        return "run slow and fast passes through the same positions to separate them"
+    if both == {"torque_offset", "coulomb_asymmetry"}:
+        return "rest the joints, or move one joint while another stands still, to separate them"
+    if both & {"joint_stiffness", "gravity_tilt", "position_ripple"}:
+        return "move through the whole range of each joint with the others in other postures"
+    return "run other speeds, postures and loads in turn to separate them"
+
+
+def state_remainder(d: Diagnosis) -> str:
+    """Return what is left in words."""
+    r = d.remainder
+    parts = []
+    if r.detectable:
+        name, size = min(r.detectable.items(), key=lambda x: x[1])
+        parts.append(
+            f"The smallest nameable effect here is {name.replace('_', ' ')} of "
+            f"{_percent(size, 2)} of what is left"
+        )
+    parts.append(
+        f"at most {_percent(r.smooth_limit, 2)} of the remaining variance is a smooth function of "
+        "position and velocity"
+    )
+    looks = _looks(d)
+    text = "; ".join(parts) + "."
+    return text[0].upper() + text[1:] + (f" What is left looks like {looks}." if looks else "")
+
+
+def _looks(d: Diagnosis) -> str:
+    best, where, joint = 0.0, "", ""
+    for x in d.discrepancies_after:
+        for name, share in x.explained.items():
+            if share > best:
+                best, where, joint = share, name, x.joint
+    if best < VISIBLE:
+        return "noise: it depends on none of velocity, position, acceleration, load or time"
+    kind = {
+        "time": "a drift over time",
+        "log": "a difference between the logs",
+        "load": "something that goes with the load",
+        "velocity": "a function of velocity",
+        "position": "a function of position",
+        "acceleration": "a function of acceleration",
+    }[where]
+    return f"{kind} in {joint} ({_percent(best, 2)} of its variance)"
+
+
+def _percent(x: float, digits: int = 3) -> str:
+    return f"{100 * x:.{digits}g} %"
+
+
+def _points(x: float) -> str:
+    return f"{100 * x:+.2g}".replace("-", "−")

@@ -1,0 +1,136 @@
+"""`diagnose`: find, name, add, verify; each stage can be called by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
+
+from identifiability import signals
+from identifiability.diagnosis.conclude import conclude, stress_named
+from identifiability.diagnosis.material import DRAWS, gather
+from identifiability.diagnosis.naming import name_effects
+from identifiability.diagnosis.result import Diagnosis
+from identifiability.diagnosis.rows import thin
+from identifiability.diagnosis.rules import Rules
+from identifiability.errors import LogError
+from identifiability.log import Log
+from identifiability.model import Model
+from identifiability.robot import Robot
+from identifiability.samples import Preparation, Samples, prepare_samples
+
+#: The model that is diagnosed when none is given.
+BASE_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+LogLike = Log | str | Path | pd.DataFrame
+Progress = Callable[[str, float], None]
+
+
+def diagnose(
+    robot: Robot | str | Path,
+    logs: Sequence[LogLike] | LogLike,
+    validate: Sequence[LogLike] | LogLike = (),
+    *,
+    effects: Iterable[str] | None = None,
+    model: Model | Iterable[str] | None = None,
+    fixed: bool = False,
+    preparation: Preparation | None = None,
+    rules: Rules | None = None,
+    draws: int = DRAWS,
+    seed: int = 0,
+    quick: bool = False,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find where model and data disagree, name what is missing, add it, verify.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+    logs : log, path, DataFrame, or several
+        What the model is fitted to and effects are named from.
+    validate : the same, optional
+        Held out; without them one log (or stretch) is left out at a time.
+    effects : iterable of str, optional
+        Families that may be named; all that are registered by default.
+    model : Model or iterable of str, optional
+        Effects of the model to diagnose; by default rigid body, viscous and symmetric Coulomb
+        friction and actuator inertia.
+    fixed : bool
+        Keep the values of the robot file instead of refitting them; then wrong masses, payloads
+        and gravity are candidates too.
+    preparation : Preparation, optional
+        How derivatives are made.
+    rules : Rules, optional
+        Thresholds.
+    draws : int
+        Simulated noises; the smallest p-value is 1 / (draws + 1).
+    seed : int
+    quick : bool
+        Half the draws and no stress test.
+    progress : callable(str, float), optional
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    say = progress or (lambda what, share: None)
+    rules = rules or Rules()
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
+    with threadpool_limits(1):
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        say("reading logs", 0.0)
+        train_logs, held_logs = read_logs(logs), read_logs(validate)
+        if not train_logs:
+            raise LogError("No log was given; give at least one.")
+        train = [prepare_rows(robot, log, preparation) for log in train_logs]
+        held = [prepare_rows(robot, log, preparation) for log in held_logs]
+        say("building columns", 0.1)
+        material = gather(
+            robot, choose_model(model), train, held, streams[0], effects=effects, fixed=fixed,
+            rules=rules, draws=draws // 2 if quick else draws,
+        )  # fmt: skip
+        say("naming effects", 0.4)
+        naming = name_effects(
+            material.bench, material.candidates, material.held, rules, material.model.names, say
+        )
+        say("changing the preparation", 0.8)
+        stress = None if quick else stress_named(material, naming, train_logs, train, preparation,
+                                            fixed, streams[1])  # fmt: skip
+        say("verifying", 0.9)
+        return conclude(material, naming, stress, train, held, rules, fixed, seed, streams[2])
+
+
+def read_logs(logs: Sequence[LogLike] | LogLike) -> list[Log]:
+    """Return logs from logs, paths or DataFrames."""
+    several = [logs] if isinstance(logs, (Log, str, Path, pd.DataFrame)) else list(logs)
+    out = []
+    for k, item in enumerate(several):
+        if isinstance(item, pd.DataFrame):
+            out.append(Log.from_frame(item, f"log {k + 1}"))
+        else:
+            out.append(item if isinstance(item, Log) else Log.read(item))
+    return out
+
+
+def choose_model(model: Model | Iterable[str] | None) -> Model:
+    """Return the model to diagnose."""
+    if isinstance(model, Model):
+        return model
+    return Model.of(*(BASE_EFFECTS if model is None else model))
+
+
+def prepare_rows(robot: Robot, log: Log, how: Preparation | None) -> Samples:
+    """Return a log ready for a diagnosis: decimated to its band, thinned if it is very long.
+
+    Measured derivatives do not need a filter, but questions need few rows: torque and columns are
+    low-passed alike to ten times the band of the motion.
+    """
+    step = signals.sampling_step(log.t)
+    even = bool(np.all(np.diff(log.t) < 1.5 * step))  # no filter reaches across a gap
+    if how is None and even and log.dq is not None and log.ddq is not None:
+        factor = int(0.5 / (signals.choose_cutoff(log.t, log.q) * step))
+        how = Preparation(decimate=max(factor, 1))
+    return thin(prepare_samples(robot, log, how))

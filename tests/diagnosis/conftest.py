@@ -1,0 +1,61 @@
+"""Simulated logs that the tests of a diagnosis share: four motions to fit, one held out."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from identifiability.diagnosis import Diagnosis, diagnose
+from identifiability.log import Log
+from identifiability.robot import Robot
+from identifiability.simulation import Campaign, Noise, random_trajectory
+
+#: Encoder steps: about 20 bits a turn, or a micrometre.
+ENCODER = {"3-rps": 1e-6, "six-ups": 1e-6}
+
+
+@cache
+def campaign(name: str) -> Campaign:
+    robot = Robot.load(name)
+    rng = np.random.default_rng(99)
+    return Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
+
+
+def make_logs(
+    name: str, *hide: str, seed: int = 0, rho: float = 0.9, motion: float = 0.0
+) -> list[Log]:
+    noise = Noise(
+        motion=motion,
+        additive=0.012,
+        correlation=rho,
+        encoder=0.0 if motion else ENCODER.get(name, 2e-5),
+    )
+    rng = np.random.default_rng(seed)
+    return campaign(name).logs(hide, noise, rng, derivatives=bool(motion))
+
+
+@cache
+def diagnosed(name: str, *hide: str, seed: int = 0, **options) -> Diagnosis:
+    logs = make_logs(name, *hide, seed=seed)
+    options = {"quick": True, "draws": 398, **options}
+    return diagnose(name, logs[:4], logs[4:], **options)
+
+
+@pytest.fixture(scope="session")
+def logs_of():
+    """A function (robot, hidden effects …) -> five logs."""
+    return make_logs
+
+
+@pytest.fixture(scope="session")
+def diagnosis_of():
+    """A function (robot, hidden effects …) -> Diagnosis that remembers what it made."""
+    return diagnosed
+
+
+@pytest.fixture(scope="session")
+def named():
+    """A function Diagnosis -> [(effect, joints)]."""
+    return lambda d: [(e.name, tuple(sorted(e.joints))) for e in d.effects]

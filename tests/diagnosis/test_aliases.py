@@ -1,0 +1,52 @@
+"""Structural aliases: what a motion can never name is said before any test."""
+
+import numpy as np
+
+from identifiability.diagnosis import Rules, gather
+from identifiability.model import Model
+from identifiability.robot import Robot
+from identifiability.samples import prepare_samples
+
+
+def aliases(robot, logs, *model):
+    samples = [prepare_samples(robot, log) for log in logs]
+    m = gather(robot, Model.of(*model), samples, (), np.random.default_rng(0), draws=2)
+    return {(a.family, a.place): a for a in m.aliases}, m
+
+
+def test_asymmetry_and_offset_hide_behind_gravity_on_the_3_rps(rps, logs_of):
+    found, m = aliases(
+        rps, logs_of("3-rps")[:4], "rigid_body", "viscous_friction", "coulomb_friction",
+        "actuator_inertia",
+    )  # fmt: skip
+    for joint in rps.joints:
+        for family in ("coulomb_asymmetry", "torque_offset"):
+            alias = found[family, joint]
+            assert alias.structural
+            assert alias.remaining < 0.005
+            assert any(name.endswith((".m", ".mz", ".mx", ".my")) for name in alias.behind)
+        assert found["stribeck_friction", joint].remaining > 0.3
+        assert found["passive_joint_friction", joint.replace("slider", "hinge")].remaining > 0.5
+    assert not {c.family.name for c in m.candidates} & {"coulomb_asymmetry", "torque_offset"}
+
+
+def test_the_rotor_of_the_first_joint_is_its_links_inertia(logs_of):
+    robot = Robot.load("six-dof-arm")
+    found, _ = aliases(
+        robot, logs_of("six-dof-arm")[:4], "rigid_body", "viscous_friction", "coulomb_friction"
+    )
+    alias = found["actuator_inertia", "joint_1"]
+    assert alias.structural
+    assert alias.remaining < 1e-6
+    assert alias.behind[0] == "link_1.Izz"
+
+
+def test_an_asymmetry_is_an_offset_once_symmetric_friction_is_there(logs_of):
+    robot = Robot.load("six-dof-arm")
+    _, m = aliases(robot, logs_of("six-dof-arm")[:4], "rigid_body", "coulomb_friction")
+    from identifiability.diagnosis.confusable import find_rivals
+
+    offset = next(c for c in m.candidates if c.group == ("torque_offset", "joint_1"))
+    rivals = find_rivals(m.white, offset, [], m.candidates, Rules().confusable)
+    assert (rivals[0].family, rivals[0].place) == ("coulomb_asymmetry", "joint_1")
+    assert rivals[0].similarity > 0.98

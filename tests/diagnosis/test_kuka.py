@@ -1,0 +1,35 @@
+"""A real arm: from rigid-body dynamics alone the friction that every joint has is named."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+STUDIES = Path(__file__).resolve().parents[2] / "studies"
+
+
+@pytest.fixture(scope="module")
+def study():
+    sys.path.insert(0, str(STUDIES))
+    yield importlib.import_module("hidden_effect_kuka")
+    sys.path.remove(str(STUDIES))
+
+
+@pytest.fixture(scope="module")
+def data(study):
+    shared = importlib.import_module("real_data.study")
+    folder = shared.data_folder("kuka_lwr4")
+    if not folder.is_dir():
+        pytest.skip(f"no data in {folder}; set {shared.VARIABLE}")
+    return folder
+
+
+@pytest.mark.parametrize(("train", "test"), [(1, 3), (3, 1)])
+def test_friction_and_offset_are_named_and_the_classic_mistakes_are_not(study, data, train, test):
+    d = study.run(data, [train], [test])
+    names = {e.name for e in d.effects}
+    assert {"coulomb_friction", "viscous_friction", "torque_offset"} <= names
+    assert not names & {"stribeck_friction", "quadratic_friction", "load_dependent_friction"}
+    assert d.held_after < 0.5 * d.held_before
+    assert d.interval[1] < 0

@@ -1,0 +1,83 @@
+"""The noise model: laws of its filters, and no bias beside many columns."""
+
+import numpy as np
+import pytest
+
+from identifiability.diagnosis.ar_noise import ARNoise, JointNoise, fit_joint
+from identifiability.diagnosis.autoregression import (
+    autocovariance,
+    colour,
+    durbin,
+    levinson,
+    whiten,
+)
+from identifiability.diagnosis.evidence import log_tail
+from identifiability.simulation.noise import ar1
+
+PACF = np.array([0.7, -0.4, 0.2])
+RUNS = [(0, 40), (40, 90), (90, 92)]
+
+
+def test_whitening_undoes_colouring_on_every_stretch():
+    e = np.random.default_rng(0).standard_normal(92)
+    x = np.concatenate([colour(e[a:b], PACF) for a, b in RUNS])
+    np.testing.assert_allclose(whiten(x, RUNS, PACF), e, atol=1e-12)
+
+
+def test_whitening_treats_columns_as_it_treats_the_torque():
+    x = np.random.default_rng(0).standard_normal((92, 2))
+    both = whiten(x, RUNS, PACF)
+    np.testing.assert_allclose(both[:, 1], whiten(x[:, 1], RUNS, PACF))
+
+
+def test_autocovariances_and_partial_autocorrelations_are_two_names_of_one_series():
+    covariance = autocovariance(PACF, 6)
+    pacf, sigma = durbin(covariance)
+    np.testing.assert_allclose(pacf, [*PACF, 0, 0, 0], atol=1e-12)
+    assert sigma == pytest.approx(1.0)
+    # One-step predictors satisfy the Yule-Walker equations.
+    a = levinson(PACF)[0][-1]
+    np.testing.assert_allclose(covariance[4], a @ covariance[[3, 2, 1]])
+
+
+def test_coloured_noise_is_stationary_from_its_first_sample():
+    rng = np.random.default_rng(0)
+    x = np.stack([colour(rng.standard_normal(20), np.array([0.95])) for _ in range(4000)])
+    variance = 1 / (1 - 0.95**2)
+    error = variance * np.sqrt(2 / 4000)
+    assert abs(x[:, 0].var() - variance) < 4 * error
+    assert abs(x[:, -1].var() - variance) < 4 * error
+
+
+def test_slow_noise_is_not_taken_for_fast_noise_beside_many_smooth_columns():
+    """Least squares swallows slow noise; the restricted likelihood knows that it did."""
+    rng = np.random.default_rng(1)
+    runs = [(90 * k, 90 * (k + 1)) for k in range(4)]
+    t = np.arange(360)
+    columns = np.column_stack([np.cos(np.pi * k * (t + 0.5) / 360) for k in range(60)])
+    naive, fitted = [], []
+    for _ in range(20):
+        y = np.concatenate([ar1((90,), 0.8, rng) for _ in range(4)])
+        left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+        naive.append(left[1:] @ left[:-1] / (left @ left))
+        noise = fit_joint(y, [columns], runs)
+        covariance = autocovariance(noise.pacf, 1)
+        fitted.append(covariance[1] / covariance[0])
+    assert np.mean(naive) < 0.6
+    assert abs(np.mean(fitted) - 0.8) < 0.06
+
+
+def test_simulated_noise_has_the_variance_that_it_is_whitened_with():
+    joint = JointNoise(np.arctanh([0.6]), np.array([[1e-4]]), 2.0, 300.0, 4.0)
+    noise = ARNoise((joint,))
+    x = noise.simulate(400, 200, np.random.default_rng(0), [(0, 400)])
+    white = noise.whiten(x, [(0, 400)])
+    assert white.std() == pytest.approx(1.0, rel=0.02)
+
+
+def test_tails_stay_finite_where_the_probability_underflows():
+    x = np.array([999.0, 1001.0, 1e5])
+    tail = log_tail(x, 7)
+    assert np.isfinite(tail).all()
+    assert tail[0] > tail[1] > tail[2]
+    np.testing.assert_allclose(tail[0] - tail[1], 1.0, atol=0.02)
