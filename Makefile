@@ -1,5 +1,5 @@
 # make demo: run the main job; make paper: check the paper's tables; make test: run the tests;
-# make lint: style, types, layers.
+# make lint: style, types, layers; make docs: the reference of every module.
 # Each needs Python 3.11 or newer and nothing else: it makes .venv itself.
 
 PYTHON ?= python3
@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo paper test lint format bench clean
+.PHONY: demo paper test lint format bench docs clean
 
 demo: $(VENV)/run
 	$(BIN)/identifiability demo
@@ -34,6 +34,14 @@ format: $(VENV)/dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
+MODULES = $(shell find identifiability -name '*.py' ! -name __main__.py | \
+  sed 's,/__init__,,; s,\.py$$,,; s,/,.,g' | sort)
+
+docs: $(VENV)/dev
+	$(BIN)/python -W error::UserWarning -W 'ignore:The module specification' -m pdoc \
+	  --docformat numpy --no-show-source --footer-text identifiability \
+	  --output-directory reports/docs $(MODULES)
+
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .import_linter_cache
 
@@ -47,5 +55,5 @@ $(VENV)/run: pyproject.toml .ci/constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/dev: pyproject.toml .ci/constraints.txt | $(BIN)/python
-	$(PIP) --editable '.[test,lint]'
+	$(PIP) --editable '.[test,lint,arviz,ros,docs,browser]'
 	@touch $@ $(VENV)/run

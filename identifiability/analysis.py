@@ -6,9 +6,10 @@ import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from html import escape
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -45,6 +46,11 @@ from identifiability.output import write_json
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, Samples, prepare_samples
 from identifiability.verdict import Class, Thresholds, Verdict
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+    from identifiability.datatree import Which
 
 SCHEMA = "identifiability/analysis/1"
 
@@ -174,8 +180,25 @@ class Analysis:
 
         return write_analysis_report(self, path)
 
+    def to_arviz(self, posterior: Which = "physical") -> DataTree:
+        """Return a posterior of the selected model for ArviZ; needs the extra ``arviz``.
+
+        Parameters
+        ----------
+        posterior : {"physical", "signs"}
+            Restricted to bodies that can exist, or by signs only.
+
+        Raises
+        ------
+        ModelError
+            If there is no such posterior, or no package to hold it.
+        """
+        from identifiability.datatree import build_datatree  # noqa: PLC0415 - needs an extra
+
+        return build_datatree(self.belief, self.chosen, posterior, self.provenance)
+
     def _repr_html_(self) -> str:
-        return f"<p>{self.statement}</p>{self.to_frame().to_html(escape=True)}"
+        return f"<p>{escape(self.statement)}</p>{self.to_frame().to_html(escape=True)}"
 
     @property
     def validation_kind(self) -> str:

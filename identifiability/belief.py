@@ -32,7 +32,7 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import Convergence, diagnose_convergence
-from identifiability.posterior.ensemble import sample_posterior
+from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target, make_proper
@@ -81,6 +81,8 @@ class Summary:
         Central 95 %.
     draws : (D, m)
         Some draws, for pictures.
+    chains : (E, K, N, m)
+        All draws by ensemble and walker, in order.
     at_edge : (m,)
         Share of draws within 1 % of an interval's width of zero, for one-sided parameters.
     convergence : Convergence
@@ -91,6 +93,7 @@ class Summary:
     sd: Array
     interval: Array
     draws: Array
+    chains: Array
     at_edge: Array
     convergence: Convergence
 
@@ -121,6 +124,8 @@ class StandardBelief:
     mean, sd : (p,)
         With all three.
     source : tuple of Source
+    chains : (E, K, N, p)
+        All draws by ensemble and walker, in order.
     """
 
     names: tuple[str, ...]
@@ -130,6 +135,7 @@ class StandardBelief:
     mean: Array
     sd: Array
     source: tuple[Source, ...]
+    chains: Array
 
     @property
     def contraction(self) -> Array:
@@ -340,7 +346,7 @@ def _sample_signs(
         target, start, rng, draws=effort.draws, walkers=max(32, effort.walkers),
         warmup=effort.warmup,
     )  # fmt: skip
-    return _summarise(posterior.flat(), rung, rng, diagnose_convergence(posterior, rung.columns))
+    return _summarise(posterior.draws, rung, rng, diagnose_convergence(posterior, rung.columns))
 
 
 def _rss(estimate: Estimate, R: Array) -> float:
@@ -373,20 +379,21 @@ def _sample_physical(
         progress=progress,
     )  # fmt: skip
     convergence = diagnose_convergence(posterior, region.columns)
-    flat = posterior.flat()
     to_x = np.linalg.pinv(rung.M) @ base.G
-    summary = _summarise(flat @ to_x.T, rung, rng, convergence)
-    return summary, _look_at_standard(base, data, prior, iact, flat)
+    summary = _summarise(posterior.draws @ to_x.T, rung, rng, convergence)
+    return summary, _look_at_standard(base, data, prior, iact, posterior)
 
 
 def _look_at_standard(
-    base: BaseParameters, data: LeastSquares, prior: Prior, iact: float, flat: Array
+    base: BaseParameters, data: LeastSquares, prior: Prior, iact: float, posterior: Posterior
 ) -> StandardBelief:
     proper = make_proper(data, prior)
     variance = data.variance * max(iact, 1.0)
     scaled = data.R * proper.sd / np.sqrt(variance)
-    inverse = np.linalg.inv(np.eye(scaled.shape[1]) + scaled.T @ scaled)
-    data_sd = proper.sd * np.sqrt(np.diag(inverse))
+    # inv(I + SᵀS) by QR: its diagonal is never negative, however exact the data are.
+    root = np.linalg.qr(np.vstack([np.eye(scaled.shape[1]), scaled]), mode="r")
+    data_sd = proper.sd * np.linalg.norm(np.linalg.inv(root), axis=1)
+    flat = posterior.flat()
     sd = flat.std(0, ddof=1)
     idle = ~np.any(base.G, axis=0)
     sources = []
@@ -401,15 +408,16 @@ def _look_at_standard(
             sources.append(Source.PRIOR)
     return StandardBelief(
         tuple(p.name for p in base.parameters), np.array(proper.mean), np.array(proper.sd),
-        data_sd, flat.mean(0), sd, tuple(sources),
+        data_sd, flat.mean(0), sd, tuple(sources), posterior.draws,
     )  # fmt: skip
 
 
 def _summarise(
-    draws: Array, rung: Rung, rng: np.random.Generator, convergence: Convergence
+    chains: Array, rung: Rung, rng: np.random.Generator, convergence: Convergence
 ) -> Summary:
+    draws = chains.reshape(-1, chains.shape[-1])
     interval = np.quantile(draws, [0.025, 0.975], axis=0).T
     width = interval[:, 1] - interval[:, 0]
     edge = np.where(rung.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
     shown = draws[rng.permutation(len(draws))[:SHOWN]]
-    return Summary(draws.mean(0), draws.std(0, ddof=1), interval, shown, edge, convergence)
+    return Summary(draws.mean(0), draws.std(0, ddof=1), interval, shown, chains, edge, convergence)

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability import signals
+from identifiability.bags import hash_bag, split_topic
 from identifiability.errors import LogError, listing, near_match
 from identifiability.names import Array
 from identifiability.output import write_bytes, write_text
@@ -56,7 +57,7 @@ class Log:
 
     @staticmethod
     def read(path: str | Path) -> Log:
-        """Read a CSV or Parquet file.
+        """Read a CSV or Parquet file, or a bag of ROS (``run.mcap:/joint_states``).
 
         Raises
         ------
@@ -65,7 +66,7 @@ class Log:
         """
         path = Path(path)
         frame = read_table(path)
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        digest = hash_bag(split_topic(path)[0])
         return _from_frame(frame, str(path), path.name, digest)
 
     @staticmethod

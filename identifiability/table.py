@@ -1,4 +1,4 @@
-"""Tables: CSV and Parquet in, checked columns of numbers out."""
+"""Tables: CSV, Parquet and bags in, checked columns of numbers out."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from identifiability.bags import is_bag, read_bag, split_topic
 from identifiability.errors import LogError, listing
 from identifiability.names import Array
 
@@ -25,7 +26,7 @@ SHORTEST_STEP = 1e-7
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
-    """Read a CSV or Parquet file as it is.
+    """Read a CSV or Parquet file, or the joint states of a bag, as it is.
 
     Raises
     ------
@@ -33,6 +34,8 @@ def read_table(path: str | Path) -> pd.DataFrame:
         If the file is missing or is no table.
     """
     path = Path(path)
+    if is_bag(split_topic(path)[0]):
+        return read_bag(path)
     form = "Parquet" if path.suffix.lower() in PARQUET else "CSV"
     try:
         if path.is_file():

@@ -28,6 +28,9 @@ from identifiability.cli.common import (
 if TYPE_CHECKING:
     from identifiability.analysis import Analysis
 
+#: Where ``--help`` shows the options of velocity and acceleration.
+DERIVATIVES = "Velocity and acceleration"
+
 
 def analyze(
     robot: RobotArgument,
@@ -42,17 +45,32 @@ def analyze(
     report: ReportOption = None,
     json: JsonOption = None,
     derivatives: Annotated[
-        Derivatives, typer.Option(help="Velocity and acceleration: the log's own or computed.")
+        Derivatives,
+        typer.Option(
+            help="Velocity and acceleration: the log's own or computed.",
+            rich_help_panel=DERIVATIVES,
+        ),
     ] = Derivatives.auto,
     cutoff: Annotated[
-        float | None, typer.Option(min=0, help="Low-pass for computed derivatives [Hz].")
+        float | None,
+        typer.Option(
+            min=0, help="Low-pass for computed derivatives [Hz].", rich_help_panel=DERIVATIVES
+        ),
     ] = None,
     period: Annotated[
-        float | None, typer.Option(min=0, help="Period of periodic motion [s], for fourier.")
+        float | None,
+        typer.Option(
+            min=0, help="Period of periodic motion [s], for fourier.", rich_help_panel=DERIVATIVES
+        ),
     ] = None,
-    harmonics: Annotated[int, typer.Option(min=1, help="Harmonics of the Fourier fit.")] = 5,
+    harmonics: Annotated[
+        int, typer.Option(min=1, help="Harmonics of the Fourier fit.", rich_help_panel=DERIVATIVES)
+    ] = 5,
     decimate: Annotated[
-        int | None, typer.Option(min=1, help="Parallel filter and keep every k-th sample.")
+        int | None,
+        typer.Option(
+            min=1, help="Parallel filter and keep every k-th sample.", rich_help_panel=DERIVATIVES
+        ),
     ] = None,
     method: Annotated[
         Method, typer.Option(help="Weight actuators by their own variance, or all alike.")
@@ -68,10 +86,30 @@ def analyze(
 ) -> None:
     """Say which parameters the logs determine, and which model of a ladder to use.
 
-    ```
-    identifiability analyze 3-rps run1.csv --validate run2.csv --report report.html
-    identifiability analyze arm.urdf run.parquet --ladder models.toml --json result.json
-    ```
+    **You give** a robot file and one or more logs of its motion and torque. The motion should be
+    as fast and as varied as the robot will ever move: what it never excites, no fit can tell.
+
+    **You get** one verdict a parameter. *identifiable*: use the value. *weak*: only its sign is
+    certain. *negligible*: leave it out. *not identifiable*: do not believe the number, whatever it
+    is; the reason says whether noise, the motion or the structure is to blame. And you get the
+    model to use (▸): the smallest that predicts unseen motion as well as the best does.
+
+    **Hold a log back** with --validate. Without one, stretches of the logs take turns.
+
+    Begin with
+
+        identifiability analyze 3-rps run.csv --report report.html
+
+    and read the report from the top. Then
+
+        identifiability analyze 3-rps run.csv --validate other.csv
+        identifiability analyze arm.urdf a.csv b.csv --json arm.json
+        identifiability analyze arm.urdf run.csv --cutoff 10
+        identifiability analyze arm.urdf run.mcap:/joint_states
+
+    Too few identifiable? Move faster and in other directions, log longer, or let *prune* look for
+    the smaller model that these logs support. Error much above the noise? Something is missing in
+    the model: *diagnose* names it.
     """
     with sentences(), progress() as say:
         from identifiability.analysis import analyze as run  # noqa: PLC0415

@@ -43,14 +43,24 @@ class Method(StrEnum):
     ols = "ols"
 
 
+def _robots(typed: str) -> list[str]:
+    """Return the shipped robots that begin so, for the shell; it adds the files itself."""
+    package = Path(__file__).resolve().parents[1]
+    shipped = [*package.glob("models/*/robot.*"), *package.parent.glob("models/*/robot.*")]
+    return sorted({p.parent.name for p in shipped if p.parent.name.startswith(typed)})
+
+
 RobotArgument = Annotated[
-    str, typer.Argument(help="MJCF or URDF file, or a shipped robot such as 3-rps.")
+    str,
+    typer.Argument(
+        help="MJCF or URDF file, or a shipped robot such as 3-rps.", autocompletion=_robots
+    ),
 ]
 LogsArgument = Annotated[
     list[str],
     typer.Argument(
-        help="Logs to fit: CSV or Parquet with t, <joint>.q, <joint>.tau and, if measured, "
-        "<joint>.dq, <joint>.ddq; SI units."
+        help="Logs to fit: CSV or Parquet with `t`, `<joint>.q`, `<joint>.tau` and, if measured, "
+        "`<joint>.dq`, `<joint>.ddq`, in SI units; or bags of ROS, as `run.mcap:/joint_states`."
     ),
 ]
 SidecarOption = Annotated[

@@ -22,8 +22,8 @@ def simulate(
     motion: Annotated[
         str,
         typer.Argument(
-            help="CSV or Parquet with t and <joint>.q (and <joint>.dq, <joint>.ddq), the name of a "
-            "shipped trajectory (3-rps: 571, 595, 601), FILE.json:NAME, or 'random'."
+            help="CSV or Parquet with `t` and `<joint>.q` (and `<joint>.dq`, `<joint>.ddq`), the "
+            "name of a shipped trajectory (3-rps: 571, 595, 601), FILE.json:NAME, or 'random'."
         ),
     ],
     out: Annotated[Path, typer.Option(help="Log to write: .csv or .parquet.")],

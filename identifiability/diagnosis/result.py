@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -182,7 +183,7 @@ class Diagnosis:
         return write_diagnosis_report(self, path)
 
     def _repr_html_(self) -> str:
-        return f"<p>{self.statement}</p>{self.to_frame().to_html(escape=True)}"
+        return f"<p>{escape(self.statement)}</p>{self.to_frame().to_html(escape=True)}"
 
 
 def _effect_row(e: NamedEffect) -> dict[str, Any]:

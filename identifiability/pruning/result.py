@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -176,4 +177,4 @@ class Ladder:
         return write_pruning_report(self, path)
 
     def _repr_html_(self) -> str:
-        return f"<p>{self.statement}</p>{self.ladder_frame().to_html(escape=True)}"
+        return f"<p>{escape(self.statement)}</p>{self.ladder_frame().to_html(escape=True)}"

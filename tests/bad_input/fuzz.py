@@ -10,6 +10,7 @@ import argparse
 import copy
 import faulthandler
 import io
+import json
 import shutil
 import tempfile
 import warnings
@@ -18,10 +19,13 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from identifiability.errors import IdentifiabilityError
+from identifiability.export import read_parameters
 from identifiability.grouping import find_base_parameters
 from identifiability.ladder import build_ladder, default_ladder, ladder_model, read_ladder
 from identifiability.log import Log
@@ -114,6 +118,31 @@ def spoilt(good: bytes, tokens: list[bytes]) -> st.SearchStrategy[bytes]:
     return st.one_of(rebuilt(good), rebuilt(good), *ways) if tokens is XML else st.one_of(ways)
 
 
+def recorded(frame: pd.DataFrame) -> bytes | None:
+    """Return a log as a bag, or None without the extra ``ros``."""
+    try:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        return None
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kinds = [f"{k}/msg/{n}" for k, n in (("builtin_interfaces", "Time"), ("std_msgs", "Header"))]
+    state = "sensor_msgs/msg/JointState"
+    time, header, message = (store.types[k] for k in (*kinds, state))
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "bag"
+        with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            connection = writer.add_connection("/joint_states", state, typestore=store)
+            for k, row in frame.iterrows():
+                values = [
+                    [row[f"{j}.{c}"] for j in ("shoulder", "elbow")] for c in ("q", "dq", "tau")
+                ]
+                stamp = time(*divmod(10**9 + round(row["t"] * 1e9), 10**9))
+                one = message(header(stamp, ""), ["shoulder", "elbow"], *map(np.array, values))
+                writer.write(connection, k * 1_000_000, store.serialize_cdr(one, state))
+        return next(folder.glob("*.mcap")).read_bytes()
+
+
 @cache
 def readers() -> dict[str, tuple[str, bytes, list[bytes], Callable[[Path], object]]]:
     """File suffix, a good file, what to spoil it with and how to read it, for each reader."""
@@ -123,7 +152,11 @@ def readers() -> dict[str, tuple[str, bytes, list[bytes], Callable[[Path], objec
     frame = simulate(two, PrescribedMotion.of(shipped_trajectory(two, "a"), 30)).to_frame()
     parquet = io.BytesIO()
     frame.to_parquet(parquet)
+    bag = recorded(frame)
     folder = locate_robot("two-link").parent
+
+    physical = {"parameters": {k: float(v) for k, v in two.nominal.items()}}
+    result = json.dumps({"robot": {"name": two.name}, "physical": physical}).encode()
 
     def model(path: Path) -> object:
         entry = read_ladder(path)
@@ -138,7 +171,19 @@ def readers() -> dict[str, tuple[str, bytes, list[bytes], Callable[[Path], objec
     text += (
         '= "b"\nfrom = "a"\nzero = ["link1.mz"]\nhold = {"elbow.Fv" = 0.5}\nkeep = ["link2.mx"]\n'
     )
-    return {
+    bags = (
+        {}
+        if bag is None
+        else {
+            "bag": (
+                ".mcap",
+                bag,
+                [b"\x89MCAP0\r\n", b"\0" * 8, b"position", b"sensor_msgs/msg/JointState"],
+                lambda p: prepare_samples(two, Log.read(p)),
+            ),
+        }
+    )
+    return bags | {
         "csv": (
             ".csv", frame.to_csv(index=False).encode(), TABLE,
             lambda p: prepare_samples(two, Log.read(p)),
@@ -152,6 +197,7 @@ def readers() -> dict[str, tuple[str, bytes, list[bytes], Callable[[Path], objec
             ".toml", locate_robot("five-bar").with_suffix(".toml").read_bytes(), TOML,
             lambda p: Robot.load("five-bar", p),
         ),
+        "result": (".json", result, JSON, lambda p: read_parameters(two, p)),
         "trajectories": (".json", (folder / "trajectories.json").read_bytes(), JSON, motion),
         "mjcf": (".xml", locate_robot("five-bar").read_bytes(), XML, Robot.load),
         "urdf": (".urdf", locate_robot("six-dof-arm").read_bytes(), XML, Robot.load),

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 EXAMPLES = 60
@@ -13,6 +14,7 @@ def test_spoilt_files_give_our_sentences_and_neither_crash_nor_hang():
     assert out.returncode == 0, out.stdout[-500:] + out.stderr[-4000:]
     counts = {r: int(n) for r, _, n in map(str.split, out.stdout.splitlines()[1:])}
     readers = {"csv", "parquet", "ladder", "sidecar", "trajectories", "mjcf", "urdf"}
+    readers |= {"result"} | ({"bag"} if find_spec("rosbags") else set())
     assert set(counts) == readers
     assert all(n > EXAMPLES / 2 for n in counts.values())  # the files were spoilt indeed
     assert out.stderr == ""

@@ -1,0 +1,235 @@
+"""Bags: recordings of ROS 1 and ROS 2 in, a table of joint states out. Needs the extra ``ros``.
+
+A bag is a folder of rosbag2, or one file: ``.mcap``, ``.db3`` or ``.bag``. Of its topics one of
+type ``sensor_msgs/JointState`` is read; name it behind a colon where there are several, as in
+``run.mcap:/arm/joint_states``. Position, velocity and effort become ``<joint>.q``, ``<joint>.dq``
+and ``<joint>.tau`` as they are: the message type promises rad, rad/s and N·m (m, m/s, N), but some
+drivers publish motor currents as effort, which are no torques. Joints without effort (NaN) are
+passive and left out.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from identifiability.errors import LogError, listing, near_match
+from identifiability.names import Array
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+#: Files that are bags by themselves.
+BAGS = (".mcap", ".db3", ".bag")
+
+#: What ROS 2 and ROS 1 call the type.
+JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
+
+#: Field of the message for every channel of a log.
+FIELDS = {"q": "position", "dq": "velocity", "tau": "effort"}
+
+
+@dataclass(frozen=True)
+class States:
+    """Joint states in the order of their time stamps.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    stamp : (N,) int [ns]
+        When they were measured; when they were recorded, if the messages do not say.
+    values : dict of str to (N, n)
+        For each channel that every message has.
+    """
+
+    joints: tuple[str, ...]
+    stamp: Array
+    values: dict[str, Array]
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the columns of a log; time starts at zero."""
+        columns = {"t": (self.stamp - self.stamp[:1]) * 1e-9}
+        for channel, values in self.values.items():
+            columns |= {f"{j}.{channel}": values[:, k] for k, j in enumerate(self.joints)}
+        return pd.DataFrame(columns)
+
+
+def split_topic(path: str | Path) -> tuple[Path, str | None]:
+    """Return the bag and the topic in ``bag:/topic``; the topic is None if none is named."""
+    bag, colon, topic = str(path).rpartition(":/")
+    if colon and is_bag(Path(bag)):
+        return Path(bag), f"/{topic}"
+    return Path(path), None
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is, or by its name wants to be, a bag."""
+    try:
+        return path.suffix.lower() in BAGS or (path / "metadata.yaml").is_file()
+    except OSError:  # no name of a file
+        return False
+
+
+def hash_bag(path: Path) -> str:
+    """Return the SHA-256 of a bag: of the file, or of the folder's files in order of name."""
+    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    digest = hashlib.sha256()
+    for file in files:
+        with file.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def read_bag(
+    path: str | Path, topic: str | None = None, joints: Sequence[str] | None = None
+) -> pd.DataFrame:
+    """Read the joint states of a bag as a table with the columns of a log.
+
+    Parameters
+    ----------
+    path : str or Path
+        The bag, or ``bag:/topic``.
+    topic : str, optional
+        Needed where several topics hold joint states.
+    joints : sequence of str, optional
+        Which joints, for topics that also tell of others (grippers); messages that lack one of
+        them are passed over. By default all, and every message must hold the same.
+
+    Returns
+    -------
+    DataFrame
+        ``t`` [s] from the first message on, ``<joint>.q``, ``<joint>.dq``, ``<joint>.tau``.
+
+    Raises
+    ------
+    LogError
+        If the bag cannot be read, or has no such topic or joints.
+    """
+    bag, named = split_topic(path)
+    try:
+        with _opened(bag) as reader:
+            name = _choose_topic(bag, reader, topic or named)
+            return _collect(bag, name, _messages(reader, name), joints).to_frame()
+    except LogError:
+        raise
+    except MemoryError:  # mostly a length that was spoilt
+        raise LogError(
+            f"{bag} cannot be read as a bag: it is damaged, or larger than the memory."
+        ) from None
+    except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
+        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+        raise LogError(f"{bag} cannot be read as a bag: {reason}.") from None
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a bag; old ones that do not define their messages are read by today's definitions."""
+    if not path.exists():
+        raise LogError(f"There is no bag '{path}'; give a .mcap, .db3 or .bag file or a folder.")
+    try:
+        from rosbags.highlevel import AnyReader  # noqa: PLC0415 - an extra
+        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+    except ImportError:
+        raise LogError(
+            f"{path} is a bag, which needs the extra 'ros': pip install 'identifiability[ros]'."
+        ) from None
+    with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+        yield reader
+
+
+def _choose_topic(path: Path, reader: Any, wanted: str | None) -> str:
+    found = sorted({str(c.topic) for c in reader.connections if c.msgtype in JOINT_STATE})
+    if wanted is None and len(found) == 1:
+        return found[0]
+    if wanted in found:
+        return str(wanted)
+    if not found:
+        others = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
+        raise LogError(
+            f"{path} has no topic of type sensor_msgs/JointState; it holds "
+            f"{listing(others) or 'nothing'}."
+        )
+    if wanted is None:
+        raise LogError(
+            f"{path} has joint states on the topics {listing(found)}; name one of them as "
+            f"'{path.name}:{found[0]}'."
+        )
+    raise LogError(
+        f"{path} has no joint states on the topic '{wanted}'{near_match(wanted, found)} It has "
+        f"them on {listing(found)}."
+    )
+
+
+def _messages(reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
+    """Time of recording [ns] and message, for every message of a topic."""
+    connections = [c for c in reader.connections if c.topic == topic and c.msgtype in JOINT_STATE]
+    for connection, recorded, raw in reader.messages(connections=connections):
+        yield recorded, reader.deserialize(raw, connection.msgtype)
+
+
+def _collect(
+    path: Path, topic: str, messages: Iterable[tuple[int, Any]], joints: Sequence[str] | None
+) -> States:
+    wanted = None if joints is None else tuple(joints)
+    clocks, rows = [], []
+    for recorded, message in messages:
+        names = tuple(message.name)
+        if joints is None:
+            wanted = wanted or names
+            _check_same(path, topic, wanted, names)
+        if wanted and set(wanted) <= set(names):
+            order = [names.index(j) for j in wanted]
+            rows.append({c: _pick(getattr(message, f), names, order) for c, f in FIELDS.items()})
+            measured = message.header.stamp
+            clocks.append((measured.sec * 10**9 + measured.nanosec, recorded))
+    if not rows or not wanted:
+        together = f" that tell of {listing(joints)} together" if joints else ""
+        raise LogError(f"{path} has no joint states on {topic}{together}.")
+    stamped, recordings = np.array(clocks, dtype=np.int64).T
+    stamp = stamped if stamped.min() > 0 else recordings
+    sequence = np.argsort(stamp, kind="stable")
+    values = {}
+    for channel in FIELDS:
+        known = [row[channel] for row in rows if row[channel] is not None]
+        if len(known) == len(rows):
+            values[channel] = np.array(known)[sequence]
+    return _measured(path, topic, States(wanted, stamp[sequence], values))
+
+
+def _measured(path: Path, topic: str, states: States) -> States:
+    """Leave out joints without effort, which are passive, and velocities that nobody measured."""
+    for channel in ("q", "tau"):
+        known = states.values.get(channel)
+        if known is None or not np.any(np.isfinite(known)):
+            raise LogError(
+                f"{path}: the joint states on {topic} have no {FIELDS[channel]} in some or all "
+                "messages; record a topic that has position and effort."
+            )
+    driven = np.any(np.isfinite(states.values["tau"]), axis=0)
+    values = {c: v[:, driven] for c, v in states.values.items()}
+    if "dq" in values and not np.all(np.any(np.isfinite(values["dq"]), axis=0)):
+        del values["dq"]
+    names = tuple(states.joints[k] for k in np.flatnonzero(driven))
+    return States(names, states.stamp, values)
+
+
+def _check_same(path: Path, topic: str, first: Sequence[str], names: Sequence[str]) -> None:
+    if sorted(first) != sorted(names) or len(set(names)) < len(names):
+        raise LogError(
+            f"{path}: messages on {topic} tell of different joints ({listing(first)}; then "
+            f"{listing(names)}); read it with read_bag(path, joints=[…]) in Python."
+        )
+
+
+def _pick(values: Any, names: Sequence[str], order: Sequence[int]) -> Array | None:
+    """Values of some joints, or None where the message leaves the field empty."""
+    array = np.asarray(values, float)
+    return array[list(order)] if len(array) == len(names) else None

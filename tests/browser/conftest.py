@@ -1,0 +1,119 @@
+"""One browser for all tests, cut off from the network, and every kind of report to open in it."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identifiability.analysis import analyze
+from identifiability.calibration import calibrate
+from identifiability.demo import run_demo
+from identifiability.pruning import prune
+from identifiability.robot import Robot
+from identifiability.robot.files import locate_robot
+from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
+
+STUDIES = Path(__file__).resolve().parents[2] / "studies"
+KINDS = ("demo", "analysis", "pruning", "calibration", "table", "index", "diagnosis")
+LONG = "a_joint_whose_name_is_" + "very_" * 12 + "long<script>alert(1)</script>"
+
+
+@dataclass
+class Visit:
+    """A page that is open, and what went wrong on it or left it."""
+
+    page: object
+    complaints: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[object]:
+    """Debian's Chromium, driven by Playwright; nothing is downloaded."""
+    program = shutil.which("chromium") or shutil.which("chromium-browser")
+    if program is None:
+        pytest.skip("needs Chromium")
+    client = pytest.importorskip("playwright.sync_api", reason="needs the extra 'browser'")
+    with client.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=program, args=["--disable-quic"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(chromium) -> Callable:
+    """A context (path, width) -> Visit of a page on a machine without a network."""
+
+    @contextmanager
+    def opened(path: Path, width: int = 1280) -> Iterator[Visit]:
+        context = chromium.new_context(viewport={"width": width, "height": 900}, offline=True)
+        page = context.new_page()
+        seen = Visit(page)
+        page.on("console", lambda m: seen.complaints.append(f"{m.type}: {m.text}"))
+        page.on("pageerror", lambda error: seen.complaints.append(str(error)))
+        page.on("requestfailed", lambda r: seen.complaints.append(f"failed: {r.url[:80]}"))
+        page.on("dialog", lambda dialog: (seen.complaints.append("dialog"), dialog.dismiss()))
+        page.on("request", lambda r: seen.requests.append(r.url))
+        page.goto(path.as_uri())
+        yield seen
+        context.close()
+
+    return opened
+
+
+@pytest.fixture(scope="session")
+def reports(tmp_path_factory) -> dict[str, Path]:
+    """Every kind of report, by name; those of commands that do not exist yet are missing."""
+    folder = tmp_path_factory.mktemp("reports")
+    demo = run_demo(quick=True)
+    robot, log = _hostile(folder)
+    results = {
+        "demo": demo,
+        "analysis": analyze(robot, log, replicates=100, posterior=True),
+        "pruning": prune(robot, log, replicates=10),
+        "calibration": calibrate(demo, trials=4, replicates=20),
+    }
+    try:
+        diagnosis = import_module("identifiability.diagnosis")
+    except ModuleNotFoundError:
+        pass
+    else:
+        results["diagnosis"] = diagnosis.diagnose(robot, log, quick=True)
+    written = {k: r.write_report(folder / f"{k}.html") for k, r in results.items()}
+    return written | _studies(folder / "studies")
+
+
+def _hostile(folder: Path) -> tuple[Robot, object]:
+    """A two-link arm whose second joint has a long name with a tag in it, and its log."""
+    name = LONG.replace("<", "&lt;")
+    path = folder / "robot.xml"
+    path.write_text(locate_robot("two-link").read_text().replace('"elbow"', f'"{name}"'))
+    robot = Robot.load(path)
+    rng = np.random.default_rng(0)
+    motion = PrescribedMotion.of(random_trajectory(robot, rng), 200)
+    return robot, simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
+
+
+def _studies(folder: Path) -> dict[str, Path]:
+    """A table of the paper, and the index of all reports."""
+    if str(STUDIES) not in sys.path:
+        sys.path.insert(0, str(STUDIES))
+    command, index = import_module("paper_study.command"), import_module("paper_study.index")
+    result = import_module("table_1_base_parameters").run(command.Options(quick=True, seeds=1))
+    page = import_module("paper_study.page").write_study(result, folder)[-1]
+    return {"table": page, "index": index.write_index(folder)}
+
+
+@pytest.fixture(params=KINDS)
+def report(request, reports) -> Path:
+    if request.param not in reports:
+        pytest.skip(f"there is no report of a {request.param} yet")
+    return reports[request.param]

@@ -1,0 +1,108 @@
+"""Every kind of report in a real browser: silent, offline, sortable, no wider than its window."""
+
+import pytest
+
+#: How far the page, and what stands outside scrolling boxes, reaches beyond the window [px].
+BEYOND = """() => {
+  for (const fold of document.querySelectorAll("details")) fold.open = true;
+  const root = document.documentElement, width = root.clientWidth;
+  const out = [...document.querySelectorAll("main *")].filter((e) =>
+    !e.closest(".table-box, .plot-box") && e.getBoundingClientRect().right > width + 1);
+  return [root.scrollWidth - width, out.map((e) => e.outerHTML.slice(0, 90))];
+}"""
+
+#: Texts that are cut off by their own box.
+CUT = """() => [...document.querySelectorAll("th, td, p, li, dd, .badge, .tile-value")].filter(
+  (e) => e.checkVisibility() && e.scrollWidth > e.clientWidth + 1 && e.clientWidth > 0
+    && getComputedStyle(e).overflow !== "visible").map((e) => e.outerHTML.slice(0, 90))"""
+
+KEYS = """([table, column]) => {
+  const rows = [...document.querySelectorAll("table")[table].tBodies[0].rows];
+  return rows.map((r) => r.cells[column].dataset.key ?? r.cells[column].textContent.trim());
+}"""
+
+
+def test_a_report_is_silent_and_needs_no_network(report, visit):
+    with visit(report) as seen:
+        assert seen.page.locator("main h1").count() == 1
+        seen.page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+        assert seen.complaints == []
+        assert [u for u in seen.requests if not u.startswith("data:")] == [report.as_uri()]
+        assert seen.page.evaluate("[...document.scripts].length") == 1
+
+
+@pytest.mark.parametrize("width", [400, 1280])
+def test_a_report_is_never_wider_than_its_window(report, width, visit):
+    with visit(report, width) as seen:
+        assert seen.page.evaluate("innerWidth") == width
+        assert seen.page.evaluate(BEYOND) == [0, []]
+        assert seen.page.evaluate(CUT) == []
+
+
+def test_every_column_of_every_table_sorts_by_click(report, visit):
+    with visit(report) as seen:
+        seen.page.evaluate("document.querySelectorAll('details').forEach((d) => d.open = true)")
+        tables = seen.page.locator("table")
+        clicked = 0
+        for t in range(tables.count()):
+            headers = tables.nth(t).locator("thead th")
+            for c in range(headers.count()):
+                before = seen.page.evaluate(KEYS, [t, c])
+                headers.nth(c).locator("button").click()
+                assert headers.nth(c).get_attribute("aria-sort") == "ascending"
+                up = seen.page.evaluate(KEYS, [t, c])
+                assert sorted(up) == sorted(before)
+                assert_ascending(up)
+                headers.nth(c).locator("button").click()
+                assert headers.nth(c).get_attribute("aria-sort") == "descending"
+                assert_ascending([k for k in seen.page.evaluate(KEYS, [t, c]) if k][::-1])
+                clicked += 1
+        assert clicked > 0 or tables.count() == 0
+        assert seen.complaints == []
+
+
+def assert_ascending(keys: list[str]) -> None:
+    """Check the order where all keys are numbers; words follow the browser's own collation."""
+    known = [k for k in keys if k]
+    assert keys[: len(known)] == known or keys[-len(known) :] == known
+    try:
+        numbers = [float(k) for k in known]
+    except ValueError:
+        return
+    assert numbers == sorted(numbers)
+
+
+def test_a_link_of_the_contents_leads_to_its_section(report, visit):
+    with visit(report) as seen:
+        links = seen.page.locator("nav a")
+        for k in range(links.count()):
+            name = links.nth(k).get_attribute("href")
+            links.nth(k).evaluate("link => link.click()")  # without waiting for the scrolling
+            assert seen.page.evaluate("location.hash") == name
+            assert seen.page.locator(name).count() == 1
+        assert seen.complaints == []
+
+
+def test_names_from_files_are_shown_and_not_run(reports, visit):
+    with visit(reports["analysis"]) as seen:
+        assert "<script>alert(1)</script>" in seen.page.locator("main").inner_text()
+        assert seen.page.locator("main script").count() == 0
+        assert seen.complaints == []
+
+
+def test_a_page_that_loads_complains_or_is_too_wide_would_be_seen(visit, tmp_path):
+    """The checks themselves can fail."""
+    bad = tmp_path / "bad.html"
+    bad.write_text(
+        '<main><h1>a</h1><p style="width:3000px">x</p><img src="http://example.invalid/x.png">'
+        "<script>console.error('no'); throw new Error('bad')</script></main>"
+    )
+    with visit(bad, 400) as seen:
+        seen.page.wait_for_load_state("networkidle")
+        text = " ".join(seen.complaints)
+        assert "error: no" in text
+        assert "bad" in text
+        assert "failed: http://example.invalid" in text
+        beyond, elements = seen.page.evaluate(BEYOND)
+        assert beyond > 2000
+        assert len(elements) >= 1

@@ -1,0 +1,66 @@
+"""ArviZ sees the posterior that the report shows."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from identifiability import analyze
+from identifiability.errors import ModelError
+
+pytest.importorskip("arviz_base", reason="needs the extra 'arviz'")
+arviz = pytest.importorskip("arviz_stats")
+
+
+@pytest.fixture(scope="module")
+def result(simulated_session):
+    log = simulated_session("two-link", "a", samples=200)
+    return analyze("two-link", log, replicates=0, posterior=True)
+
+
+@pytest.mark.parametrize("which", ["physical", "signs"])
+def test_every_draw_is_there_with_names_and_units(which, result):
+    tree = result.to_arviz(which)
+    summary = getattr(result.belief, which)
+    posterior = tree["posterior"].dataset
+    phi = posterior["phi"]
+    assert phi.dims == ("chain", "draw", "parameter")
+    assert phi["parameter"].values.tolist() == list(result.chosen.rung.columns)
+    assert phi["unit"].values.tolist() == [v.unit for v in result.chosen.verdicts]
+    np.testing.assert_allclose(phi.mean(("chain", "draw")), summary.mean, rtol=1e-9)
+    np.testing.assert_allclose(phi.std(("chain", "draw"), ddof=1), summary.sd, rtol=1e-9)
+    assert len(np.unique(posterior["ensemble"])) == 4
+
+
+def test_arviz_judges_the_chains_as_we_do(result):
+    tree = result.to_arviz()
+    posterior = tree["posterior"].dataset
+    ids = posterior["ensemble"].values
+    theirs = arviz.rhat_nested(posterior, superchain_ids=ids)["standard"]
+    ours = result.belief.physical.convergence.rhat
+    np.testing.assert_allclose(theirs, ours, rtol=1e-6)
+    table = arviz.summary(tree, var_names=["phi"])
+    assert f"phi[{result.chosen.rung.columns[0]}]" in table.index
+    assert bool(tree.attrs["trustworthy"]) == result.belief.physical.trustworthy
+    assert tree.attrs["reasons"] == " ".join(result.belief.physical.convergence.reasons)
+    assert tree.attrs["seed"] == "0"
+
+
+def test_estimate_and_prior_stand_beside_the_draws(result):
+    constants = result.to_arviz()["constant_data"].dataset
+    standard = result.belief.standard
+    np.testing.assert_array_equal(constants["estimate"], result.chosen.estimate.value)
+    np.testing.assert_array_equal(constants["prior_sd"], standard.prior_sd)
+    assert constants["standard_parameter"].values.tolist() == list(standard.names)
+    assert "prior_sd" not in result.to_arviz("signs")["constant_data"].dataset
+
+
+def test_what_is_not_there_is_said_in_a_sentence(result, simulated_session, monkeypatch):
+    bare = analyze("two-link", simulated_session("two-link", "a", samples=200), replicates=0)
+    with pytest.raises(ModelError, match=r"ask for it with analyze\(…, posterior=True\)\.$"):
+        bare.to_arviz()
+    with pytest.raises(ModelError, match=r"There is no posterior 'flat'; the posteriors are "):
+        result.to_arviz("flat")
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(ModelError, match=r"pip install 'identifiability\[arviz\]'\.$"):
+        result.to_arviz()

@@ -1,0 +1,149 @@
+"""What was recorded under ROS comes out as the log that went in."""
+
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import analyze
+from identifiability.bags import hash_bag, read_bag
+from identifiability.cli import app
+from identifiability.errors import LogError
+from identifiability.log import Log
+
+pytest.importorskip("rosbags", reason="needs the extra 'ros'")
+
+JOINTS = ("shoulder", "elbow")
+COLUMNS = [f"{j}.{c}" for c in ("q", "dq", "tau") for j in JOINTS]
+
+
+def refused(path, **options) -> str:
+    with pytest.raises(LogError) as error:
+        read_bag(path, **options)
+    return str(error.value)
+
+
+@pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
+def test_a_bag_is_the_log_that_was_recorded(storage, frame, states, write_bag):
+    bag = write_bag({"/joint_states": states(frame, JOINTS)}, storage)
+    (single,) = [p for p in bag.iterdir() if p.suffix in (".mcap", ".db3")]
+    for path in (bag, single, f"{single}:/joint_states"):
+        log = Log.read(path)
+        assert log.joints == JOINTS
+        # q, dq and tau are doubles in the message; time is cut to a nanosecond.
+        pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
+        np.testing.assert_allclose(log.t, frame["t"] - frame["t"][0], rtol=0, atol=1.1e-9)
+
+
+def test_joints_in_another_order_and_messages_out_of_order_do_not_matter(frame, states, write_bag):
+    there, back = list(states(frame, JOINTS)), list(states(frame, JOINTS[::-1]))
+    mixed = [m for pair in zip(there[1::2], back[::2], strict=True) for m in pair]
+    log = Log.read(write_bag({"/joint_states": mixed})).select(JOINTS)
+    pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
+
+
+def test_messages_without_a_stamp_have_the_time_at_which_they_were_recorded(
+    frame, states, write_bag
+):
+    bag = write_bag({"/joint_states": states(frame, JOINTS, start=0)})
+    np.testing.assert_allclose(Log.read(bag).t, 1e-3 * np.arange(len(frame)), atol=1e-9)
+
+
+def test_passive_joints_and_velocities_that_nobody_measured_are_left_out(frame, states, write_bag):
+    columns = [c for c in frame if not c.endswith(".dq")]
+    log = Log.read(write_bag({"/a": states(frame[columns], ("wheel", *JOINTS))}))
+    assert log.joints == JOINTS
+    assert log.dq is None
+    empty = Log.read(write_bag({"/a": states(frame, JOINTS, without=("dq",))}, name="empty"))
+    assert empty.dq is None
+
+
+def test_one_of_several_topics_is_named_behind_a_colon(frame, states, write_bag):
+    other = frame.assign(**{"elbow.q": 0.0})
+    bag = write_bag({"/arm/states": states(frame, JOINTS), "/b": states(other, JOINTS)})
+    assert refused(bag) == (
+        f"{bag} has joint states on the topics /arm/states, /b; name one of them as "
+        "'bag:/arm/states'."
+    )
+    assert Log.read(f"{bag}:/b").q[:, 1].max() == 0.0
+    assert Log.read(f"{bag}:/arm/states").q[:, 1].max() > 0.0
+    assert refused(f"{bag}:/arm/state") == (
+        f"{bag} has no joint states on the topic '/arm/state', did you mean '/arm/states'? It has "
+        "them on /arm/states, /b."
+    )
+
+
+def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(frame, states, write_bag):
+    arm = list(states(frame, JOINTS))
+    finger = list(states(frame.rename(columns=lambda c: c.replace("elbow", "finger")), ["finger"]))
+    bag = write_bag({"/joint_states": [m for pair in zip(arm, finger, strict=True) for m in pair]})
+    assert refused(bag) == (
+        f"{bag}: messages on /joint_states tell of different joints (shoulder, elbow; then "
+        "finger); read it with read_bag(path, joints=[…]) in Python."
+    )
+    log = Log.from_frame(read_bag(bag, joints=JOINTS))
+    pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
+    assert refused(bag, joints=["elbow", "finger"]) == (
+        f"{bag} has no joint states on /joint_states that tell of elbow, finger together."
+    )
+
+
+def test_bags_without_torque_or_without_joint_states_are_refused(
+    frame, states, joint_state, write_bag
+):
+    bag = write_bag({"/joint_states": states(frame, JOINTS, without=("tau",))})
+    assert refused(bag) == (
+        f"{bag}: the joint states on /joint_states have no effort in some or all messages; record "
+        "a topic that has position and effort."
+    )
+    header = joint_state((), [], [], [], 1).header
+    bag = write_bag({"/clock": [header]}, name="clock")
+    assert refused(bag) == (
+        f"{bag} has no topic of type sensor_msgs/JointState; it holds /clock (std_msgs/msg/Header)."
+    )
+
+
+def test_a_spoilt_bag_gives_one_sentence(frame, states, write_bag, tmp_path):
+    bag = write_bag({"/joint_states": states(frame, JOINTS)})
+    (single,) = bag.glob("*.mcap")
+    whole = single.read_bytes()
+    for at in (0, 20, len(whole) // 2, len(whole) - 9):
+        single.write_bytes(whole[:at])
+        sentence = refused(single)
+        assert sentence.startswith(f"{single} cannot be read as a bag: ")
+        assert sentence.endswith(".")
+        assert "\n" not in sentence
+    missing = tmp_path / "no.mcap"
+    assert refused(missing) == (
+        f"There is no bag '{missing}'; give a .mcap, .db3 or .bag file or a folder."
+    )
+
+
+def test_without_the_extra_the_sentence_says_what_to_install(frame, states, write_bag, monkeypatch):
+    bag = write_bag({"/joint_states": states(frame, JOINTS)})
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    assert refused(bag) == (
+        f"{bag} is a bag, which needs the extra 'ros': pip install 'identifiability[ros]'."
+    )
+
+
+def test_the_hash_of_a_bag_is_that_of_its_bytes(frame, states, write_bag):
+    bag = write_bag({"/joint_states": states(frame, JOINTS)})
+    before = hash_bag(bag)
+    assert before == hash_bag(bag)
+    (bag / "metadata.yaml").write_text((bag / "metadata.yaml").read_text() + "\n")
+    assert hash_bag(bag) != before
+
+
+def test_a_bag_is_analysed_as_its_table_is(frame, states, write_bag, tmp_path):
+    bag = write_bag({"/joint_states": states(frame, JOINTS)})
+    out = CliRunner().invoke(
+        app, ["analyze", "two-link", str(bag), "--quick", "--json", str(tmp_path / "out.json")]
+    )
+    assert out.exit_code == 0, out.output
+    kept = frame[["t", *COLUMNS]]
+    for a, b in zip(analyze("two-link", bag, replicates=0).models,
+                    analyze("two-link", kept, replicates=0).models, strict=True):  # fmt: skip
+        np.testing.assert_allclose(a.estimate.value, b.estimate.value, rtol=1e-5)

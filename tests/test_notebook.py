@@ -1,0 +1,66 @@
+"""Results show themselves in a notebook, and what comes from files cannot run there."""
+
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+
+from identifiability import analyze
+from identifiability.calibration import calibrate
+from identifiability.pruning import prune
+
+HOSTILE = "<script>alert(1)</script>"
+
+
+class Tags(HTMLParser):
+    """Collects the tags of a text, and that they close."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.found: set[str] = set()
+        self.open: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.found.add(tag)
+        self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def results(simulated_session):
+    log = simulated_session("two-link", "a", samples=200)
+    analysis = analyze("two-link", log, replicates=0)
+    out = {
+        "analysis": analysis,
+        "calibration": calibrate(analysis, trials=4, replicates=20),
+        "ladder": prune("two-link", log, replicates=4),
+    }
+    try:
+        from identifiability.diagnosis import diagnose
+    except ImportError:
+        return out
+    return out | {"diagnosis": diagnose("two-link", log, quick=True)}
+
+
+@pytest.mark.parametrize("kind", ["analysis", "calibration", "ladder", "diagnosis"])
+def test_a_result_is_a_sentence_and_a_table(kind, results):
+    if kind not in results:
+        pytest.skip(f"there is no {kind} yet")
+    tags = Tags(results[kind]._repr_html_())
+    assert {"p", "table"} <= tags.found
+    assert tags.open == []
+
+
+def test_a_model_named_like_a_tag_does_not_run(results):
+    analysis = results["analysis"]
+    chosen = replace(analysis.chosen, rung=replace(analysis.chosen.rung, name=HOSTILE))
+    models = tuple(chosen if m is analysis.chosen else m for m in analysis.models)
+    html = replace(analysis, models=models)._repr_html_()
+    assert "&lt;script&gt;" in html
+    assert "script" not in Tags(html).found
+    html = replace(results["calibration"], model=HOSTILE)._repr_html_()
+    assert "script" not in Tags(html).found

@@ -1,0 +1,142 @@
+"""What others build on: names, signatures, commands, options and JSON keys, pinned line by line.
+
+`public_api.txt` is the pin. Who changes the interface on purpose writes it anew with
+``python tests/test_public_api.py`` and sees the change as a difference of lines; a line that goes
+breaks somebody's program and belongs into the changelog.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import typer
+
+import identifiability
+from identifiability.analysis import Analysis, analyze
+from identifiability.calibration import calibrate
+from identifiability.cli import app
+from identifiability.pruning import prune
+from identifiability.robot import Robot
+from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
+
+PIN = Path(__file__).with_name("public_api.txt")
+
+#: Objects whose keys are names from the user's files.
+BY_NAME = {"groupings", "preparation", "provenance", "survives", "rms"}
+
+
+def python_lines() -> Iterator[str]:
+    """One line a public name: its signature, for a class also its public members."""
+    for name in sorted(identifiability.__all__):
+        value = getattr(identifiability, name)
+        if inspect.isclass(value):
+            yield f"python {name}"
+            for member in sorted(vars(value)):
+                if not member.startswith("_"):
+                    given = getattr(value, member)
+                    yield f"python {name}.{member}{_parameters(given)}"
+            for member in sorted(getattr(value, "__dataclass_fields__", {})):
+                yield f"python {name}.{member}"
+        else:
+            yield f"python {name}{_parameters(value)}"
+
+
+def _parameters(value: object) -> str:
+    """Names, kinds and whether there is a default; types are mypy's business."""
+    if not callable(value):
+        return ""
+    bare = [
+        p.replace(annotation=p.empty, default=p.empty if p.default is p.empty else ...)
+        for p in inspect.signature(value).parameters.values()
+    ]
+    return str(inspect.Signature(bare)).replace("Ellipsis", "…")
+
+
+def command_lines() -> Iterator[str]:
+    """One line a command, argument and option."""
+    for name, command in sorted(vars(typer.main.get_command(app))["commands"].items()):
+        yield f"command {name}"
+        for parameter in command.params:
+            names = "/".join([*parameter.opts, *parameter.secondary_opts])
+            shown = names if parameter.param_type_name == "option" else names.upper()
+            many = " …" if getattr(parameter, "multiple", False) or parameter.nargs == -1 else ""
+            must = " (required)" if parameter.required else ""
+            yield f"command {name} {shown}{many}{must}"
+
+
+def json_lines() -> Iterator[str]:
+    """One line a key of every kind of result."""
+    robot = Robot.load("two-link")
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 100)
+    log = simulate(robot, motion, noise=PAPER_NOISE, rng=np.random.default_rng(0))
+    analysis = _trusted(analyze(robot, log, replicates=0, posterior=True))
+    results = [
+        analysis,
+        calibrate(analysis, trials=4, replicates=20, noise=(1.0,), rho=(0.0,)),
+        prune(robot, log, replicates=4),
+    ]
+    if "diagnose" in identifiability.__all__:
+        results.append(identifiability.diagnose(robot, log, quick=True))
+    for result in results:
+        content = result.to_dict()
+        schema = content["schema"]
+        yield from sorted({f"json {schema} {key}" for key in _keys(content)})
+
+
+def _trusted(analysis: Analysis) -> Analysis:
+    """Posteriors that have converged, whose numbers are not withheld."""
+
+    def trust(summary):
+        return replace(summary, convergence=replace(summary.convergence, reasons=()))
+
+    belief = analysis.belief
+    belief = replace(belief, signs=trust(belief.signs), physical=trust(belief.physical))
+    return replace(analysis, belief=belief)
+
+
+def _keys(value: object, path: str = "") -> Iterator[str]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            by_name = path.rpartition(".")[2] in BY_NAME or path == "physical.parameters"
+            here = f"{path}.{'*' if by_name else key}".lstrip(".")
+            yield here
+            yield from _keys(inner, here)
+    elif isinstance(value, (list, tuple)) and any(isinstance(v, dict) for v in value):
+        for inner in value:
+            yield from _keys(inner, f"{path}[]")
+
+
+def lines() -> list[str]:
+    return [*dict.fromkeys([*python_lines(), *command_lines(), *json_lines()])]
+
+
+def test_the_public_interface_is_the_pinned_one():
+    pinned, found = PIN.read_text(encoding="utf-8").splitlines(), lines()
+    gone = [line for line in pinned if line not in found]
+    new = [line for line in found if line not in pinned]
+    assert not gone, f"these are gone; if that is meant, run python {Path(__file__).name}"
+    assert not new, f"these are new; pin them with python {Path(__file__).name}"
+
+
+def test_every_public_name_is_listed_where_one_looks():
+    assert dir(identifiability) == sorted(identifiability.__all__)
+    assert set(identifiability._HOMES) == set(identifiability.__all__) - {"__version__"}
+    for name in identifiability.__all__:
+        assert name == "__version__" or getattr(identifiability, name).__doc__, name
+
+
+def test_schemas_have_a_name_and_a_version():
+    schemas = {line.split()[1] for line in PIN.read_text(encoding="utf-8").splitlines()
+               if line.startswith("json ")}  # fmt: skip
+    assert {"identifiability/analysis/1", "identifiability/pruning/1"} <= schemas
+    assert all(s.startswith("identifiability/") and s.split("/")[2].isdigit() for s in schemas)
+
+
+if __name__ == "__main__":
+    PIN.write_text("\n".join(lines()) + "\n", encoding="utf-8")
+    sys.stdout.write(f"{PIN}\n")
