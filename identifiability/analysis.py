@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from importlib import metadata
@@ -16,22 +16,17 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from identifiability.assessment import RungResult, assess_ladder, select_model
-from identifiability.belief import Belief, belief_dict, form_belief, refine_verdicts
+from identifiability.belief import Belief, belief_dict
 from identifiability.errors import LogError, listing
-from identifiability.estimation import Estimate, Method, estimate
+from identifiability.estimation import Method
 from identifiability.evaluation import (
     Prediction,
-    choose_folds,
-    fold_of_samples,
-    leave_out,
     predict,
 )
-from identifiability.feasibility import PhysicalResult, assess_feasibility
 from identifiability.grouping import BaseParameters, find_base_parameters
 from identifiability.information import Information, gather_information
 from identifiability.ladder import (
     LadderEntry,
-    Rung,
     build_ladder,
     default_ladder,
     ladder_model,
@@ -39,12 +34,19 @@ from identifiability.ladder import (
     nominal_base,
     read_ladder,
 )
-from identifiability.log import Log
 from identifiability.model import Regression
-from identifiability.names import Array
 from identifiability.output import write_json
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, Samples, prepare_samples
+from identifiability.samples import Preparation, Samples
+from identifiability.stages import (
+    LogLike,
+    Progress,
+    believe,
+    check_held_out,
+    cross_validate,
+    fit_ladder,
+    prepare_logs,
+)
 from identifiability.verdict import Class, Thresholds, Verdict
 
 if TYPE_CHECKING:
@@ -53,9 +55,6 @@ if TYPE_CHECKING:
     from identifiability.datatree import Which
 
 SCHEMA = "identifiability/analysis/1"
-
-LogLike = Log | str | Path | pd.DataFrame
-Progress = Callable[[str, float], None]
 
 _PACKAGES = ("identifiability", "pin", "mujoco", "numpy", "scipy", "pandas")
 
@@ -325,7 +324,7 @@ def analyze(
         if not train:
             raise LogError("No log was given; give at least one.")
         held = prepare_logs(robot, validate, preparation)
-        _check_held_out(train, held)
+        check_held_out(train, held)
         say("finding base parameters", 0.2)
         base = find_base_parameters(robot, model, streams[0])
         rungs = build_ladder(ladder, robot, base)
@@ -333,12 +332,12 @@ def analyze(
         regression = Regression(robot, model, train, base.kept)
         information = gather_information(regression)
         say("fitting models", 0.6)
-        fits, physical, values = _fit(robot, base, rungs, information, method, cad_weight)
+        fits, physical, values = fit_ladder(robot, base, rungs, information, method, cad_weight)
         fitted = predict(regression, values)
         if held:
             out = predict(Regression(robot, model, held, base.kept), values)
         else:
-            out = _cross_validate(regression, base, information, rungs, method)
+            out = cross_validate(regression, base, information, rungs, method)
         say("judging parameters", 0.9)
         thresholds = Thresholds()
         nominal = nominal_base(robot, base)
@@ -357,95 +356,12 @@ def analyze(
         at = select_model(results)
         belief = None
         if posterior:
-            results, belief = _believe(robot, base, information, results, at, streams[2], say)
+            results, belief = believe(robot, base, information, results, at, streams[2], say)
         return Analysis(
             robot, base, train, held, information, results, at,
             fitted.first(len(rungs)), out.first(len(rungs)), model.names, method, seed, belief,
             thresholds,
         )  # fmt: skip
-
-
-def prepare_logs(
-    robot: Robot, logs: Sequence[LogLike] | LogLike, how: Preparation | None
-) -> tuple[Samples, ...]:
-    """Return logs, however they are given, made ready for the regression."""
-    several = [logs] if isinstance(logs, (Log, str, Path, pd.DataFrame)) else list(logs)
-    out = []
-    for k, item in enumerate(several):
-        if isinstance(item, pd.DataFrame):
-            log = Log.from_frame(item, f"log {k + 1}")
-        else:
-            log = item if isinstance(item, Log) else Log.read(item)
-        out.append(prepare_samples(robot, log, how))
-    return tuple(out)
-
-
-def _check_held_out(train: Sequence[Samples], held: Sequence[Samples]) -> None:
-    """Refuse a validation log that is one of the fitted ones."""
-    seen = {s.sha256: s.name for s in train if s.sha256}
-    for s in held:
-        if s.sha256 in seen:
-            raise LogError(
-                f"The validation log {s.name} is the log {seen[s.sha256]} that is fitted; its "
-                "error would say nothing about unseen motion: give another log, or none for "
-                "cross-validation."
-            )
-
-
-def _believe(
-    robot: Robot,
-    base: BaseParameters,
-    information: Information,
-    results: tuple[RungResult, ...],
-    at: int,
-    rng: np.random.Generator,
-    say: Progress,
-) -> tuple[tuple[RungResult, ...], Belief]:
-    """Sample the posteriors of one model and let its verdicts know."""
-    chosen = results[at]
-    belief = form_belief(
-        robot, base, chosen.rung, chosen.rung.reduce(information), chosen.estimate,
-        chosen.physical, float(chosen.autocorrelation_time.mean()), rng,
-        progress=lambda done, total: say("sampling the posterior", 0.9 + 0.09 * done / total),
-    )  # fmt: skip
-    verdicts = refine_verdicts(chosen, belief)
-    updated = replace(chosen, verdicts=verdicts)
-    return (*results[:at], updated, *results[at + 1 :]), belief
-
-
-def _fit(
-    robot: Robot,
-    base: BaseParameters,
-    rungs: Sequence[Rung],
-    information: Information,
-    method: Method,
-    cad_weight: float = 0.0,
-) -> tuple[list[Estimate], list[PhysicalResult], Array]:
-    """Return the estimates, the nearest real robots, and the base parameters of both, (b, 2 m)."""
-    fits, physical = [], []
-    for rung in rungs:
-        reduced = rung.reduce(information)
-        fits.append(estimate(reduced, method))
-        physical.append(assess_feasibility(robot, base, rung, reduced, fits[-1], cad_weight))
-    values = [r.expand(e.value) for r, e in zip(rungs, fits, strict=True)]
-    values += [r.expand(p.value) for r, p in zip(rungs, physical, strict=True)]
-    return fits, physical, np.stack(values, 1)
-
-
-def _cross_validate(
-    regression: Regression,
-    base: BaseParameters,
-    information: Information,
-    rungs: Sequence[Rung],
-    method: Method,
-) -> Prediction:
-    """Predict every stretch of the logs by models that were fitted to the others."""
-    folds = choose_folds(information)
-    values = []
-    for fold in range(int(folds.max()) + 1):
-        rest = leave_out(information, folds, fold)
-        values.append(_fit(regression.robot, base, rungs, rest, method)[2])
-    return predict(regression, np.stack(values), fold_of_samples(information, folds))
 
 
 def _row(v: Verdict) -> dict[str, Any]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.analysis import Analysis, Progress, analyze
+from identifiability.analysis import Analysis, analyze
 from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.stages import Progress
 
 
 def run_demo(*, quick: bool = False, seed: int = 0, progress: Progress | None = None) -> Analysis:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identifiability.analysis import LogLike, Progress, prepare_logs
 from identifiability.assessment import RungResult, assess_ladder
 from identifiability.bootstrap import merge_blocks
 from identifiability.errors import IdentifiabilityError, LogError, ModelError, listing, near_match
@@ -41,6 +40,7 @@ from identifiability.pruning.stability import assess_stability
 from identifiability.pruning.unseen import unseen_regressor
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, Samples
+from identifiability.stages import LogLike, Progress, prepare_logs
 from identifiability.verdict import Thresholds
 
 #: Rungs as good as the best whose physical certificate is asked for, the preferred one first.
