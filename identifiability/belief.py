@@ -66,7 +66,7 @@ class Effort:
     """How much is sampled: walkers of each of four ensembles, draws of each walker."""
 
     walkers: int = 4
-    draws: int = 80
+    draws: int = 120
     warmup: int = 20
 
 

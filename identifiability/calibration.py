@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -17,52 +18,15 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from identifiability.analysis import Analysis
-from identifiability.assessment import Uncertainty, assess_uncertainty, column_rms, recurrence
 from identifiability.errors import ModelError, near_match
-from identifiability.estimation import estimate
 from identifiability.model import Model, Regression
 from identifiability.names import Array
+from identifiability.outcome import Cell, count_outcomes, judge_outcome
 from identifiability.output import write_json
+from identifiability.ranks import RankCheck, check_ranks
 from identifiability.replicates import Experiment, outcomes
-from identifiability.verdict import Class, Evidence, judge
 
 SCHEMA = "identifiability/calibration/1"
-
-#: A parameter is wrong if it is off by more than this share of its true value.
-WRONG = 0.5
-
-
-@dataclass(frozen=True)
-class Cell:
-    """What was counted at one noise level and correlation.
-
-    Attributes
-    ----------
-    noise : float
-        Multiple of the residual's standard deviation.
-    rho : float
-        Correlation from sample to sample; NaN for the residual's own.
-    trials : int
-    coverage_white, coverage_robust : float
-        Share of 95 % intervals that hold the truth, over parameters and trials.
-    called, wrong : float
-        Parameters called identifiable, a trial; share of them off by more than half.
-    paper_called, paper_wrong : float
-        The same for the 10× rule.
-    coverage_se : float
-        Monte-Carlo standard error of the robust coverage, by trials.
-    """
-
-    noise: float
-    rho: float
-    trials: int
-    coverage_white: float
-    coverage_robust: float
-    coverage_se: float
-    called: float
-    wrong: float
-    paper_called: float
-    paper_wrong: float
 
 
 @dataclass(frozen=True)
@@ -75,6 +39,8 @@ class Calibration:
     parameters : int
     cells : tuple of Cell
     seed : int
+    ranks : RankCheck or None
+        Simulation-based calibration of the posterior, where it was asked for.
     """
 
     robot: str
@@ -82,6 +48,7 @@ class Calibration:
     parameters: int
     cells: tuple[Cell, ...]
     seed: int
+    ranks: RankCheck | None = None
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a cell."""
@@ -99,6 +66,7 @@ class Calibration:
             f"parameters called identifiable at most {100 * worst.wrong:.2g} % are wrong by more "
             f"than half, at any noise tried; of those that pass the 10× rule up to "
             f"{100 * max(c.paper_wrong for c in self.cells):.2g} %."
+            + ("" if self.ranks is None else f" {self.ranks.statement}")
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -110,6 +78,7 @@ class Calibration:
             "parameters": self.parameters,
             "statement": self.statement,
             "cells": [vars(c) for c in self.cells],
+            "posterior": None if self.ranks is None else self.ranks.to_dict(),
             "seed": self.seed,
         }
 
@@ -126,7 +95,7 @@ class Calibration:
         return write_calibration_report(self, path)
 
     def _repr_html_(self) -> str:
-        return f"<p>{self.statement}</p>{self.to_frame().to_html()}"
+        return f"<p>{escape(self.statement)}</p>{self.to_frame().to_html()}"
 
 
 def calibrate(
@@ -137,6 +106,7 @@ def calibrate(
     rho: Sequence[float] = (float("nan"), 0.0, 0.9),
     trials: int = 60,
     replicates: int = 200,
+    sbc: int = 0,
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> Calibration:
@@ -156,6 +126,8 @@ def calibrate(
         Simulated repetitions a cell.
     replicates : int
         Of the bootstrap in each.
+    sbc : int
+        Simulated experiments for the simulation-based calibration of the posterior; 0 for none.
     seed : int
     progress : callable(str, float), optional
 
@@ -178,20 +150,41 @@ def calibrate(
     own = _lag_one(analysis.fitted.residual[:, :, at])
     cells = []
     pairs = [(level, r) for r in rho for level in noise]
-    streams = np.random.default_rng(seed).spawn(len(pairs))
+    *streams, last = np.random.default_rng(seed).spawn(len(pairs) + 1)
     with threadpool_limits(1, "blas"):
         for k, ((level, r), rng) in enumerate(zip(pairs, streams, strict=True)):
             if progress:
                 progress(f"noise × {level:g}", k / len(pairs))
             correlation = own if np.isnan(r) else np.full(len(sd), r)
             trial = [
-                _judge_outcome(analysis, at, information, tau, experiment, rng, replicates)
+                judge_outcome(
+                    result.rung,
+                    experiment,
+                    information,
+                    tau,
+                    rng,
+                    method=analysis.method,
+                    thresholds=analysis.thresholds,
+                    replicates=replicates,
+                )
                 for information, tau in outcomes(
                     experiment, truth, level * sd, correlation, rng, trials
                 )
             ]
-            cells.append(_count(trial, truth, level, r))
-    return Calibration(analysis.robot.name, result.name, len(truth), tuple(cells), seed)
+            cells.append(count_outcomes(trial, truth, level, r))
+        ranks = None
+        if sbc:
+            information = result.rung.reduce(analysis.information)
+            ranks = check_ranks(
+                result, information, last, replicates=sbc, progress=_steps(progress)
+            )
+    return Calibration(analysis.robot.name, result.name, len(truth), tuple(cells), seed, ranks)
+
+
+def _steps(progress: Callable[[str, float], None] | None) -> Callable[[int, int], None] | None:
+    if progress is None:
+        return None
+    return lambda done, total: progress("ranking planted values", done / total)
 
 
 def _experiment(analysis: Analysis, at: int) -> Experiment:
@@ -209,67 +202,3 @@ def _lag_one(residual: Array) -> Array:
     lagged = np.sum(centred[1:] * centred[:-1], 0)
     rho: Array = np.clip(lagged / np.where(square > 0, square, 1.0), 0.0, 0.995)
     return rho
-
-
-@dataclass(frozen=True)
-class _Trial:
-    value: Array
-    uncertainty: Uncertainty
-    identifiable: np.ndarray
-    paper: np.ndarray
-
-
-def _judge_outcome(
-    analysis: Analysis,
-    at: int,
-    information: Any,
-    tau: Array,
-    experiment: Experiment,
-    rng: np.random.Generator,
-    replicates: int,
-) -> _Trial:
-    """Fit and judge one outcome as `analyze` would."""
-    rung = analysis.models[at].rung
-    fit = estimate(information, analysis.method)
-    residual = tau - experiment.W @ fit.value
-    spread = assess_uncertainty(information, fit, residual, experiment.log, rng, replicates)
-    evidence = Evidence(
-        fit,
-        spread.robust,
-        recurrence(fit, spread, analysis.thresholds),
-        column_rms(information),
-        float(np.sqrt(np.mean(tau**2))),
-        float(np.sqrt(np.mean(residual**2))),
-        ("",) * len(rung),
-    )
-    verdicts = judge(rung.labels, rung.units, evidence, None, analysis.thresholds)
-    called = np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts])
-    return _Trial(fit.value, spread, called, fit.paper_rule)
-
-
-def _count(trials: Sequence[_Trial], truth: Array, noise: float, rho: float) -> Cell:
-    value = np.array([t.value for t in trials])
-    off = np.abs(value - truth)
-    white = off <= 1.96 * np.array([t.uncertainty.white for t in trials])
-    robust = off <= 1.96 * np.array([t.uncertainty.robust for t in trials])
-    wrong = off > WRONG * np.abs(truth)
-    called = np.array([t.identifiable for t in trials])
-    paper = np.array([t.paper for t in trials])
-    by_trial = robust.mean(1)
-    return Cell(
-        noise,
-        rho,
-        len(trials),
-        float(white.mean()),
-        float(robust.mean()),
-        float(by_trial.std(ddof=1) / np.sqrt(len(trials))) if len(trials) > 1 else float("nan"),
-        float(called.sum(1).mean()),
-        _share(wrong, called),
-        float(paper.sum(1).mean()),
-        _share(wrong, paper),
-    )
-
-
-def _share(wrong: np.ndarray, called: np.ndarray) -> float:
-    """Return the share of called parameters that are wrong; 0 when none was called."""
-    return float((wrong & called).sum() / max(called.sum(), 1))

@@ -1,7 +1,10 @@
 """Intervals hold the truth under autocorrelated noise, and verdicts are seldom wrong."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy import stats
 from typer.testing import CliRunner
 
 from identifiability import analyze
@@ -11,6 +14,7 @@ from identifiability.errors import ModelError
 from identifiability.estimation import estimate
 from identifiability.grouping import find_base_parameters
 from identifiability.model import Model, Regression
+from identifiability.ranks import RankCheck, build_target, check_ranks
 from identifiability.replicates import Experiment, correlated_noise
 
 
@@ -74,7 +78,48 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
     )
     assert run.exit_code == 0, run.output
     assert "intervals of full model hold the truth" in run.output
-    assert "Coverage of 95 % intervals" in report.read_text().replace("\u00a0", " ")
+    assert "posterior is calibrated" in " ".join(run.output.split())
+    html = report.read_text().replace("\u00a0", " ")
+    assert "Coverage of 95 % intervals" in html
+    assert "rank of the planted value" in html
+    run = CliRunner().invoke(app, ["calibrate", "two-link", str(log), "--quick", "--no-sbc"])
+    assert "posterior" not in run.output
+
+
+def test_planted_values_rank_uniformly_in_their_posterior(analysis):
+    found = check_ranks(
+        analysis.full, analysis.full.rung.reduce(analysis.information), np.random.default_rng(0)
+    )
+    assert found.uniform
+    assert found.counts.shape == (37, 8)
+    assert (found.counts.sum(1) == 1000).all()
+    assert stats.kstest(found.p_values, "uniform").pvalue > 1e-3
+    assert found.to_dict()["parameters"][0]["name"] == analysis.full.rung.columns[0]
+
+
+def test_a_posterior_that_ranks_badly_is_said_to_be_wrong():
+    low, high = np.full(8, 125.0), np.array([300.0, 100, 100, 100, 100, 100, 100, 100])
+    found = RankCheck(("a", "b"), np.stack([low, high]), np.array([1.0, 1e-40]), 1000)
+    assert not found.uniform
+    assert found.worst == 1
+    assert "not calibrated on this motion" in found.statement
+    assert found.band[0] < 125 < found.band[1]
+
+
+def test_parameters_that_the_motion_leaves_open_can_be_ranked(analysis):
+    full = analysis.full
+    fit = full.estimate
+    determined = np.arange(37) > 2
+    blind = replace(fit, determined=determined)
+    spread = replace(full.uncertainty, inflated=np.where(determined, fit.sigma, np.inf))
+    result = replace(full, estimate=blind, uncertainty=spread)
+    information = full.rung.reduce(analysis.information)
+    target, start = build_target(result, information)
+    assert np.isfinite(target.prior.sd).all()
+    assert (start[full.rung.nonnegative] > 0).all()
+    assert (
+        check_ranks(result, information, np.random.default_rng(1), replicates=64).replicates == 64
+    )
 
 
 def test_an_unknown_model_is_named(analysis):

@@ -33,6 +33,9 @@ def calibrate(
         str | None, typer.Option(help="Model of the ladder; default: the unpruned one.")
     ] = None,
     trials: Annotated[int, typer.Option(min=4, help="Simulated repetitions a row.")] = 60,
+    sbc: Annotated[
+        bool, typer.Option(help="Also check the posterior by simulation (some seconds).")
+    ] = True,
     sidecar: SidecarOption = None,
     report: ReportOption = None,
     json: JsonOption = None,
@@ -45,6 +48,7 @@ def calibrate(
 
     The experiment is repeated with planted parameters and autocorrelated noise: how often do 95 %
     intervals hold the truth, how often is a parameter called identifiable wrong by more than half?
+    And are planted values ranked uniformly among the draws of their posterior?
 
     ```
     identifiability calibrate 3-rps run.csv --report calibration.html
@@ -56,7 +60,10 @@ def calibrate(
 
         check_outputs(report, json)
         analysis = analyze(load_robot(robot, sidecar), logs, (), ladder, replicates=0, seed=seed)
-        result = run(analysis, model=model, trials=8 if quick else trials, seed=seed, progress=say)
+        result = run(
+            analysis, model=model, trials=8 if quick else trials,
+            sbc=(200 if quick else 1000) * sbc, seed=seed, progress=say,
+        )  # fmt: skip
         written = write_results(result, report, json, say)
     from rich.console import Console  # noqa: PLC0415
 

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from identifiability.analysis import Analysis
 from identifiability.output import write_text
+from identifiability.report.blocks import Section
 from identifiability.report.numbers import format_count
 from identifiability.report.page import Page, render_page
 from identifiability.report.sections import (
     answer_notes,
     answer_terms,
     answer_tiles,
+    section_bodies,
     section_full_model,
     section_ladder,
     section_parameters,
     section_physics,
+    section_posterior,
     section_prediction,
     section_preparation,
     section_provenance,
     section_residuals,
+    section_standard,
     section_structure,
     section_terms,
 )
@@ -37,6 +42,17 @@ SECTIONS = (
     section_provenance,
 )
 
+#: Follow `section_physics` where a posterior was sampled.
+BELIEF_SECTIONS = (section_bodies, section_posterior, section_standard)
+
+
+def choose_sections(analysis: Analysis) -> tuple[Callable[[Analysis], Section], ...]:
+    """Return the sections of an analysis in their order."""
+    if analysis.belief is None:
+        return SECTIONS
+    at = SECTIONS.index(section_physics) + 1
+    return (*SECTIONS[:at], *BELIEF_SECTIONS, *SECTIONS[at:])
+
 
 def build_analysis_page(analysis: Analysis) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
@@ -49,7 +65,7 @@ def build_analysis_page(analysis: Analysis) -> Page:
     return Page(
         title=robot.title or robot.name,
         statement=analysis.statement,
-        sections=tuple(section(analysis) for section in SECTIONS),
+        sections=tuple(section(analysis) for section in choose_sections(analysis)),
         overline="Identifiability report",
         subtitle=subtitle,
         tiles=answer_tiles(analysis),

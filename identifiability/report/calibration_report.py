@@ -6,9 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.calibration import Calibration, Cell
-from identifiability.report.blocks import Picture, Prose, Section, Tile
-from identifiability.report.figures.calibration import draw_coverage, draw_wrong
+from identifiability.calibration import Calibration
+from identifiability.outcome import Cell
+from identifiability.ranks import PRIOR_WIDTH
+from identifiability.report.blocks import Fold, Picture, Prose, Section, Tile
+from identifiability.report.figures.calibration import draw_coverage, draw_ranks, draw_wrong
+from identifiability.report.numbers import format_number
 from identifiability.report.page import write_page
 from identifiability.report.tables import Cell as TableCell
 from identifiability.report.tables import Column, Table
@@ -26,7 +29,12 @@ def write_calibration_report(calibration: Calibration, path: str | Path) -> Path
     return write_page(
         "May the verdicts be trusted here?",
         calibration.statement,
-        (_coverage(calibration), _verdicts(calibration), _method(calibration)),
+        (
+            _coverage(calibration),
+            _verdicts(calibration),
+            *_ranks(calibration),
+            _method(calibration),
+        ),
         path,
         overline="Calibration",
         subtitle=f"{calibration.robot} · {calibration.model}",
@@ -92,6 +100,38 @@ def _verdicts(calibration: Calibration) -> Section:
     )
 
 
+def _ranks(calibration: Calibration) -> tuple[Section, ...]:
+    found = calibration.ranks
+    if found is None:
+        return ()
+    figure = draw_ranks(found.counts, found.band, found.worst, found.names[found.worst])
+    columns = (
+        Column("parameter"),
+        Column("p-value", "number", "Chi-square test of uniform ranks."),
+        Column("adjusted", "number", "For the number of parameters, Holm."),
+    )
+    rows = tuple(
+        (TableCell(n), TableCell(format_number(p, 2), p), TableCell(format_number(a, 2), a))
+        for n, p, a in zip(
+            found.names, found.p_values.tolist(), found.adjusted.tolist(), strict=True
+        )
+    )
+    caption = (
+        "How often the planted value falls into each eighth of its posterior's draws. A right "
+        "posterior gives level lines; a hump means that it is too wide, a valley too narrow, a "
+        "slope biased. The band holds 99 % of the bins of level ones."
+    )
+    fold = Fold(f"p-values of all {len(rows)} parameters", (Table("", columns, rows),))
+    return (
+        Section(
+            "posterior",
+            "Is the posterior right?",
+            found.statement,
+            (Picture(figure, caption), fold),
+        ),
+    )
+
+
 def _method(calibration: Calibration) -> Section:
     trials = calibration.cells[0].trials
     text = (
@@ -100,4 +140,11 @@ def _method(calibration: Calibration) -> Section:
         "repetition is fitted, resampled and judged as analyze does. Errors of the motion are not "
         f"simulated. Seed {calibration.seed}."
     )
+    if calibration.ranks is not None:
+        text += (
+            f" For the posterior, {calibration.ranks.replicates} sets of parameters are drawn "
+            f"within {PRIOR_WIDTH:g} robust σ of the fitted values, friction and rotor inertia not "
+            "negative, each with data of this motion and this residual; the posterior knows the "
+            "prior that they came from [Talts et al. 2018; Gandy & Scott 2020]."
+        )
     return Section("method", "How it was measured", "", (Prose((text,)),))

@@ -24,6 +24,18 @@ VERDICTS = (
         "tell it from others.",
         "not identifiable",
     ),
+    Term(
+        "constraint-determined",
+        "The logs leave it open, but bodies that can exist narrow it far below what the logs alone "
+        "allow; that the robot is real tells more than the data.",
+        "constraint-determined",
+    ),
+    Term(
+        "prior-dominated",
+        "The logs leave it open, and its narrow posterior is little more than the prior around the "
+        "robot file.",
+        "prior-dominated",
+    ),
 )
 
 GLOSSARY = (
@@ -77,6 +89,40 @@ GLOSSARY = (
         "of mass can produce (its pseudo-inertia matrix is not negative [Wensing et al. 2018]), "
         "and no friction or rotor inertia is negative. The certificate is either such a robot, or "
         "a combination of the values that no robot can have.",
+    ),
+    Term(
+        "posterior",
+        "What is believed of the parameters after the data: prior times likelihood. The likelihood "
+        "counts as many samples as are independent, and the noise variance is averaged over "
+        "[Gelman et al. 2013]. With signs: flat prior, and what cannot be negative, such as "
+        "friction, is not. With bodies: a normal prior per standard parameter around the robot "
+        "file, and every body can exist.",
+    ),
+    Term(
+        "contraction",
+        "How much narrower a parameter is after the data than before: 0 where nothing was learned, "
+        "1 where it is known exactly.",
+        formula="contraction = 1 − posterior sd ∕ prior sd",
+    ),
+    Term(
+        "standard parameter",
+        "A mass, first moment or inertia of one body, or a friction or rotor inertia of one joint. "
+        "Determined by data: data and prior narrow it without any constraint. By constraint: only "
+        "bodies that can exist do. By prior: neither does. By structure: no motion shows it, so "
+        "any narrowing comes from its neighbours in the same body.",
+    ),
+    Term(
+        "convergence",
+        "Several ensembles of walkers start apart. Nested R-hat near 1 says that they found the "
+        "same distribution, effective draws how many independent ones the correlated draws are "
+        "worth. Where a limit is missed, the numbers are withheld [Vehtari et al. 2021; Margossian "
+        "et al. 2024].",
+        formula="nested R-hat = √(1 + variance between ensembles ∕ variance within)",
+    ),
+    Term(
+        "room of a body",
+        "The smallest eigenvalue of its pseudo-inertia matrix in units of its own mass and size; "
+        "below zero no distribution of mass produces it [Traversaro et al. 2016].",
     ),
     Term(
         "rounding",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -12,6 +13,7 @@ import pytest
 
 from identifiability import analyze
 from identifiability.analysis import Analysis
+from identifiability.belief import Effort, Summary, form_belief
 from identifiability.ladder import LadderEntry, RungEntry
 from identifiability.model import Model
 from identifiability.robot import Robot, complete_motion
@@ -85,6 +87,34 @@ def hostile_names() -> tuple[str, ...]:
 def paper_analysis(simulated_session) -> Analysis:
     logs = [simulated_session("3-rps", t, seed) for t, seed in (("601", 0), ("595", 1))]
     return analyze("3-rps", logs[0], logs[1], replicates=200)
+
+
+def believe(analysis: Analysis, effort: Effort) -> Analysis:
+    """Add posteriors, shown whatever so few draws are worth."""
+    chosen = analysis.chosen
+    belief = form_belief(
+        analysis.robot, analysis.base, chosen.rung, chosen.rung.reduce(analysis.information),
+        chosen.estimate, chosen.physical, 1.0, np.random.default_rng(0), effort,
+    )  # fmt: skip
+    signs, physical = (trust(x) for x in (belief.signs, belief.physical))
+    return replace(analysis, belief=replace(belief, signs=signs, physical=physical))
+
+
+def trust(summary: Summary | None) -> Summary | None:
+    if summary is None:
+        return None
+    return replace(summary, convergence=replace(summary.convergence, reasons=()))
+
+
+@pytest.fixture(scope="session")
+def believed_analysis(paper_analysis) -> Analysis:
+    return believe(paper_analysis, Effort(walkers=4, draws=12, warmup=8))
+
+
+@pytest.fixture(scope="session")
+def believe_small() -> Callable[[Analysis], Analysis]:
+    """A function that adds posteriors of a few draws."""
+    return lambda analysis: believe(analysis, Effort(walkers=2, draws=8, warmup=4))
 
 
 @pytest.fixture(scope="session")

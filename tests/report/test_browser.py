@@ -44,11 +44,12 @@ def measure(html: str, script: str, width: int, folder: Path):
 
 
 @pytest.fixture(scope="module")
-def pages(paper_analysis, chain_analysis, tmp_path_factory) -> dict[str, Path]:
+def pages(paper_analysis, believed_analysis, chain_analysis, tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     long = ("a_joint_whose_name_is_" + "very_" * 12 + "long", "<script>alert(1)</script>", "c")
     return {
         "paper": write_analysis_report(paper_analysis, folder / "paper.html"),
+        "belief": write_analysis_report(believed_analysis, folder / "belief.html"),
         "odd": write_analysis_report(chain_analysis(long), folder / "odd.html"),
     }
 
@@ -63,7 +64,7 @@ return [width, page.documentElement.scrollWidth, out.map((e) => e.outerHTML.slic
 
 
 @pytest.mark.parametrize("width", [400, 1280])
-@pytest.mark.parametrize("name", ["paper", "odd"])
+@pytest.mark.parametrize("name", ["paper", "belief", "odd"])
 def test_the_page_is_never_wider_than_its_window(pages, name, width, tmp_path):
     html = pages[name].read_text(encoding="utf-8")
     inner, scrolled, out = measure(html, OVERFLOW, width, tmp_path)
@@ -72,12 +73,13 @@ def test_the_page_is_never_wider_than_its_window(pages, name, width, tmp_path):
     assert out == []
 
 
-def test_on_a_wide_window_no_table_needs_to_scroll(pages, tmp_path):
+@pytest.mark.parametrize("name", ["paper", "belief"])
+def test_on_a_wide_window_no_table_needs_to_scroll(pages, name, tmp_path):
     script = """
     for (const fold of page.querySelectorAll("details")) fold.open = true;
     return [...page.querySelectorAll(".table-box")].map((e) => e.scrollWidth - e.clientWidth);
     """
-    html = pages["paper"].read_text(encoding="utf-8")
+    html = pages[name].read_text(encoding="utf-8")
     assert set(measure(html, script, 1280, tmp_path)) == {0}
 
 
@@ -136,19 +138,20 @@ def test_chips_show_only_the_rows_with_their_verdict(pages, tmp_path):
     assert back == total
 
 
-@pytest.mark.parametrize("name", ["paper", "odd"])
+@pytest.mark.parametrize("name", ["paper", "belief", "odd"])
 def test_the_console_stays_silent(pages, name, tmp_path):
     found = browse(pages[name], tmp_path, "--enable-logging=stderr", "--dump-dom")
     assert "CONSOLE" not in found.stderr
     assert 'role="cell"' in found.stdout  # the page's own script has run under its policy
 
 
-def test_text_can_be_read_on_a_phone(pages, tmp_path):
+@pytest.mark.parametrize("name", ["paper", "belief"])
+def test_text_can_be_read_on_a_phone(pages, name, tmp_path):
     script = """
     return [...page.querySelectorAll("svg")].filter((e) => e.clientWidth).map((e) =>
       10.5 * e.clientWidth / e.viewBox.baseVal.width);
     """
-    html = pages["paper"].read_text(encoding="utf-8")
+    html = pages[name].read_text(encoding="utf-8")
     sizes = measure(html, script, 400, tmp_path)
     assert len(sizes) > 10
     assert min(sizes) > 7

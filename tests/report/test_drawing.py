@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from identifiability.report import COLOURS, svg
 from identifiability.report import figures as fig
 from identifiability.report.drawing import STYLE, _shorten_path, canvas, dots, drawn, plain, thin
+from identifiability.report.figures.calibration import draw_ranks
 from identifiability.report.figures.torque import choose_stretch, find_runs
 
 INF, NAN = np.inf, np.nan
@@ -41,6 +42,13 @@ def draw_all(names, value=1.0):
         fig.draw_histogram(value * t),
         fig.draw_autocorrelation(value * np.ones((9, 2)), 1, names[0], 50),
         fig.draw_residual_velocity(value * t, t, names[0], ("rad/s", "N·m")),
+        fig.draw_forest(
+            names, {"one": np.stack([x, -x, x], 1), "b$": np.stack([x] * 3, 1)}, x, names[0]
+        ),
+        fig.draw_pair(value * t, t, (f"{names[0]} [–]", f"{names[-1]} [–]"), (value, value), value),
+        fig.draw_contraction(names, x, kinds, 0.5),
+        fig.draw_margins(names, x, -x, [i % 2 == 0 for i in range(k)], names[0]),
+        draw_ranks(np.full((k, 8), value), (4.0, 12.0), 0, names[0]),
         fig.draw_spectrum(np.array([1.0, 0.1, 1e-17]), 2, 1e-8),
     ]
 

@@ -1,6 +1,7 @@
 """The sections of an analysis report; each is a pure function of an `Analysis`."""
 
 from identifiability.report.sections.answer import answer_notes, answer_terms, answer_tiles
+from identifiability.report.sections.belief import section_posterior
 from identifiability.report.sections.ladder import section_ladder
 from identifiability.report.sections.method import (
     section_preparation,
@@ -10,20 +11,24 @@ from identifiability.report.sections.method import (
 from identifiability.report.sections.parameters import section_full_model, section_parameters
 from identifiability.report.sections.physics import section_physics
 from identifiability.report.sections.prediction import section_prediction, section_residuals
+from identifiability.report.sections.standard import section_bodies, section_standard
 from identifiability.report.sections.structure import section_structure
 
 __all__ = [
     "answer_notes",
     "answer_terms",
     "answer_tiles",
+    "section_bodies",
     "section_full_model",
     "section_ladder",
     "section_parameters",
     "section_physics",
+    "section_posterior",
     "section_prediction",
     "section_preparation",
     "section_provenance",
     "section_residuals",
+    "section_standard",
     "section_structure",
     "section_terms",
 ]

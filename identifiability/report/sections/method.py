@@ -26,6 +26,14 @@ _MEANING = {
         "largest effect of a negligible parameter",
         "of the residual's σ, anywhere in its 95 % interval",
     ),
+    "constraint_variance": (
+        "largest variance of a constraint-determined parameter",
+        "of the variance that the data leave, posterior with bodies",
+    ),
+    "contraction": (
+        "least contraction that is not prior-dominated",
+        "1 − posterior sd ∕ prior sd",
+    ),
 }
 
 

@@ -1,0 +1,156 @@
+"""The sections on what is believed: complete, and silent where the chains have not converged."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.belief import LEARNED, Source
+from identifiability.report import build_analysis_page, render_page
+from identifiability.report.sections.belief import forest_groups, forest_layers, strongest_pairs
+from identifiability.report.sections.standard import contraction_order
+
+REASON = "The ensembles disagree: nested R-hat of platform.mx is 1.300 (at most 1.01)."
+NAMES = ("bodies", "posterior", "standard")
+
+
+def sections(analysis):
+    page = build_analysis_page(analysis)
+    return {s.name: s for s in page.sections if s.name in NAMES}
+
+
+def doubt(analysis, *names):
+    """The same analysis with posteriors that have not converged."""
+    belief = analysis.belief
+    for name in names:
+        summary = getattr(belief, name)
+        convergence = replace(summary.convergence, reasons=(REASON,))
+        belief = replace(belief, **{name: replace(summary, convergence=convergence)})
+    return replace(analysis, belief=belief)
+
+
+def html_of(*blocks_of):
+    page = build_analysis_page(blocks_of[0])
+    own = tuple(s for s in page.sections if s.name in NAMES)
+    return render_page(replace(page, sections=own, summary=(), tiles=())).replace("\u00a0", " ")
+
+
+def test_the_sections_are_there_only_with_a_posterior(believed_analysis):
+    assert tuple(sections(believed_analysis)) == NAMES
+    assert not sections(replace(believed_analysis, belief=None))
+
+
+def test_every_road_has_its_interval(believed_analysis):
+    layers, stated = forest_layers(believed_analysis)
+    assert list(layers) == [
+        "white σ", "robust σ", "block bootstrap", "posterior with signs", "posterior with bodies",
+    ]  # fmt: skip
+    np.testing.assert_allclose(layers["robust σ"], np.outer(np.ones(12), [0, -1.96, 1.96]))
+    for values in layers.values():
+        assert (np.diff(values[:, [1, 0, 2]], axis=1) > 0).all()
+        assert np.abs(values).max() < 6
+    assert np.isfinite(stated).all()
+
+
+def test_what_the_motion_leaves_open_is_seen_from_the_posterior(believed_analysis):
+    chosen = believed_analysis.chosen
+    verdicts = [
+        replace(chosen.verdicts[0], sigma=np.inf, sigma_robust=np.inf),
+        *chosen.verdicts[1:],
+    ]
+    models = [*believed_analysis.models]
+    models[believed_analysis.selected] = replace(chosen, verdicts=tuple(verdicts))
+    layers, _ = forest_layers(replace(believed_analysis, models=tuple(models)))
+    assert np.isnan(layers["white σ"][0]).all()
+    assert np.isnan(layers["block bootstrap"][0]).all()
+    assert layers["posterior with bodies"][0, 0] == 0
+    assert np.isfinite(layers["posterior with signs"][0]).all()
+
+
+def test_parameters_are_grouped_and_long_groups_are_cut(believed_analysis):
+    columns = believed_analysis.full.rung.columns
+    groups = forest_groups(columns)
+    assert [kind for kind, _ in groups] == ["bodies"] * 2 + ["friction", "rotor inertia"]
+    assert sorted(np.concatenate([rows for _, rows in groups])) == list(range(37))
+    assert max(len(rows) for _, rows in groups) <= 14
+
+
+def test_the_strongest_pairs_come_first():
+    rho = np.array([[1, 0.5, -0.9], [0.5, 1, 0.1], [-0.9, 0.1, 1]])
+    assert strongest_pairs(rho) == [(0, 2), (0, 1)]
+
+
+def test_every_standard_parameter_is_shown_once_and_listed(believed_analysis):
+    known = believed_analysis.belief.standard
+    first, rest = contraction_order(known)
+    assert len(first) == 40
+    assert sorted([*first, *rest]) == list(range(85))
+    assert Source.STRUCTURE not in {known.source[k] for k in first}
+    table = sections(believed_analysis)["standard"].blocks[-1].blocks[0]
+    assert [row[0].text for row in table.rows] == list(known.names)
+    assert dict(table.words) == {s.value: known.source.count(s) for s in Source}
+    assert all(known.contraction[k] > LEARNED for k in range(85) if known.source[k] is Source.DATA)
+
+
+@pytest.mark.parametrize("names", [("physical",), ("signs",), ("signs", "physical")])
+def test_a_chain_that_has_not_converged_is_withheld_with_its_reasons(believed_analysis, names):
+    analysis = doubt(believed_analysis, *names)
+    found, layers = sections(analysis), forest_layers(analysis)[0]
+    notes = found["posterior"].blocks[0].notes
+    assert [n.text for n in notes] == [REASON] * len(names)
+    assert all("withheld" in n.title for n in notes)
+    assert ("posterior with signs" in layers) == ("signs" not in names)
+    assert ("posterior with bodies" in layers) == ("physical" not in names)
+    assert (len(found["standard"].blocks) == 1) == ("physical" in names)
+    table = found["posterior"].blocks[-1]
+    assert [row[-1].text for row in table.rows].count("no") == len(names)
+
+
+def test_nothing_of_a_withheld_posterior_is_written(believed_analysis):
+    text = html_of(doubt(believed_analysis, "signs", "physical"))
+    known = believed_analysis.belief.standard
+    assert REASON in text
+    assert "contraction from prior" not in text
+    assert "correlation" not in re.sub(r"autocorrelation", "", text)
+    assert known.names[4] not in text
+
+
+def test_a_motion_that_leaves_parameters_open_has_a_note_instead(believed_analysis):
+    belief = replace(believed_analysis.belief, signs=None, physical=None, standard=None,
+                     note="the motion leaves parameters undetermined")  # fmt: skip
+    text = html_of(replace(believed_analysis, belief=belief))
+    assert "No posterior with signs." in text
+    assert "The motion leaves parameters undetermined." in text
+
+
+def test_bodies_that_are_held_at_the_edge_are_named(believed_analysis):
+    worst = replace(believed_analysis, selected=0, belief=replace(believed_analysis.belief))
+    physical = worst.chosen.physical
+    section = build_bodies(worst)
+    assert physical.nearest.active_bodies
+    for body in physical.nearest.active_bodies[:2]:
+        assert body in section.lead
+    missing = replace(physical, nearest=None)
+    models = (replace(worst.chosen, physical=missing), *worst.models[1:])
+    assert build_bodies(replace(worst, models=models)).blocks
+
+
+def build_bodies(analysis):
+    from identifiability.report.sections import section_bodies
+
+    return section_bodies(analysis)
+
+
+def test_odd_robots_have_the_same_sections(chain_analysis, believe_small, hostile_names):
+    text = html_of(believe_small(chain_analysis(hostile_names)))
+    assert text.count("<script") == 1
+    assert "<img" not in text
+    assert text.count("<section") == 3
+
+
+def test_thresholds_and_words_are_explained(believed_analysis):
+    html = render_page(build_analysis_page(believed_analysis))
+    for text in ("constraint-determined", "prior-dominated", "contraction", "room of a body"):
+        assert text in html
+    assert "variance of a constraint-determined parameter" in html

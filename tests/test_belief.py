@@ -1,0 +1,204 @@
+"""What is believed agrees with theory, stays possible, and says where it comes from."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import analyze
+from identifiability.belief import (
+    START_MARGIN,
+    Effort,
+    Source,
+    belief_dict,
+    form_belief,
+    refine_verdicts,
+    state_prior,
+)
+from identifiability.errors import RobotError
+from identifiability.feasibility import full_problem, nominal_vector, physical_set
+from identifiability.ladder import nominal_base
+from identifiability.physical.certify import certify
+from identifiability.physical.project import project
+from identifiability.posterior.ensemble import sample_posterior
+from identifiability.posterior.target import Target
+from identifiability.robot import Robot
+from identifiability.robot.files import locate_robot
+from identifiability.verdict import Class
+
+NOTHING = "The chains are short: 80 draws are 44 autocorrelation times of leg3_upper.mz."
+
+
+def believe(analysis, result, effort=None, robot=None):
+    return form_belief(
+        robot or analysis.robot, analysis.base, result.rung,
+        result.rung.reduce(analysis.information), result.estimate, result.physical,
+        max(float(result.autocorrelation_time.mean()), 1.0), np.random.default_rng(1), effort,
+    )  # fmt: skip
+
+
+def truth_of(analysis, result):
+    """Values of a model's parameters in the robot that was simulated."""
+    rest = nominal_base(analysis.robot, analysis.base) - result.rung.held
+    return np.linalg.lstsq(result.rung.M, rest, rcond=None)[0]
+
+
+@pytest.fixture(scope="module")
+def analysis(simulated_session):
+    logs = [simulated_session("3-rps", t, seed) for t, seed in (("601", 0), ("595", 1))]
+    return analyze("3-rps", *logs, replicates=100, posterior=True)
+
+
+@pytest.fixture(scope="module")
+def unpruned(analysis):
+    """The posterior of Model 1, with enough draws to converge."""
+    return believe(analysis, analysis.full, Effort(walkers=4, draws=120, warmup=20))
+
+
+def test_where_no_sign_is_near_the_posterior_is_the_closed_form(analysis):
+    fit, signs = analysis.chosen.estimate, analysis.belief.signs
+    iact = max(float(analysis.chosen.autocorrelation_time.mean()), 1.0)
+    assert signs.trustworthy
+    assert not signs.at_edge.any()
+    dof = fit.dof / iact  # the marginal of the parameters is Student's t
+    sd = fit.sigma * np.sqrt(iact * dof / (dof - 2))
+    ess = signs.convergence.ess_bulk
+    np.testing.assert_array_less(np.abs(signs.mean - fit.value), 4.5 * sd / np.sqrt(ess))
+    np.testing.assert_array_less(np.abs(signs.sd / sd - 1), 4.5 / np.sqrt(ess))
+
+
+def test_all_draws_belong_to_a_real_robot(analysis):
+    chosen, robot, base = analysis.chosen, analysis.robot, analysis.base
+    reduced = chosen.rung.reduce(analysis.information)
+    region = physical_set(robot, base)
+    data = full_problem(reduced, chosen.estimate, chosen.rung, base.G)
+    prior = state_prior(robot, base, chosen.rung, reduced, chosen.estimate)
+    start = project(data, region, margin=START_MARGIN, reference=nominal_vector(robot, base)).phi
+    draws = sample_posterior(
+        Target(data, prior, region), start, np.random.default_rng(0), draws=10, walkers=4, warmup=5
+    ).flat()
+    assert region.contains(draws).all()
+    to_x = np.linalg.pinv(chosen.rung.M) @ base.G
+    for x in analysis.belief.physical.draws[:5]:
+        assert certify(to_x, x, region).feasible
+
+
+def test_each_standard_parameter_says_where_it_comes_from(analysis):
+    known = analysis.belief.standard
+    source = dict(zip(known.names, known.source, strict=True))
+    idle = set(analysis.base.without_effect)
+    assert {n for n, s in source.items() if s is Source.STRUCTURE} == idle
+    for k in (1, 2, 3):
+        assert source[f"slider{k}.Fv"] is Source.DATA
+    assert source["platform.Izz"] is Source.PRIOR  # left out of Model 4
+    learned = dict(zip(known.names, known.contraction, strict=True))
+    assert min(learned[f"slider{k}.Fv"] for k in (1, 2, 3)) > 0.95
+    assert (known.data_sd <= known.prior_sd * (1 + 1e-9)).all()
+
+
+def sidecar(folder, prior):
+    """The shipped sidecar of the two-link arm with a prior."""
+    path = folder / "two-link.toml"
+    shipped = locate_robot("two-link").with_suffix(".toml").read_text(encoding="utf-8")
+    path.write_text(f"{shipped}\n[prior]\n{prior}\n", encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def arm(simulated_session):
+    return analyze("two-link", simulated_session("two-link", "a", 0), replicates=0)
+
+
+def test_a_prior_that_the_user_states_moves_the_posterior(arm, tmp_path):
+    robot = Robot.load("two-link", sidecar(tmp_path, '"link2.m" = {mean = 3.0, sd = 0.02}'))
+    few = Effort(walkers=4, draws=10, warmup=5)
+    before, after = (believe(arm, arm.full, few, r).standard for r in (None, robot))
+    k = before.names.index("link2.m")
+    assert before.sd[k] > 0.2
+    assert abs(after.mean[k] - 3.0) < 0.03
+    assert after.sd[k] < 0.03
+    other = before.names.index("link1.m")
+    assert after.prior_sd[other] == before.prior_sd[other]
+
+
+@pytest.mark.parametrize(
+    ("prior", "sentence"),
+    [
+        ('"elbow.Fv" = {mean = -3.0, sd = 0.1}', "-3 ± 0.1 for 'elbow.Fv', which cannot be neg"),
+        ('"elbow.Fw" = {mean = 3.0, sd = 0.1}', "'elbow.Fw', which the model does not have, did"),
+    ],
+)
+def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior, sentence):
+    robot = Robot.load("two-link", sidecar(tmp_path, prior))
+    full = arm.full
+    reduced = full.rung.reduce(arm.information)
+    with pytest.raises(RobotError, match=sentence):
+        state_prior(robot, arm.base, full.rung, reduced, full.estimate)
+    belief = believe(arm, full, Effort(walkers=2, draws=4, warmup=1), robot)
+    assert belief.physical is None
+    assert belief.standard is None
+    assert sentence in belief.note
+    assert refine_verdicts(full, belief) == full.verdicts
+
+
+def test_a_prior_without_a_width_is_refused_when_the_sidecar_is_read(tmp_path):
+    with pytest.raises(RobotError, match="sd"):
+        Robot.load("two-link", sidecar(tmp_path, '"link2.m" = {mean = 4.0, sd = 0}'))
+
+
+def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analysis, unpruned):
+    full = analysis.full
+    assert unpruned.physical.trustworthy, unpruned.physical.convergence.reasons
+    refined = refine_verdicts(full, unpruned)
+    kinds = [v.verdict for v in refined]
+    assert kinds.count(Class.CONSTRAINT) > 5
+    assert kinds.count(Class.PRIOR) > 0
+    open_ = (Class.WEAK, Class.NOT_IDENTIFIABLE)
+    for k, (before, after) in enumerate(zip(full.verdicts, refined, strict=True)):
+        if before.verdict not in open_:
+            assert after == before
+        if after.verdict in (Class.CONSTRAINT, Class.PRIOR):
+            assert after.reason.startswith(before.reason)
+            assert "Bodies that can exist" in after.reason
+            assert unpruned.physical.sd[k] ** 2 < 0.5 * after.sigma_robust**2
+
+
+def test_friction_of_the_unpruned_model_is_never_below_zero(analysis, unpruned):
+    held = analysis.full.rung.nonnegative
+    for summary in (unpruned.signs, unpruned.physical):
+        assert (summary.draws[:, held] >= -1e-9).all()
+    assert (unpruned.signs.at_edge[~held] == 0).all()
+
+
+def test_a_chain_that_has_not_converged_is_withheld_in_json_and_verdicts(analysis, unpruned):
+    physical = unpruned.physical
+    convergence = replace(physical.convergence, reasons=(NOTHING,))
+    belief = replace(unpruned, physical=replace(physical, convergence=convergence))
+    shown, withheld = (belief_dict(analysis.full, b) for b in (unpruned, belief))
+    assert len(shown["physical"]["parameters"]) == 37
+    assert len(shown["standard"]) == 85
+    assert withheld["physical"]["reasons"] == [NOTHING]
+    assert "parameters" not in withheld["physical"]
+    assert "standard" not in withheld
+    assert "parameters" in withheld["signs"]
+    assert refine_verdicts(analysis.full, belief) == analysis.full.verdicts
+    json.dumps(withheld, allow_nan=False, default=float)
+
+
+def test_too_few_draws_are_found_out(arm):
+    belief = believe(arm, arm.full, Effort(walkers=2, draws=4, warmup=1))
+    assert not belief.physical.trustworthy
+    assert any("sample longer" in r for r in belief.physical.convergence.reasons)
+
+
+def test_the_nearest_real_robot_is_never_farther_from_the_truth(analysis):
+    """The set is convex and the truth is in it: with whatever noise, projecting cannot go away."""
+    for m in analysis.models:
+        R = m.rung.reduce(analysis.information).factor(m.estimate.weights)[:, :-1]
+        off, near = (
+            np.linalg.norm(R @ (x - truth_of(analysis, m)))
+            for x in (m.estimate.value, m.physical.value)
+        )
+        assert near <= off * (1 + 1e-6), m.name
+        assert m.error_ra_physical <= m.error_ra_validation * (1 + 1e-3), m.name
