@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from identifiability.diagnosis import Diagnosis, diagnose
     from identifiability.errors import IdentifiabilityError
     from identifiability.estimation import Estimate, estimate
+    from identifiability.excitation import Excitation, excite
     from identifiability.grouping import BaseParameters, find_base_parameters
     from identifiability.information import Information, gather_information
     from identifiability.log import Log
@@ -38,6 +39,7 @@ _HOMES = {
     "BaseParameters": "grouping",
     "Diagnosis": "diagnosis",
     "Estimate": "estimation",
+    "Excitation": "excitation",
     "IdentifiabilityError": "errors",
     "Information": "information",
     "Ladder": "pruning",
@@ -54,6 +56,7 @@ _HOMES = {
     "analyze": "analysis",
     "diagnose": "diagnosis",
     "estimate": "estimation",
+    "excite": "excitation",
     "find_base_parameters": "grouping",
     "gather_information": "information",
     "prepare_samples": "samples",
@@ -66,6 +69,7 @@ __all__ = [
     "BaseParameters",
     "Diagnosis",
     "Estimate",
+    "Excitation",
     "IdentifiabilityError",
     "Information",
     "Ladder",
@@ -83,6 +87,7 @@ __all__ = [
     "analyze",
     "diagnose",
     "estimate",
+    "excite",
     "find_base_parameters",
     "gather_information",
     "prepare_samples",

@@ -12,6 +12,7 @@ from identifiability.cli.analyze import analyze
 from identifiability.cli.calibrate import calibrate
 from identifiability.cli.demo import demo
 from identifiability.cli.diagnose import diagnose
+from identifiability.cli.excite import excite
 from identifiability.cli.export import export
 from identifiability.cli.paper import paper
 from identifiability.cli.prune import prune
@@ -25,7 +26,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, analyze, prune, diagnose, simulate, export, calibrate, paper):
+for command in (demo, analyze, prune, diagnose, simulate, excite, export, calibrate, paper):
     app.command()(command)
 
 

@@ -1,0 +1,210 @@
+"""Find a motion that is worth measuring."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from identifiability.errors import ClosureError, IdentifiabilityError, LogError, listing
+from identifiability.excitation.criteria import Criterion, Separation, scaled
+from identifiability.excitation.limits import Limits, find_limits
+from identifiability.excitation.objective import OPEN, Objective
+from identifiability.excitation.question import Question, gather_known, pose_question
+from identifiability.excitation.result import Excitation, Merit
+from identifiability.excitation.search import Search, search
+from identifiability.excitation.series import Series
+from identifiability.excitation.workspace import Workspace
+from identifiability.names import Array
+from identifiability.robot import Robot
+from identifiability.samples import Preparation
+from identifiability.simulation.trajectory import MOST_SAMPLES
+from identifiability.stages import LogLike, Progress, prepare_logs
+
+#: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
+LOOKS = 12
+
+
+def excite(
+    robot: Robot | str | Path,
+    *,
+    harmonics: int = 5,
+    duration: float = 7.5,
+    samples: int = 750,
+    limits: Limits | Mapping[str, Any] | str | Path | None = None,
+    criterion: Literal["condition", "information", "separate"] | None = None,
+    parameters: Sequence[str] | None = None,
+    effects: Sequence[str] | None = None,
+    start_from: Sequence[LogLike] | LogLike | None = None,
+    separate: Sequence[str] | None = None,
+    preparation: Preparation | None = None,
+    iterations: int = 80,
+    budget: float = 60.0,
+    seed: int = 0,
+    name: str = "excite",
+    progress: Progress | None = None,
+) -> Excitation:
+    """Find a periodic motion within limits that determines parameters well.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+    harmonics : int
+        Of the finite Fourier series [Swevers 1997].
+    duration : float [s]
+        The period.
+    samples : int
+        Samples a period; all of them are checked.
+    limits : Limits, mapping, path or None
+        Replaces limits of the robot file: ``{"joint1": {"q": [-1, 1], "v": 2, "a": 10}}``, or a
+        TOML file with the same.
+    criterion : {"condition", "information", "separate"}, optional
+        Make small the column-normalised condition number of the base columns; make large the
+        log-determinant of the information about `parameters`; or separate two effects. By
+        default what the other arguments suggest.
+    parameters : sequence of str, optional
+        Base parameters that the information is about; by default all.
+    effects : sequence of str, optional
+        Of the model; by default rigid bodies alone for the condition number, else also viscous and
+        Coulomb friction and actuator inertia.
+    start_from : log, path, DataFrame, or several
+        What was measured already: the motion is the best one to measure next.
+    separate : two of str
+        Effects, everywhere (``stribeck_friction``) or at one place (``joint_stiffness@joint1``).
+    preparation : Preparation, optional
+        How derivatives of the logs are made.
+    iterations : int
+        Of the optimiser a round.
+    budget : float [s]
+        Wall-clock time at most, after the first random motions. A search that ends by itself is
+        reproducible.
+    seed : int
+    name : str
+        Of the trajectory in its file.
+    progress : callable(str, float), optional
+
+    Raises
+    ------
+    IdentifiabilityError
+        With one sentence on what to do.
+
+    Example
+    -------
+    >>> motion = excite("two-link", iterations=5, seed=1)
+    >>> motion.after.figure < motion.before.figure
+    True
+    """
+    say = progress or (lambda _text, _share: None)
+    _check_numbers(harmonics, duration, samples, iterations, budget)
+    begin = time.monotonic()
+    with threadpool_limits(1, "blas"):
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        rule = criterion or _suggested(parameters, start_from, separate)
+        say("reading logs", 0.0)
+        bounds = find_limits(robot, limits)
+        question = pose_question(robot, rule, effects, parameters, separate)
+        logs = () if start_from is None else prepare_logs(robot, start_from, preparation)
+        if start_from is not None and not logs:
+            raise LogError("No log was given to start from; give at least one, or none at all.")
+        objective = Objective(
+            question, gather_known(question, logs, samples), Series(bounds, duration, harmonics),
+            min(samples, LOOKS * harmonics),
+        )  # fmt: skip
+        show = _teller(question.criterion, say)
+        found = search(
+            objective, np.random.default_rng(seed), iterations=iterations, budget=budget, say=show
+        )
+        x, G, space = _best(objective, found, samples)
+        before = _before(objective, found, samples)
+    return Excitation(
+        robot, objective.series.trajectory(x, samples, name), question.criterion,
+        tuple(e.name for e in question.model.effects), question.names, question.units,
+        question.chosen, objective.known.logs, _merit(question, before), _merit(question, G),
+        bounds, float(space.condition[0]), float(-space.outside[0]), found.steps, found.evaluations,
+        time.monotonic() - begin, found.complete, seed,
+    )  # fmt: skip
+
+
+def _suggested(parameters: object, start_from: object, separate: object) -> str:
+    """Return the criterion that the other arguments ask for."""
+    if separate:
+        return "separate"
+    return "information" if parameters or start_from is not None else "condition"
+
+
+def _check_numbers(
+    harmonics: int, duration: float, samples: int, iterations: int, budget: float
+) -> None:
+    if not 1 <= harmonics <= 50 or not 1e-3 <= duration <= 1e6:
+        raise IdentifiabilityError(
+            f"A series of {harmonics} harmonics and {duration:g} s cannot be searched; give 1 to "
+            "50 harmonics and a duration above 0."
+        )
+    if not 4 * harmonics + 1 <= samples <= MOST_SAMPLES:
+        raise IdentifiabilityError(
+            f"{samples} samples cannot show {harmonics} harmonics; give between "
+            f"{4 * harmonics + 1} and {MOST_SAMPLES}."
+        )
+    if iterations < 1 or not budget > 0:
+        raise IdentifiabilityError(
+            f"A budget of {budget:g} s and {iterations} iterations finds nothing; give more."
+        )
+
+
+def _teller(
+    criterion: Criterion, say: Callable[[str, float], None]
+) -> Callable[[float, float], None]:
+    def tell(cost: float, share: float) -> None:
+        say(f"{criterion.title}: {criterion.figure(cost):.4g}", min(share, 0.99))
+
+    return tell
+
+
+def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Array, Workspace]:
+    """Return the best candidate that keeps the workspace at all samples, with what it tells."""
+    order = [k for k in np.argsort(found.costs)[:10] if found.costs[k] < OPEN]
+    ends = [x for _, x in found.found]
+    for x in [*ends, *found.draws[order]]:
+        G, space = objective.look(x, samples)
+        if space.kept(objective.limits.closure_bound)[0]:
+            return x, G[0], space
+    robot, limits = objective.question.robot, objective.limits
+    demands = []
+    if robot.closed:
+        bound = f"{limits.closure_bound:g}"
+        demands.append(f"loops that close everywhere with a condition number below {bound}")
+    if limits.boxes:
+        demands.append(f"{listing([b.body for b in limits.boxes])} within the box")
+    raise ClosureError(
+        f"No motion of {robot.name} was found that stays within the workspace "
+        f"({' and '.join(demands)}); give narrower limits of the joints about its home position "
+        f"{robot.describe_home()}, or a wider workspace."
+    )
+
+
+def _before(objective: Objective, found: Search, samples: int) -> Array:
+    """Return the Gram matrix to compare with: the logs twice, or the middle of random motions."""
+    if objective.known.logs:
+        return objective.known.repeated
+    usable = np.flatnonzero(found.costs < OPEN)
+    fills = usable[usable % 2 == 0]  # those that fill the limits
+    order = sorted(fills if len(fills) else usable, key=lambda k: found.costs[k])
+    middle = order[len(order) // 2]
+    G: Array = objective.look(found.draws[middle], samples)[0][0]
+    return G
+
+
+def _merit(question: Question, G: Array) -> Merit:
+    unit, length = (part[0] for part in scaled(G[None]))
+    # A direction that nothing excites gets a large spread instead of an infinite one.
+    inverse = np.linalg.pinv(unit, rcond=1e-13, hermitian=True)
+    sigma = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / length
+    rule = question.criterion
+    if isinstance(rule, Separation):
+        similarity, visible = rule.angles(G[None])
+        return Merit(float(similarity[0]), sigma, visible[0])
+    return Merit(rule.figure(float(rule.cost(G[None])[0])), sigma, np.empty(0))

@@ -1,0 +1,113 @@
+"""An exciting motion: each joint within its limits, the search, and what it gains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+from identifiability.names import Array
+from identifiability.report.drawing import COLOURS, INK, MUTED, canvas, drawn, plain
+from identifiability.report.figures.rows import log_scale, row_canvas, row_lines
+from identifiability.report.numbers import format_number
+
+
+@drawn
+def draw_joint(
+    t: Array, parts: Sequence[Array], bounds: Sequence[tuple[float, float]], title: str, unit: str
+) -> Figure:
+    """Draw position, velocity and acceleration of a joint between their limits.
+
+    Parameters
+    ----------
+    t : (N,) [s]
+    parts : three of (N,) [unit, unit/s, unit/s²]
+    bounds : three of (low, high)
+    title, unit : str
+    """
+    figure, axes = canvas(400, 330, (66, 10, 34, 38), (1, 1, 1))
+    for ax, y, (low, high), label in zip(
+        axes, parts, bounds, (f"q [{unit}]", f"q̇ [{unit}/s]", f"q̈ [{unit}/s²]"), strict=True
+    ):
+        for bound in (low, high):
+            ax.axhline(bound, color=COLOURS["vermilion"], linewidth=1, linestyle=(0, (4, 3)))
+        ax.plot(t, y, color=COLOURS["blue"], linewidth=1.4)
+        room = 0.08 * (high - low)
+        ax.set_ylim(low - room, high + room)
+        ax.set_ylabel(label)
+        ax.locator_params(axis="y", nbins=4)
+    axes[0].set_title(plain(title, 44), color=INK, fontweight="bold")
+    axes[-1].set_xlabel("time [s]")
+    axes[-1].set_xlim(float(t[0]), float(t[-1]))
+    figure.align_ylabels(axes)
+    return figure
+
+
+@drawn
+def draw_search(
+    starts: Sequence[Array], before: float, label: str, *, logarithmic: bool = True
+) -> Figure:
+    """Draw the figure of merit by iteration, one line a start.
+
+    Parameters
+    ----------
+    starts : sequence of (i,)
+        The figure after each iteration.
+    before : float
+        What it is compared with.
+    label : str
+        Name of the figure.
+    logarithmic : bool
+    """
+    figure, (axes,) = canvas(720, 260, (70, 16, 30, 40))
+    colours = ("blue", "green", "purple", "amber", "sky")
+    for k, y in enumerate(starts):
+        colour = COLOURS[colours[k % len(colours)]]
+        axes.plot(np.arange(1, len(y) + 1), y, color=colour, label=f"start {k + 1}")
+    axes.axhline(before, color=MUTED, linewidth=1, linestyle=(0, (4, 3)), label="compared with")
+    if logarithmic:
+        axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high)
+        _plain_ticks(axes.yaxis, low, high)
+    axes.set_xlabel("iteration")
+    axes.set_ylabel(plain(label, 40))
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, handlelength=1.4)
+    return figure
+
+
+@drawn
+def draw_gain(names: Sequence[str], ratio: Array) -> Figure:
+    """Draw standard deviations relative to those of the motion compared with.
+
+    Parameters
+    ----------
+    names : sequence of str
+    ratio : (k,)
+    """
+    figure, axes = row_canvas(names)
+    shown = np.where(np.isfinite(ratio) & (ratio > 0), ratio, 1.0)
+    log_scale(
+        axes, 0.8 * float(min(shown.min(initial=1.0), 0.5)),
+        1.25 * float(max(shown.max(initial=1.0), 2.0)),
+    )  # fmt: skip
+    _plain_ticks(axes.xaxis, *axes.get_xlim())
+    row_lines(axes, len(names))
+    axes.axvline(1.0, color=INK, linewidth=1)
+    colours = np.where(shown <= 1, COLOURS["blue"], COLOURS["vermilion"])
+    axes.scatter(shown, np.arange(len(names)), c=colours.tolist(), s=36, zorder=3)
+    axes.set_xlabel("σ with this motion / σ compared with")
+    return figure
+
+
+def _plain_ticks(axis: Axis, low: float, high: float) -> None:
+    """Write plain numbers 1, 2, 5, 10 … along a logarithmic axis, fewer where it is long."""
+    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    leading = (1, 2, 5) if np.log10(high / low) < 2.5 else (1,)
+    ticks = [lead * 10.0**k for k in decades for lead in leading]
+    axis.set_major_locator(FixedLocator([x for x in ticks if low <= x <= high]))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: format_number(x, 2)))
+    axis.set_minor_locator(NullLocator())

@@ -1,0 +1,54 @@
+"""Motions found once for all tests; searches are short and end by themselves, so reproducible."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identifiability.excitation import excite
+from identifiability.model import Model
+from identifiability.robot import Robot, complete_motion
+
+#: Never reached: a search that its budget ends would depend on the machine.
+AMPLE = 1e4
+
+
+def regressor(robot, trajectory, effects, columns=None, samples=None):
+    """Return W (N, n, p) along a trajectory, built without the code under test."""
+    t = trajectory.times(samples)
+    motion = complete_motion(robot, t, *trajectory.motion(t))
+    assert len(motion) == len(t)
+    W = Model.of(*effects).regressor(robot, motion)
+    return W if columns is None else W[:, :, columns]
+
+
+def condition(W) -> float:
+    """Return the column-normalised condition number of a regressor (N, n, k)."""
+    flat = W.reshape(-1, W.shape[2])
+    return float(np.linalg.cond(flat / np.linalg.norm(flat, axis=0)))
+
+
+@pytest.fixture(scope="session")
+def find():
+    """Return `excite` with a budget that is never reached."""
+
+    def run(robot, **options):
+        return excite(robot, **{"iterations": 8, "budget": AMPLE} | options)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def paper():
+    """The 3-RPS inside the limits of the paper's trajectories."""
+    return excite("3-rps", iterations=20, budget=AMPLE)
+
+
+@pytest.fixture(scope="session")
+def arm():
+    return excite("six-dof-arm", iterations=10, budget=AMPLE)
+
+
+@pytest.fixture(scope="session")
+def two_link():
+    return Robot.load("two-link")

@@ -1,0 +1,263 @@
+"""Motions that are worth measuring: within limits, and better than what they are compared with."""
+
+import numpy as np
+import pytest
+
+from identifiability.errors import ClosureError, IdentifiabilityError
+from identifiability.estimation import estimate
+from identifiability.excitation import find_limits
+from identifiability.grouping import find_base_parameters
+from identifiability.information import gather_information
+from identifiability.log import Log
+from identifiability.model import Model, Regression
+from identifiability.robot import Robot, complete_motion
+from identifiability.robot.kinematics import Point
+from identifiability.samples import prepare_samples
+from identifiability.simulation import (
+    Noise,
+    PrescribedMotion,
+    random_trajectory,
+    shipped_trajectory,
+    simulate,
+)
+
+from .conftest import condition, regressor
+
+FULL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+
+def test_the_3_rps_reaches_the_papers_condition_number_inside_its_limits(paper):
+    robot = paper.robot
+    base = find_base_parameters(robot, Model.of("rigid_body"))
+    assert len(base) == 25
+    W = regressor(robot, paper.trajectory, ["rigid_body"], base.kept)
+    assert paper.after.figure == pytest.approx(condition(W), rel=1e-6)
+    assert paper.after.figure <= 571
+    assert paper.before.figure > 1500
+
+
+def test_the_papers_limits_hold_along_the_whole_motion(paper):
+    t = np.linspace(0, 15, 20011)  # two periods, off the samples
+    q, v, a = paper.trajectory.motion(t)
+    assert np.abs(q - 0.70).max() <= 0.10
+    assert np.abs(v).max() <= 0.16
+    assert np.abs(a).max() <= 0.50
+
+
+def test_the_loops_close_far_from_singularities_and_without_a_leap(paper):
+    t = paper.trajectory.times()
+    motion = complete_motion(paper.robot, t, *paper.trajectory.motion(t))
+    assert not len(motion.dropped)
+    assert not motion.singular
+    assert motion.condition == pytest.approx(paper.closure)
+    assert paper.closure < 300
+    steps = np.abs(np.diff(motion.q, axis=0)).max()
+    assert steps < 2 * np.abs(motion.v).max() * (t[1] - t[0])
+
+
+def test_the_arm_is_excited_much_better_than_by_random_motion(arm):
+    base = find_base_parameters(arm.robot, Model.of("rigid_body"))
+    random = [
+        condition(
+            regressor(
+                arm.robot, random_trajectory(arm.robot, np.random.default_rng(k)),
+                ["rigid_body"], base.kept, 150,
+            )
+        )
+        for k in range(9)
+    ]  # fmt: skip
+    assert arm.after.figure < 0.6 * np.median(random)
+    assert arm.after.figure < 0.8 * min(random)
+
+
+def test_a_search_that_ends_by_itself_is_reproducible(two_link, find):
+    first, second, other = (find(two_link, seed=s) for s in (1, 1, 2))
+    assert first.complete
+    np.testing.assert_array_equal(first.trajectory.sin, second.trajectory.sin)
+    assert first.after.figure == second.after.figure
+    assert first.history == second.history
+    assert not np.array_equal(first.trajectory.sin, other.trajectory.sin)
+
+
+def test_a_search_ended_by_its_budget_says_so_and_keeps_the_best(two_link, find):
+    result = find(two_link, budget=1e-6)
+    assert not result.complete
+    assert result.after.figure < result.before.figure
+
+
+@pytest.fixture(scope="module")
+def measured():
+    """The arm measured along a random motion, and how it would be measured again."""
+    robot = Robot.load("six-dof-arm")
+
+    def measure(trajectory, seed):
+        rng = np.random.default_rng(seed)
+        return simulate(
+            robot, PrescribedMotion.of(trajectory, 400), noise=Noise(torque=0.02), rng=rng
+        )
+
+    motion = random_trajectory(robot, np.random.default_rng(1))
+    return robot, motion, measure
+
+
+def sigma_of(robot, logs, name):
+    model = Model.of(*FULL)
+    base = find_base_parameters(robot, model)
+    samples = tuple(prepare_samples(robot, log) for log in logs)
+    fit = estimate(gather_information(Regression(robot, model, samples, base.kept)))
+    return fit.sigma[fit.columns.index(name)]
+
+
+def test_what_to_measure_next_shrinks_sigma_more_than_measuring_again(measured, find):
+    robot, motion, measure = measured
+    log = measure(motion, 0)
+    result = find(robot, start_from=log, parameters=["link_6.mz"], samples=400)
+    assert result.criterion.name == "information"
+    assert result.after.figure > result.before.figure + 0.5
+    promised = result.gain[result.names.index("link_6.mz")]
+    assert promised == pytest.approx(
+        np.exp((result.before.figure - result.after.figure) / 2), rel=1e-3
+    )
+    again = sigma_of(robot, [log, measure(motion, 1)], "link_6.mz")
+    following = sigma_of(robot, [log, measure(result.trajectory, 1)], "link_6.mz")
+    # The noise of the simulated log grows with its torque, which the promise does not know.
+    assert following < 0.8 * again
+    assert following / again == pytest.approx(promised, rel=0.35)
+
+
+def test_the_log_counts_as_measured_twice_in_the_comparison(measured, find):
+    robot, motion, measure = measured
+    result = find(robot, start_from=measure(motion, 0), samples=400, iterations=1, effects=FULL)
+    base = find_base_parameters(robot, Model.of(*FULL))
+    assert result.names == base.names
+    assert result.logs
+    assert "again" in result.statement
+
+
+def test_two_effects_look_less_alike_along_the_motion_found(two_link, find):
+    pair = ("joint_stiffness", "torque_offset")
+    result = find(two_link, separate=pair)
+    assert result.criterion.name == "separate"
+    assert result.after.figure < 0.1 < 0.3 < result.before.figure
+    base = find_base_parameters(two_link, Model.of(*FULL))
+    X = regressor(two_link, result.trajectory, FULL, base.kept).reshape(-1, len(base))
+    X = np.linalg.qr(X / np.linalg.norm(X, axis=0))[0]
+    bases = []
+    for effect in pair:
+        D = regressor(two_link, result.trajectory, [effect])
+        D = D.reshape(-1, D.shape[2])
+        bases.append(np.linalg.qr(D - X @ (X.T @ D))[0])
+    assert np.linalg.norm(bases[0].T @ bases[1], 2) == pytest.approx(result.after.figure, abs=1e-4)
+
+
+def test_effects_are_separated_from_a_log_at_one_joint(two_link, find):
+    log = simulate(
+        two_link,
+        PrescribedMotion.of(random_trajectory(two_link, np.random.default_rng(3)), 200),
+        noise=Noise(torque=0.02),
+        rng=np.random.default_rng(0),
+    )
+    result = find(
+        two_link, separate=["joint_stiffness@elbow", "torque_offset@elbow"], start_from=log
+    )
+    assert result.after.figure < result.before.figure
+
+
+def test_effects_that_nothing_separates_are_said_to_stay_alike(two_link, find):
+    result = find(two_link, separate=["torque_offset", "coulomb_asymmetry"], iterations=2)
+    assert result.after.figure > 0.99
+    assert "would still give both names" in result.statement
+
+
+def test_effects_that_the_model_contains_cannot_be_seen(two_link, find):
+    result = find(two_link, separate=["payload", "joint_stiffness"], iterations=2)
+    assert result.after.visible[0] < 0.01
+    assert "No motion was found that separates payload" in result.statement
+
+
+def test_a_point_stays_in_its_box(find):
+    robot = Robot.load("two-link")
+    free = find(robot, iterations=3)
+    box = {"workspace": {"link2": {"z": [-0.1, 2.0]}}}
+    result = find(robot, iterations=3, limits=box)
+    heights = []
+    for path in (free.trajectory, result.trajectory):
+        t = path.times()
+        motion = complete_motion(robot, t, *path.motion(t))
+        joint = Point(1, np.zeros(3))
+        frames = robot.tree.frames(motion.q, [1])
+        heights.append(robot.tree.world_point(frames, joint)[:, 2].min())
+    assert heights[0] < -0.1 <= heights[1]
+    assert result.room >= 0
+
+
+def test_a_box_that_nothing_reaches_is_refused(two_link, find):
+    far = {"workspace": {"link2": {"z": [5.0, 6.0]}}}
+    with pytest.raises(ClosureError, match="link2 within the box"):
+        find(two_link, iterations=1, limits=far)
+
+
+def test_a_bound_on_the_closure_is_kept_or_refused(find):
+    robot = Robot.load("five-bar")
+    wide = {
+        j: {"q": [m - 0.45, m + 0.45]}
+        for j, m in (("left_shoulder", 2.1), ("right_shoulder", 1.04))
+    }
+    limits = find_limits(robot, wide)
+    short = {"iterations": 2, "harmonics": 2, "samples": 100}
+    free = find(robot, limits=limits, **short)
+    strict = type(limits)(**{**vars(limits), "closure_bound": 2.6})
+    result = find(robot, limits=strict, **short)
+    assert result.closure <= 2.6 < free.closure
+    impossible = type(limits)(**{**vars(limits), "closure_bound": 1.01})
+    with pytest.raises(ClosureError, match="No motion of five-bar was found that stays within"):
+        find(robot, limits=impossible, **short)
+
+
+def test_loops_that_cannot_close_are_refused_in_one_sentence(find):
+    robot = Robot.load("3-rps")
+    apart = {f"slider{k}": {"q": [low, low + 0.01]} for k, low in ((1, 0.1), (2, 0.1), (3, 3.0))}
+    with pytest.raises(ClosureError, match="give narrower limits") as error:
+        find(robot, limits=apart, iterations=1, harmonics=1, samples=20)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"criterion": "conditon"}, "There is no criterion 'conditon', did you mean 'condition'"),
+        ({"criterion": "separate"}, "takes exactly two effects, 0 were given"),
+        ({"separate": ["payload"]}, "takes exactly two effects, 1 were given"),
+        ({"separate": ["paylod", "payload"]}, "There is no effect 'paylod', did you mean"),
+        ({"separate": ["joint_stiffness@elbw", "payload"]}, "at 'elbw' of two-link, did you mean"),
+        ({"separate": ["a", "b"], "criterion": "condition"}, "separated by the criterion"),
+        ({"parameters": ["link1.mx"], "criterion": "condition"}, "chosen for the criterion"),
+        ({"parameters": ["link1.my2"]}, "There is no parameter 'link1.my2', did you mean"),
+        ({"parameters": ["link1.my"]}, "No motion can determine 'link1.my' by itself"),
+        ({"parameters": ["link2.m"]}, "only together with"),
+        ({"effects": []}, "The model has no effects"),
+        ({"harmonics": 0}, "A series of 0 harmonics"),
+        ({"duration": 0.0}, "and 0 s cannot be searched"),
+        ({"samples": 10}, "10 samples cannot show 5 harmonics"),
+        ({"budget": 0.0}, "finds nothing; give more"),
+        ({"start_from": []}, "No log was given to start from"),
+        ({"start_from": "missing.csv"}, "missing.csv"),
+    ],
+)
+def test_wrong_questions_are_refused_in_one_sentence(two_link, find, options, sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence) as error:
+        find(two_link, **options)
+    assert "\n" not in str(error.value)
+
+
+def test_the_papers_own_trajectory_is_what_the_criterion_says_it_is(rps):
+    base = find_base_parameters(rps, Model.of("rigid_body"))
+    W = regressor(rps, shipped_trajectory(rps, "571"), ["rigid_body"], base.kept)
+    assert condition(W) == pytest.approx(571, rel=2e-3)
+
+
+def test_logs_may_be_frames(simulated, two_link, find):
+    log = simulated("two-link", "a", samples=100)
+    assert isinstance(log, Log)
+    result = find(two_link, start_from=[log.to_frame()], iterations=1)
+    assert result.logs == ("log 1",)

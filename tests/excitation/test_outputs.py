@@ -1,0 +1,125 @@
+"""What an excitation gives away: a trajectory file that `simulate` follows, tables, a report."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from identifiability.cli import app as whole
+from identifiability.cli.excite import excite as command
+from identifiability.log import Log
+from identifiability.simulation.motion import find_motion
+from identifiability.simulation.trajectory import read_trajectories
+
+app = typer.Typer(pretty_exceptions_enable=False)
+app.command()(command)
+
+
+def test_the_trajectory_file_is_read_back_digit_by_digit(paper, tmp_path):
+    file = paper.to_json(tmp_path / "motion.json")
+    known = read_trajectories(file, paper.robot)
+    assert list(known) == ["excite"]
+    np.testing.assert_array_equal(known["excite"].sin, paper.trajectory.sin)
+    assert known["excite"].samples == 750
+    content = json.loads(file.read_text())
+    assert content["after"] == paper.after.figure
+
+
+def test_simulate_accepts_the_file(paper, tmp_path):
+    file = paper.to_json(tmp_path / "motion.json")
+    out = tmp_path / "run.csv"
+    words = ["simulate", "3-rps", f"{file}:excite", "--samples", "60", "--out", str(out)]
+    result = CliRunner().invoke(whole, words)
+    assert result.exit_code == 0, result.output
+    log = Log.read(out)
+    np.testing.assert_allclose(log.q, paper.trajectory.motion(log.t)[0], atol=1e-9)
+
+
+def test_one_period_as_a_table_is_a_motion_too(paper, tmp_path):
+    file = paper.write_motion(tmp_path / "motion.csv")
+    move = find_motion(paper.robot, str(file), None, np.random.default_rng(0))
+    np.testing.assert_allclose(move.ddq, paper.motion[3], atol=1e-12)
+    assert list(paper.to_log_frame().columns)[:4] == ["t", "slider1.q", "slider1.dq", "slider1.ddq"]
+
+
+def test_frames_state_what_each_joint_does_and_may_do(paper):
+    frame = paper.to_frame()
+    assert list(frame["joint"]) == ["slider1", "slider2", "slider3"]
+    assert np.all(frame["speed"] <= frame["speed_limit"])
+    assert np.all(frame["least"] >= frame["lower_limit"])
+    gains = paper.parameters_frame()
+    assert len(gains) == 25
+    assert isinstance(gains, pd.DataFrame)
+
+
+def test_the_statement_names_figures_and_the_closure(paper):
+    assert "25 base columns" in paper.statement
+    assert f"{paper.after.figure:.3g}" in paper.statement
+    assert "loops close at all 750 samples" in paper.statement
+    assert "slider1" in paper._repr_html_()
+
+
+def test_the_history_falls(paper):
+    for start in {s.start for s in paper.history}:
+        costs = [s.cost for s in paper.history if s.start == start]
+        assert np.all(np.diff(costs) <= 0)
+
+
+@pytest.mark.parametrize("which", ["paper", "arm"])
+def test_the_report_is_whole_and_states_the_answer(which, request, tmp_path):
+    result = request.getfixturevalue(which)
+    text = result.write_report(tmp_path / "report.html").read_text()
+    assert text.rstrip().endswith("</html>")
+    assert "What it is worth" in text
+    assert text.count("<svg") == len(result.limits.joints) + 2
+
+
+def test_reports_of_the_other_criteria_warn_where_they_must(two_link, find, tmp_path):
+    alike = find(two_link, separate=["torque_offset", "coulomb_asymmetry"], iterations=1)
+    assert "still look alike" in alike.write_report(tmp_path / "a.html").read_text()
+    short = find(two_link, budget=1e-6, criterion="information")
+    assert "ended by its budget" in short.write_report(tmp_path / "b.html").read_text()
+
+
+def test_the_command_writes_what_it_is_asked_for(tmp_path):
+    out, report = tmp_path / "m.json", tmp_path / "m.html"
+    words = ["two-link", "--out", str(out), "--report", str(report), "--budget", "0.3"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    assert "condition number" in result.output
+    assert out.exists()
+    assert report.exists()
+
+
+def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
+    log = tmp_path / "run.csv"
+    simulated("two-link", "a", samples=100).write(log)
+    out = tmp_path / "m.csv"
+    words = ["two-link", "--start-from", str(log), "--out", str(out), "--budget", "0.3"]
+    pair = ["--separate", "joint_stiffness", "--separate", "torque_offset"]
+    result = CliRunner().invoke(app, words + pair)
+    assert result.exit_code == 0, result.output
+    assert "similarity of joint_stiffness and torque_offset" in result.output
+    assert "t,shoulder.q" in out.read_text().splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["two-link", "--out", "m.txt"], "neither .json nor .csv"),
+        (["two-link", "--out", "no/m.json"], "does not exist"),
+        (["two-link", "--out", "m.json", "--limits", "none.toml"], "no limits file 'none.toml'"),
+        (["two-lnk", "--out", "m.json"], "two-lnk"),
+        (["two-link", "--out", "m.json", "--separate", "payload"], "exactly two effects"),
+    ],
+)
+def test_the_command_says_in_one_sentence_what_is_wrong(words, sentence, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 2
+    assert sentence in result.output
+    assert "Traceback" not in result.output
+    assert not list(tmp_path.iterdir())

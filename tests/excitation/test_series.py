@@ -1,0 +1,92 @@
+"""Whatever a candidate is, its series keeps the joints' limits, between samples too."""
+
+import numpy as np
+import pytest
+
+from identifiability.errors import RobotError
+from identifiability.excitation.limits import Limits, find_limits
+from identifiability.excitation.series import Series
+from identifiability.robot import Robot
+
+LIMITS = Limits(
+    ("a", "b"), np.array([-1.0, 0.6]), np.array([2.0, 0.8]), np.array([3.0, 0.16]),
+    np.array([9.0, 0.5]),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("harmonics", [1, 2, 5, 12])
+@pytest.mark.parametrize("level", [1e-3, 0.3, 1.0, 1e4])
+def test_every_candidate_keeps_its_limits_at_every_time(harmonics, level):
+    series = Series(LIMITS, 7.5, harmonics)
+    x = level * np.random.default_rng(harmonics).standard_normal((20, series.size))
+    q, v, a = series.motion(x, 7919)  # far finer than the times at which peaks are looked for
+    slack = 1 + 1e-12
+    assert np.all(np.abs(q - LIMITS.middle) <= slack * LIMITS.half_range)
+    assert np.all(np.abs(v) <= slack * LIMITS.speed)
+    assert np.all(np.abs(a) <= slack * LIMITS.acceleration)
+
+
+def test_large_candidates_fill_a_limit_and_small_ones_do_not():
+    series = Series(LIMITS, 7.5, 5)
+    x = np.random.default_rng(0).standard_normal((2, series.size))
+    x[:, :20] *= np.array([[100.0], [0.01]])
+    q, v, a = series.motion(x, 2000)
+    used = np.max(
+        [
+            np.ptp(q, axis=1) / (2 * LIMITS.half_range),
+            np.abs(v).max(1) / LIMITS.speed,
+            np.abs(a).max(1) / LIMITS.acceleration,
+        ],
+        axis=0,
+    )
+    assert np.all(used[0] > 0.99)
+    assert np.all(used[1] < 0.1)
+
+
+def test_the_trajectory_of_a_candidate_is_its_motion():
+    series = Series(LIMITS, 4.0, 3)
+    x = series.draw(1, np.random.default_rng(1))
+    path = series.trajectory(x[0], 50, "x")
+    for ours, theirs in zip(path.motion(path.times()), series.motion(x, 50), strict=True):
+        np.testing.assert_allclose(ours, theirs[0], atol=1e-12)
+
+
+def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):
+    robot = Robot.load("3-rps")
+    file = tmp_path / "limits.toml"
+    file.write_text("slider2 = {q = [0.65, 0.75], v = 0.1}\n[workspace.platform]\nz = [0.5, 0.9]\n")
+    limits = find_limits(robot, file)
+    np.testing.assert_allclose(limits.low, [0.6, 0.65, 0.6])
+    np.testing.assert_allclose(limits.speed, [0.16, 0.1, 0.16])
+    np.testing.assert_allclose(limits.acceleration, 0.5)
+    assert limits.boxes[0].body == "platform"
+    assert not limits.assumed
+
+
+def test_limits_in_python_are_those_of_a_file():
+    robot = Robot.load("3-rps")
+    limits = find_limits(robot, {"slider1": {"q": [0.68, 0.72]}, "limits": {"slider2": {"v": 1}}})
+    np.testing.assert_allclose(limits.half_range, [0.02, 0.1, 0.1])
+    assert limits.speed[1] == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("slider4 = {v = 1}", "'slider4' is no actuated joint of the robot, did you mean"),
+        ("[workspace.platfrom]\nz = [0, 1]", "did you mean 'platform'"),
+        ("slider1 = {w = 1}", "'limits.slider1.w' is not a key that is known here"),
+        ("slider1 = {v = -1}", "'limits.slider1.v': input should be greater than 0"),
+        ("slider1 = {q = [2, 1]}", "the lower limit must be below the upper one"),
+        ("slider1 = 3", "'limits.slider1': input should be"),
+        ("workspace = 3", "'workspace': input should be"),
+        ("limits = 3", "'limits': input should be"),
+        ("slider1 = {", "is not valid TOML"),
+    ],
+)
+def test_wrong_limits_are_refused_in_one_sentence(tmp_path, text, sentence):
+    file = tmp_path / "limits.toml"
+    file.write_text(text)
+    with pytest.raises(RobotError, match=sentence.replace("[", r"\[")) as error:
+        find_limits(Robot.load("3-rps"), file)
+    assert "\n" not in str(error.value)
