@@ -250,7 +250,7 @@ class Analysis:
         """Return why no parameter can be believed, or nothing if some can."""
         if not any(np.ptp(s.motion.actuated_q, axis=0).max() > 1e-9 for s in self.samples):
             return "the robot does not move in these logs"
-        if not self.chosen.error_ra_validation < 1:
+        if not self.chosen.error_ra_validation < self.held_out.constant_error():
             return (
                 "no model predicts motion that it has not seen better than a constant torque would"
             )

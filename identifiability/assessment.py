@@ -177,8 +177,8 @@ def assess_ladder(
             uncertainty.robust,
             recurrence(fit, uncertainty, thresholds),
             column_rms(reduced),
+            column_noise(reduced, fit),
             float(np.sqrt(np.mean(fitted.tau**2))),
-            float(np.sqrt(np.mean(residual**2))),
             _aliases(reduced, fit, rung),
         )
         stated = np.linalg.lstsq(rung.M, nominal - rung.held, rcond=None)[0]
@@ -269,6 +269,15 @@ def column_rms(information: Information) -> Array:
     root = information.factor()[:, :-1]
     rms: Array = np.linalg.norm(root, axis=0) / np.sqrt(max(information.rows, 1))
     return rms
+
+
+def column_noise(information: Information, fit: Estimate) -> Array:
+    """Return the largest over joints of column rms over residual rms, per unit, (k,)."""
+    S, k = information.basis, information.size
+    squares = np.einsum("ki,akl,li->ai", S, information.per_actuator, S)[:, :k]
+    floor = 1e-18 * float(np.max(fit.rss, initial=0.0)) + 1e-300
+    ratio: Array = np.sqrt(np.maximum(squares, 0.0) / np.maximum(fit.rss, floor)[:, None]).max(0)
+    return ratio
 
 
 def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, ...]:

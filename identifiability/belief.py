@@ -126,6 +126,8 @@ class StandardBelief:
     source : tuple of Source
     chains : (E, K, N, p)
         All draws by ensemble and walker, in order.
+    root : (p, p)
+        ``root rootᵀ`` is the covariance with data and prior, without the constraints.
     """
 
     names: tuple[str, ...]
@@ -136,6 +138,7 @@ class StandardBelief:
     sd: Array
     source: tuple[Source, ...]
     chains: Array
+    root: Array
 
     @property
     def contraction(self) -> Array:
@@ -157,8 +160,8 @@ class Belief:
     standard : StandardBelief or None
         Of the standard parameters.
     note : str
-    model_prior_sd : (m,)
-        Prior sd of the model's parameters.
+    model_prior_sd, model_data_sd : (m,)
+        Sd of the model's parameters under the prior, and under data and prior without bodies.
     """
 
     signs: Summary | None
@@ -166,6 +169,7 @@ class Belief:
     standard: StandardBelief | None
     note: str = ""
     model_prior_sd: Array = field(default_factory=lambda: np.empty(0))
+    model_data_sd: Array = field(default_factory=lambda: np.empty(0))
 
 
 def form_belief(
@@ -211,7 +215,8 @@ def form_belief(
         return Belief(signs, None, None, "; ".join([*notes, str(error)]))
     to_x = np.linalg.pinv(rung.M) @ base.G
     prior_sd = np.sqrt(to_x**2 @ np.where(np.isfinite(prior.sd), prior.sd, 0.0) ** 2)
-    return Belief(signs, *whole, "; ".join(notes), prior_sd)
+    data_sd = np.linalg.norm(to_x @ whole[1].root, axis=1)
+    return Belief(signs, *whole, "; ".join(notes), prior_sd, data_sd)
 
 
 def state_prior(
@@ -263,7 +268,7 @@ def refine_verdicts(
     physical = belief.physical
     if physical is None or not physical.trustworthy or belief.standard is None:
         return result.verdicts
-    prior_sd = belief.model_prior_sd
+    prior_sd, data_sd = belief.model_prior_sd, belief.model_data_sd
     out = []
     for k, v in enumerate(result.verdicts):
         open_ = v.verdict in (Class.WEAK, Class.NOT_IDENTIFIABLE)
@@ -272,18 +277,20 @@ def refine_verdicts(
             out.append(v)
             continue
         low, high = physical.interval[k]
+        # Like with like: the same data and prior, with and without bodies that can exist.
+        by_bodies = physical.sd[k] ** 2 < rules.constraint_variance * data_sd[k] ** 2
         learned = 1 - physical.sd[k] / prior_sd[k] if prior_sd[k] > 0 else 0.0
-        if learned < rules.contraction:
-            kind = Class.PRIOR
-            text = (
-                f"Bodies that can exist leave {low:.3g} … {high:.3g} (95 %), but the prior around "
-                f"the robot file says nearly as much (contraction {max(learned, 0):.2f})."
-            )
-        else:
+        if by_bodies and learned >= rules.contraction:
             kind = Class.CONSTRAINT
             text = (
-                f"Bodies that can exist narrow it to {low:.3g} … {high:.3g} (95 %), far inside "
-                "what the data alone allow."
+                f"Bodies that can exist, with the prior around the robot file, narrow it to "
+                f"{low:.3g} … {high:.3g} (95 %), far inside what data and prior alone allow."
+            )
+        else:
+            kind = Class.PRIOR
+            text = (
+                f"With the prior around the robot file {low:.3g} … {high:.3g} (95 %) is believed; "
+                "it is the prior that narrows it, and another prior would say otherwise."
             )
         out.append(replace(v, verdict=kind, reason=f"{v.reason} {text}"))
     return tuple(out)
@@ -392,7 +399,8 @@ def _look_at_standard(
     scaled = data.R * proper.sd / np.sqrt(variance)
     # inv(I + SᵀS) by QR: its diagonal is never negative, however exact the data are.
     root = np.linalg.qr(np.vstack([np.eye(scaled.shape[1]), scaled]), mode="r")
-    data_sd = proper.sd * np.linalg.norm(np.linalg.inv(root), axis=1)
+    spread = proper.sd[:, None] * np.linalg.inv(root)
+    data_sd = np.linalg.norm(spread, axis=1)
     flat = posterior.flat()
     sd = flat.std(0, ddof=1)
     idle = ~np.any(base.G, axis=0)
@@ -408,7 +416,7 @@ def _look_at_standard(
             sources.append(Source.PRIOR)
     return StandardBelief(
         tuple(p.name for p in base.parameters), np.array(proper.mean), np.array(proper.sd),
-        data_sd, flat.mean(0), sd, tuple(sources), posterior.draws,
+        data_sd, flat.mean(0), sd, tuple(sources), posterior.draws, spread,
     )  # fmt: skip
 
 

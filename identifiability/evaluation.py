@@ -53,6 +53,10 @@ class Prediction:
         error: Array = np.abs(self.residual).sum((0, 1)) / self._spread()
         return error
 
+    def constant_error(self) -> float:
+        """Return ε_RA of predicting each joint's mean torque: what any model must beat."""
+        return float(np.abs(self.tau - self.tau.mean(0)).sum() / self._spread())
+
     def joint_error(self) -> Array:
         """Return the same for each joint by itself, (n, m)."""
         spread = np.abs(self.tau - self.tau.mean(0)).sum(0)

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.assessment import Uncertainty, assess_uncertainty, column_rms, recurrence
+from identifiability.assessment import (
+    Uncertainty,
+    assess_uncertainty,
+    column_noise,
+    column_rms,
+    recurrence,
+)
 from identifiability.estimation import Method, estimate
 from identifiability.information import Information
 from identifiability.ladder import Rung
@@ -99,8 +105,8 @@ def judge_outcome(
         spread.robust,
         recurrence(fit, spread, rules),
         column_rms(information),
+        column_noise(information, fit),
         float(np.sqrt(np.mean(tau**2))),
-        float(np.sqrt(np.mean(residual**2))),
         ("",) * len(rung),
     )
     verdicts = judge(rung.labels, rung.units, evidence, None, rules)

@@ -50,8 +50,14 @@ def prepare_logs(
 
 
 def check_held_out(train: Sequence[Samples], held: Sequence[Samples]) -> None:
-    """Refuse a validation log that is one of the fitted ones."""
-    seen = {s.sha256: s.name for s in train if s.sha256}
+    """Refuse a log that is given twice: its repetition would pass for new evidence."""
+    seen: dict[str, str] = {}
+    for s in train:
+        if s.sha256 and s.sha256 in seen:
+            raise LogError(
+                f"The log {s.name} is given twice (as {seen[s.sha256]} before); give each log once."
+            )
+        seen[s.sha256] = s.name
     for s in held:
         if s.sha256 in seen:
             raise LogError(

@@ -37,8 +37,8 @@ class Thresholds:
     recurrence : float
         Share of bootstrap replicates in which an identifiable parameter must be one again.
     negligible_share : float
-        A parameter is negligible if no value in its 95 % interval moves the torque by more than
-        this share of the residual's standard deviation.
+        A parameter is negligible if its sign is not certain and no value in its 95 % interval
+        moves the torque of any joint by more than this share of the joint's residual.
     constraint_variance : float
         A parameter that the data leave open is determined by the constraints if bodies that can
         exist narrow its variance below this share.
@@ -128,8 +128,11 @@ class Evidence:
         NaN without a bootstrap.
     column_rms : (k,)
         Root mean square of each column of the regressor: torque per unit of the parameter.
-    tau_rms, residual_rms : float
-        Of the measured torque and of the residual.
+    column_noise : (k,)
+        The largest over joints of the column's rms in units of the joint's own residual: robots
+        have joints of very different size.
+    tau_rms : float
+        Of the measured torque.
     aliases : tuple of str
         For columns that are not determined: what they cannot be told from.
     """
@@ -138,8 +141,8 @@ class Evidence:
     sigma_robust: Array
     recurrence: Array
     column_rms: Array
+    column_noise: Array
     tau_rms: float
-    residual_rms: float
     aliases: tuple[str, ...]
 
 
@@ -173,7 +176,7 @@ def judge(
     out = []
     for k, name in enumerate(e.columns):
         reach = abs(e.value[k]) + 1.96 * sigma[k] if e.determined[k] else 0.0
-        effect = reach * evidence.column_rms[k] / max(evidence.residual_rms, 1e-300)
+        effect = reach * evidence.column_noise[k]
         percent = _percent(float(sigma[k]), float(e.value[k]))
         kind, reason = _decide(
             bool(e.determined[k]), bool(certain[k]), percent, float(effect),
@@ -217,11 +220,11 @@ def _decide(
             f"Known to ±{_digits(percent)} % (limit {rules.sigma_percent:g} %) and its sign is "
             "certain.",
         )
-    if effect <= rules.negligible_share:
+    if effect <= rules.negligible_share and not certain:
         return (
             Class.NEGLIGIBLE,
-            f"No value in its interval moves the torque by more than {100 * effect:.2g} % of the "
-            "residual: about zero for this motion, safe to leave out.",
+            f"No value in its interval moves the torque of any joint by more than "
+            f"{100 * effect:.2g} % of its residual: about zero for this motion, safe to leave out.",
         )
     if certain and percent <= rules.sigma_percent:
         return (

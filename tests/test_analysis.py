@@ -171,3 +171,23 @@ def test_the_autocorrelation_time_of_ar1_noise_is_its_formula():
 def test_holm_adjusts_p_values_step_by_step():
     np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03])), [0.03, 0.06, 0.06])
     assert holm(np.array([0.6, 0.7])).max() <= 1.0
+
+
+def test_a_log_given_twice_is_refused(simulated):
+    """Its repetition would pass for new evidence, whether fitted or held out."""
+    from identifiability import IdentifiabilityError, diagnose, prune
+
+    log = simulated("two-link", "a", 0)
+    for run in (analyze, prune, diagnose):
+        with pytest.raises(IdentifiabilityError, match="is the log a that is fitted"):
+            run("two-link", log, validate=log)
+        with pytest.raises(IdentifiabilityError, match="given twice"):
+            run("two-link", [log, log])
+
+
+def test_negligible_is_judged_joint_by_joint(simulated):
+    """A wrist parameter is not negligible because the shoulder's residual is large."""
+    out = analyze("six-dof-arm", simulated("six-dof-arm", "a", 0, Noise(torque=0.02)))
+    for v in out.full.verdicts:
+        if v.verdict is Class.NEGLIGIBLE:
+            assert abs(v.value) < 4 * v.sigma_robust, v.name

@@ -152,7 +152,7 @@ def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analys
     assert unpruned.physical.trustworthy, unpruned.physical.convergence.reasons
     refined = refine_verdicts(full, unpruned)
     kinds = [v.verdict for v in refined]
-    assert kinds.count(Class.CONSTRAINT) > 5
+    assert kinds.count(Class.CONSTRAINT) + kinds.count(Class.PRIOR) > 5
     assert kinds.count(Class.PRIOR) > 0
     open_ = (Class.WEAK, Class.NOT_IDENTIFIABLE)
     for k, (before, after) in enumerate(zip(full.verdicts, refined, strict=True)):
@@ -160,7 +160,9 @@ def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analys
             assert after == before
         if after.verdict in (Class.CONSTRAINT, Class.PRIOR):
             assert after.reason.startswith(before.reason)
-            assert "Bodies that can exist" in after.reason
+            assert "prior around the robot file" in after.reason
+        if after.verdict is Class.CONSTRAINT:  # like with like: data and prior without bodies
+            assert unpruned.physical.sd[k] ** 2 < 0.5 * unpruned.model_data_sd[k] ** 2
             assert unpruned.physical.sd[k] ** 2 < 0.5 * after.sigma_robust**2
 
 

@@ -138,8 +138,8 @@ def print_analysis(result: Analysis, written: list[Path]) -> None:
     table = Table(
         title=f"{escaped(result.robot.title)}: models (▸ use this one)", title_justify="left"
     )
-    for heading in ("model", "size", "10× rule", "identifiable", "error", "held out", "signs"):
-        table.add_column(heading, justify="left" if heading in ("model", "signs") else "right")
+    for heading in ("model", "size", "10× rule", "identifiable", "error", "held out", "real robot"):
+        table.add_column(heading, justify="left" if heading in ("model", "real robot") else "right")
     for k, m in enumerate(result.models):
         mark = "▸ " if k == result.selected else "  "
         table.add_row(

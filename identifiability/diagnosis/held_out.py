@@ -77,7 +77,7 @@ class HeldOut:
     def kind(self) -> str:
         """In words."""
         if self.validation is not None:
-            return "on motion that was held out"
+            return "on motion that was not fitted, though it helped to choose the name,"
         if self.train.log.max(initial=0) > 0:
             return "by leaving out one log at a time"
         return "by leaving out one stretch of the log at a time"

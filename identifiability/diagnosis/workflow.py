@@ -21,6 +21,7 @@ from identifiability.log import Log
 from identifiability.model import Model
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, Samples, prepare_samples
+from identifiability.stages import check_held_out
 
 #: The model that is diagnosed when none is given.
 BASE_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -87,6 +88,7 @@ def diagnose(
             raise LogError("No log was given; give at least one.")
         train = [prepare_rows(robot, log, preparation) for log in train_logs]
         held = [prepare_rows(robot, log, preparation) for log in held_logs]
+        check_held_out(train, held)
         say("building columns", 0.1)
         material = gather(
             robot, choose_model(model), train, held, streams[0], effects=effects, fixed=fixed,

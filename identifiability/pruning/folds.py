@@ -33,6 +33,10 @@ RIDGE = 1e-9
 HELD = 1e-10
 
 
+#: From this many logs on, whole logs are left out; fewer are divided into stretches.
+FEWEST_LOGS = 4
+
+
 @dataclass(frozen=True)
 class Folds:
     """Blocks of a regression in coordinates ``y = R x`` in which the full information is I.
@@ -273,5 +277,7 @@ def _divide(information: Information) -> tuple[np.ndarray, np.ndarray]:
         wanted = STRETCHES if len(logs) == 1 else max(FEWEST, round(STRETCHES * share))
         pieces = min(wanted, len(rows))
         stretch[rows] = len(fold) + np.arange(len(rows)) * pieces // len(rows)
-        fold += [k] * pieces if len(logs) > 1 else list(range(pieces))
+        # Two or three folds cannot contradict anything: then stretches of the logs are the folds.
+        whole = len(logs) >= FEWEST_LOGS
+        fold += [k] * pieces if whole else list(range(len(fold), len(fold) + pieces))
     return stretch, np.array(fold)

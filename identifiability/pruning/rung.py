@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.assessment import column_rms
+from identifiability.assessment import column_noise, column_rms
 from identifiability.estimation import Estimate
 from identifiability.information import Information
 from identifiability.ladder import Rung
@@ -147,11 +147,11 @@ def build_rung(
     """
     robust = fit.sigma * np.sqrt(times)
     rows = max(information.rows, 1)
-    residual = float(np.sqrt(fit.rss.sum() / rows))
     torque = float(np.linalg.norm(information.factor()[:, -1]) / np.sqrt(rows))
     unknown = ("This motion determines it in combination with others only, or not at all.",)
     evidence = Evidence(
-        fit, robust, np.full(len(rung), np.nan), column_rms(information), torque, residual,
+        fit, robust, np.full(len(rung), np.nan), column_rms(information),
+        column_noise(information, fit), torque,
         unknown * len(rung),
     )  # fmt: skip
     verdicts = judge(rung.labels, rung.units, evidence)

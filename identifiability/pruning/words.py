@@ -34,17 +34,19 @@ def explain(step: Step) -> str:
                 "for both."
             )
         return text
-    verdict = (
-        "the data do not contradict it"
-        if evidence.p_value > 0.05
-        else "the difference is significant but does not help on unseen motion"
-    )
+    if evidence.p_value > 0.05:
+        verdict = "the data do not contradict it"
+    elif evidence.rise <= evidence.rise_se:
+        verdict = "the difference is significant but does not help on unseen motion"
+    else:
+        verdict = "the data speak against it, but not clearly enough to refuse it"
     return f"{move.why}; {verdict} (p = {evidence.p_value:.2g}); {rise}."
 
 
 def _rise(rise: float, spread: float) -> str:
     change = "rises" if rise > 0 else "falls"
-    return f"the held-out squares {change} by {100 * abs(rise):.2g} ± {100 * spread:.2g} %"
+    change = change.removesuffix("s")
+    return f"the held-out squares {change} by {100 * abs(rise):.3g} ± {100 * spread:.3g} %"
 
 
 def statement(ladder: Ladder) -> str:

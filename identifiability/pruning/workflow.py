@@ -40,7 +40,7 @@ from identifiability.pruning.stability import assess_stability
 from identifiability.pruning.unseen import unseen_regressor
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, Samples
-from identifiability.stages import LogLike, Progress, prepare_logs
+from identifiability.stages import LogLike, Progress, check_held_out, prepare_logs
 from identifiability.verdict import Thresholds
 
 #: Rungs as good as the best whose physical certificate is asked for, the preferred one first.
@@ -113,6 +113,7 @@ def prune(
         held = prepare_logs(robot, validate, preparation)
         if not train:
             raise LogError("No log was given; give at least one.")
+        check_held_out(train, held)
         say("building the regression", 0.1)
         task = _set_up(robot, ladder, train, held, method, streams[0])
         say("walking down the ladder", 0.4)

@@ -137,13 +137,15 @@ def test_columns_in_another_unit_or_order_are_pruned_alike():
     assert {f"p{order[int(c[1:])]}" for c in other} == plain
 
 
-def test_several_logs_are_left_out_one_by_one():
+@pytest.mark.parametrize(("logs", "whole"), [(4, True), (2, False)])
+def test_several_logs_are_left_out_one_by_one_and_few_are_divided(logs, whole):
+    """Two folds cannot contradict a move; stretches of the two logs can."""
     rng = np.random.default_rng(7)
-    W = rng.normal(size=(900, 1, 5))
-    tau = W @ np.array([1.0, 2, 0, 0, 3]) + rng.normal(size=(900, 1))
-    information = gather(W, tau, blocks=90, log=np.arange(900) // 300)
+    W = rng.normal(size=(1200, 1, 5))
+    tau = W @ np.array([1.0, 2, 0, 0, 3]) + rng.normal(size=(1200, 1))
+    information = gather(W, tau, blocks=120, log=np.arange(1200) * logs // 1200)
     folds = gather_folds(information, np.ones(1), np.zeros(5, bool))
-    assert folds.fold.max() == 2
+    assert (folds.fold.max() + 1 == logs) == whole
     assert len(folds.fold) >= 12
     assert chosen_set(find_path(information, np.zeros(5, bool))) >= {"p0", "p1", "p4"}
 
