@@ -47,7 +47,7 @@ from identifiability.stages import (
     fit_ladder,
     prepare_logs,
 )
-from identifiability.verdict import Class, Thresholds, Verdict
+from identifiability.verdict import Class, Thresholds
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -130,7 +130,7 @@ class Analysis:
         if model is not None and model not in names:
             raise KeyError(f"There is no model '{model}'; the models are {', '.join(names)}.")
         result = self.chosen if model is None else self.models[names.index(model)]
-        return pd.DataFrame([_row(v) for v in result.verdicts])
+        return pd.DataFrame([v.to_row() for v in result.verdicts])
 
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a model."""
@@ -145,8 +145,8 @@ class Analysis:
             "validation": self.validation_kind,
             "models": [_model_row(m) for m in self.models],
             "selected": self.chosen.name,
-            "parameters": [_row(v) for v in self.chosen.verdicts],
-            "full_parameters": [_row(v) for v in self.full.verdicts],
+            "parameters": [v.to_row() for v in self.chosen.verdicts],
+            "full_parameters": [v.to_row() for v in self.full.verdicts],
             "physical": {
                 "feasible": self.chosen.feasible,
                 "margin": self.chosen.margin,
@@ -362,24 +362,6 @@ def analyze(
             fitted.first(len(rungs)), out.first(len(rungs)), model.names, method, seed, belief,
             thresholds,
         )  # fmt: skip
-
-
-def _row(v: Verdict) -> dict[str, Any]:
-    return {
-        "name": v.name,
-        "label": v.label,
-        "unit": v.unit,
-        "value": v.value,
-        "sigma": v.sigma,
-        "sigma_percent": v.sigma_percent,
-        "sigma_robust_percent": v.sigma_robust_percent,
-        "interval95": list(v.interval95),
-        "paper_rule": v.paper_rule,
-        "verdict": v.verdict.value,
-        "reason": v.reason,
-        "torque_share": v.share,
-        "nominal": v.nominal,
-    }
 
 
 def _model_row(m: RungResult) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.assessment import RungResult
-from identifiability.belief import Belief, form_belief, refine_verdicts
+from identifiability.belief import Belief, refine_verdicts
 from identifiability.errors import LogError
 from identifiability.estimation import Estimate, Method, estimate
 from identifiability.evaluation import (
@@ -22,6 +22,7 @@ from identifiability.evaluation import (
 )
 from identifiability.feasibility import PhysicalResult, assess_feasibility
 from identifiability.grouping import BaseParameters
+from identifiability.inference import form_belief
 from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.log import Log

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from scipy.stats import norm
@@ -102,6 +103,24 @@ class Verdict:
     def sigma_robust_percent(self) -> float:
         """Robust σ relative to the value [%]."""
         return _percent(self.sigma_robust, self.value)
+
+    def to_row(self) -> dict[str, Any]:
+        """Return the verdict as one row of a table or of a JSON result."""
+        return {
+            "name": self.name,
+            "label": self.label,
+            "unit": self.unit,
+            "value": self.value,
+            "sigma": self.sigma,
+            "sigma_percent": self.sigma_percent,
+            "sigma_robust_percent": self.sigma_robust_percent,
+            "interval95": list(self.interval95),
+            "paper_rule": self.paper_rule,
+            "verdict": self.verdict.value,
+            "reason": self.reason,
+            "torque_share": self.share,
+            "nominal": self.nominal,
+        }
 
 
 def _digits(percent: float) -> str:

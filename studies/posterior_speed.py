@@ -20,8 +20,9 @@ from arviz_stats.base.array import array_stats
 from threadpoolctl import threadpool_limits
 
 from identifiability.analysis import Analysis, analyze
-from identifiability.belief import START_MARGIN, state_prior
+from identifiability.belief import START_MARGIN
 from identifiability.feasibility import full_problem, nominal_vector, physical_set
+from identifiability.inference import state_prior
 from identifiability.output import write_json
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import build_projection, project

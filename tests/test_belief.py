@@ -7,17 +7,10 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.belief import (
-    START_MARGIN,
-    Effort,
-    Source,
-    belief_dict,
-    form_belief,
-    refine_verdicts,
-    state_prior,
-)
+from identifiability.belief import START_MARGIN, Effort, Source, belief_dict, refine_verdicts
 from identifiability.errors import RobotError
 from identifiability.feasibility import full_problem, nominal_vector, physical_set
+from identifiability.inference import form_belief, state_prior
 from identifiability.ladder import nominal_base
 from identifiability.physical.certify import certify
 from identifiability.physical.project import project

@@ -18,7 +18,7 @@ from identifiability.output import write_json, write_text
 from identifiability.pruning.absorption import Absorption
 from identifiability.pruning.elimination import Refusal
 from identifiability.pruning.moves import Partition
-from identifiability.pruning.rung import PrunedRung, verdict_row
+from identifiability.pruning.rung import PrunedRung
 from identifiability.pruning.selection import Criterion
 from identifiability.pruning.stability import Stability
 from identifiability.pruning.words import ladder_toml, statement
@@ -109,7 +109,7 @@ class Ladder:
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the rung to use."""
-        return pd.DataFrame([verdict_row(v) for v in self.verdicts])
+        return pd.DataFrame([v.to_row() for v in self.verdicts])
 
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a rung."""
@@ -132,8 +132,8 @@ class Ladder:
             "statement": self.statement,
             "models": [r.row() for r in self.rungs],
             "selected": self.chosen.name,
-            "parameters": [verdict_row(v) for v in self.verdicts],
-            "full_parameters": [verdict_row(v) for v in self.full.verdicts],
+            "parameters": [v.to_row() for v in self.verdicts],
+            "full_parameters": [v.to_row() for v in self.full.verdicts],
             "refused": [
                 {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
             ],

@@ -162,21 +162,3 @@ def build_rung(
         step.errors.total / unit, step.errors.above(best.errors)[1] / unit,
         tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad),
     )  # fmt: skip
-
-
-def verdict_row(v: Verdict) -> dict[str, Any]:
-    """Return a parameter as one row of a table."""
-    return {
-        "name": v.name,
-        "label": v.label,
-        "unit": v.unit,
-        "value": v.value,
-        "sigma_percent": v.sigma_percent,
-        "sigma_robust_percent": v.sigma_robust_percent,
-        "interval95": list(v.interval95),
-        "paper_rule": v.paper_rule,
-        "verdict": v.verdict.value,
-        "reason": v.reason,
-        "torque_share": v.share,
-        "nominal": v.nominal,
-    }

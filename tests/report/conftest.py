@@ -13,7 +13,8 @@ import pytest
 
 from identifiability import analyze
 from identifiability.analysis import Analysis
-from identifiability.belief import Effort, Summary, form_belief
+from identifiability.belief import Effort, Summary
+from identifiability.inference import form_belief
 from identifiability.ladder import LadderEntry, RungEntry
 from identifiability.model import Model
 from identifiability.robot import Robot, complete_motion
