@@ -14,8 +14,8 @@ VERDICTS = (
     Term("weak", "Its sign is certain, its size is not.", "weak"),
     Term(
         "negligible",
-        "Known to be about zero for this motion: nothing in its interval moves the torque "
-        "noticeably. It may be left out. Not the same as unknown.",
+        "Known to be about zero for this motion: nothing in its interval moves the torque of any "
+        "joint noticeably. It may be left out. Not the same as unknown.",
         "negligible",
     ),
     Term(
@@ -26,8 +26,8 @@ VERDICTS = (
     ),
     Term(
         "constraint-determined",
-        "The logs leave it open, but bodies that can exist narrow it far below what the logs alone "
-        "allow; that the robot is real tells more than the data.",
+        "The logs leave it open, but bodies that can exist narrow it far below what the same logs "
+        "and prior allow without them.",
         "constraint-determined",
     ),
     Term(

@@ -24,11 +24,11 @@ _MEANING = {
     ),
     "negligible_share": (
         "largest effect of a negligible parameter",
-        "of the residual's σ, anywhere in its 95 % interval",
+        "of any joint's own residual σ, anywhere in its 95 % interval",
     ),
     "constraint_variance": (
         "largest variance of a constraint-determined parameter",
-        "of the variance that the data leave, posterior with bodies",
+        "of the variance that the same data and prior leave without bodies",
     ),
     "contraction": (
         "least contraction that is not prior-dominated",
