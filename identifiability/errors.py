@@ -30,6 +30,10 @@ class OutputError(IdentifiabilityError):
     """A result cannot be written."""
 
 
+class EngineError(IdentifiabilityError):
+    """The processes or the cluster that should do the work cannot be used."""
+
+
 def near_match(name: str, known: Iterable[str]) -> str:
     """Return the end of a sentence: ``", did you mean 'x'?"`` with the nearest name, or ``"."``."""
     known = list(known)

@@ -1,0 +1,212 @@
+"""Where long work runs: in this process, in several, or on a cluster, with or without a memory.
+
+What to use when: `Serial` for work of seconds and for debugging, `Processes` on one machine,
+`identifiability.cluster.Dask` for more than one, `Resumed` around any of them for hours of work.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from functools import lru_cache, partial
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, Self, get_args
+
+import cloudpickle
+import joblib
+from joblib.externals.loky import ProcessPoolExecutor
+
+from identifiability.errors import EngineError, near_match
+from identifiability.mapping import Engine, Item, Result, Steps, counted, in_order, run_limited
+from identifiability.resume import Resumed
+
+__all__ = ["Engine", "Processes", "Resumed", "Serial", "choose_engine"]
+
+Name = Literal["serial", "processes"]
+
+#: Items under way or unfetched for each worker: enough that one slow item does not idle the rest.
+AHEAD = 4
+
+#: How often work is taken up again after a worker was lost without any result in between.
+RESTARTS = 2
+
+#: Functions that pickle to more bytes than this are put into a file that each worker reads once.
+LARGE = 100_000
+
+#: Seconds after which idle workers go, and between looks at whether the parent still lives.
+IDLE, WATCH = 60, 1.0
+
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
+)
+
+
+class Serial:
+    """Runs everything here, one item after the other."""
+
+    def map(
+        self,
+        function: Callable[[Item], Result],
+        items: Sequence[Item],
+        *,
+        progress: Steps | None = None,
+    ) -> Iterator[Result]:
+        """Yield ``function(item)`` for every item; see `Engine.map`."""
+        results = (run_limited(function, item) for item in items)
+        return counted(results, len(items), progress)
+
+
+class Processes:
+    """Runs items in processes of this machine, each with one BLAS thread.
+
+    They start with the first item, stay for the next `map`, and end with this object, on leaving
+    its ``with`` block, or when idle. A lost worker is replaced and what it did is done again.
+
+    Parameters
+    ----------
+    workers : int, optional
+        By default as many as this process may use cores (affinity and control groups count). With
+        one worker, or one item, everything runs here.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self.workers = max(1, joblib.cpu_count() if workers is None else workers)
+        self._pool: Any = None
+
+    def map(
+        self,
+        function: Callable[[Item], Result],
+        items: Sequence[Item],
+        *,
+        progress: Steps | None = None,
+    ) -> Iterator[Result]:
+        """Yield ``function(item)`` for every item; see `Engine.map`."""
+        if self.workers == 1 or len(items) < 2:
+            return Serial().map(function, items, progress=progress)
+        return counted(self._run(function, items), len(items), progress)
+
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        blob = cloudpickle.dumps(function)
+        with tempfile.TemporaryDirectory(prefix="identifiability-") as folder:
+            if len(blob) > LARGE:
+                path = Path(folder, "function")
+                path.write_bytes(blob)
+                sent: Callable[[Item], Result] = partial(_run_stored, str(path))
+            else:
+                sent = partial(run_limited, function)
+            yield from self._restarted(sent, items)
+
+    def _restarted(
+        self, function: Callable[[Item], Result], items: Sequence[Item]
+    ) -> Iterator[Result]:
+        """Yield results; after a lost worker, go on behind the last one that was fetched."""
+        done = losses = 0
+        while done < len(items):
+            before = done
+            try:
+                for result in self._fetch(function, items[done:]):
+                    yield result
+                    done += 1
+            except BrokenExecutor:
+                losses = losses + 1 if done == before else 1
+                if losses > RESTARTS:
+                    raise EngineError(
+                        f"A worker process was lost {losses} times in a row, most likely for lack "
+                        f"of memory; give fewer than {self.workers} workers, or the serial engine."
+                    ) from None
+
+    def _fetch(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(
+                self.workers, timeout=IDLE, initializer=_start_worker, initargs=(os.getpid(),),
+                env=_ONE_THREAD,
+            )  # fmt: skip
+        submit = partial(self._pool.submit, function)
+        try:
+            yield from in_order(submit, items, AHEAD * self.workers, self.close)
+        except BrokenExecutor:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """End the worker processes at once, whatever they do."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, kill_workers=True)
+            self._pool = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _start_worker(parent: int) -> None:
+    """Leave Ctrl-C to the parent, and do not outlive it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _run_stored(path: str, item: Any) -> Any:
+    return run_limited(_load(path), item)
+
+
+@lru_cache(maxsize=1)
+def _load(path: str) -> Callable[[Any], Any]:
+    function: Callable[[Any], Any] = cloudpickle.loads(Path(path).read_bytes())
+    return function
+
+
+def choose_engine(
+    name: str | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: str | Path | None = None,
+) -> Engine:
+    """Return the engine that some options ask for.
+
+    Parameters
+    ----------
+    name : {"serial", "processes"}, optional
+        By default several processes.
+    workers : int, optional
+        By default one for each core.
+    scheduler : str, optional
+        Address of a cluster's scheduler.
+    resume : path, optional
+        Folder where finished items are kept, so that a second run need not do them again.
+
+    Raises
+    ------
+    EngineError
+        If options contradict each other.
+    """
+    engine: Engine
+    known = get_args(Name)
+    name = name or "processes"
+    if name not in known:
+        raise EngineError(
+            f"There is no engine '{name}'{near_match(name, known)} The engines are "
+            f"{', '.join(known)}."
+        )
+    if workers is not None and workers < 1:
+        raise EngineError(f"{workers} workers cannot do anything; give at least 1.")
+    engine = Serial() if name == "serial" else Processes(workers)
+    return engine if resume is None else Resumed(engine, resume)

@@ -1,0 +1,100 @@
+"""What every engine does: one function over many items, results in the order of the items."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from typing import Protocol, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+#: Called with the number of items done and to do.
+Steps = Callable[[int, int], None]
+
+
+class Engine(Protocol):
+    """Runs a function over items: here, in other processes or on a cluster.
+
+    Results do not depend on the engine, to the last bit: every call has one BLAS thread, and what
+    is random must come from the item (a seed), never from the process that happens to run it.
+    """
+
+    def map(
+        self,
+        function: Callable[[Item], Result],
+        items: Sequence[Item],
+        *,
+        progress: Steps | None = None,
+    ) -> Iterator[Result]:
+        """Yield ``function(item)`` for every item, in their order, as they are asked for.
+
+        Parameters
+        ----------
+        function : callable
+            Of a module, or a `functools.partial` of one; it is sent to each worker once.
+        items : sequence
+            Small and picklable: a range of rows and a file, not the rows. Only a few of them are
+            under way at a time, so that results which nobody fetches do not pile up.
+        progress : callable(int, int), optional
+
+        Raises
+        ------
+        IdentifiabilityError
+            The function's own, of the first item that fails, as if it had been called here.
+        EngineError
+            If workers are lost again and again.
+        """
+
+
+def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
+    """Call a function with one BLAS thread.
+
+    Threads fight over the small matrices of this project, and sums over several threads differ in
+    the last bits from sums over one.
+    """
+    with threadpool_limits(1, "blas"):
+        return function(item)
+
+
+def in_order(
+    submit: Callable[[Item], Future[Result]],
+    items: Sequence[Item],
+    window: int,
+    abandon: Callable[[], None],
+) -> Iterator[Result]:
+    """Yield results in the order of the items; at most `window` are under way or unfetched.
+
+    Parameters
+    ----------
+    submit : callable
+        Starts the work on one item.
+    items : sequence
+    window : int
+    abandon : callable
+        Called when work is under way that nobody will fetch: after Ctrl-C or an error, or when
+        the caller wants no more.
+    """
+    waiting: deque[Future[Result]] = deque()
+    try:
+        for k, item in enumerate(items, 1):
+            waiting.append(submit(item))
+            while waiting and (len(waiting) >= window or k == len(items)):
+                result = waiting[0].result()  # stays in the queue while we wait for it
+                waiting.popleft()
+                yield result
+    finally:
+        settled = [f.done() or f.cancel() for f in waiting]  # cancel every one that can be
+        if not all(settled):
+            abandon()
+
+
+def counted(results: Iterator[Result], total: int, progress: Steps | None) -> Iterator[Result]:
+    """Yield results and tell how many there were."""
+    for done, result in enumerate(results, 1):
+        if progress is not None:
+            progress(done, total)
+        yield result

@@ -1,0 +1,147 @@
+"""Interrupted work goes on where it ended: results of finished items are kept on disk.
+
+A result is found again only by the content of what led to it: the function with its arguments, the
+item, and the program text. A changed input or program is therefore new work, never an old answer.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from functools import cache, partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+import joblib
+
+from identifiability.errors import OutputError
+from identifiability.mapping import Engine, Item, Result, Steps, counted
+from identifiability.output import write_bytes
+
+#: Packages whose version may change a result in its last bits.
+NUMERICS = ("numpy", "scipy", "pin", "mujoco", "clarabel")
+
+_MAGIC = b"identifiability result 1\n"
+_DIGEST = hashlib.sha256().digest_size
+
+
+class Resumed:
+    """An engine that keeps the results of finished items and does not do them again.
+
+    Results are pickled: give only folders that you trust. Each file has a checksum and is written
+    whole or not at all; a damaged one is done again. After an interruption at most the items that
+    were under way are lost.
+
+    Parameters
+    ----------
+    engine : Engine
+        Does what is missing.
+    folder : path
+        Made if it does not exist. One folder serves any number of different runs.
+
+    Attributes
+    ----------
+    found, done : int
+        Items whose results were there, and that had to be done, in all calls of `map` so far.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be made.
+    """
+
+    def __init__(self, engine: Engine, folder: str | Path) -> None:
+        self.engine = engine
+        self.folder = Path(folder)
+        self.found = self.done = 0
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"'{folder}' cannot keep finished work: {error.strerror or error}; give a folder."
+            ) from None
+
+    def map(
+        self,
+        function: Callable[[Item], Result],
+        items: Sequence[Item],
+        *,
+        progress: Steps | None = None,
+    ) -> Iterator[Result]:
+        """Yield ``function(item)`` for every item, old or new; see `Engine.map`.
+
+        What the item stands for must be part of it: of a file, not only its name but a digest of
+        its content.
+        """
+        return counted(self._run(function, items), len(items), progress)
+
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        program = fingerprint(function)
+        paths = [self._path(program, item) for item in items]
+        there = [_read(path) is not None for path in paths]
+        missing = [item for item, old in zip(items, there, strict=True) if not old]
+        fresh = self.engine.map(function, missing)
+        for item, path, old in zip(items, paths, there, strict=True):
+            content = _read(path) if old else None
+            if content is not None:
+                self.found += 1
+                result: Result = pickle.loads(content)
+            else:  # new, or damaged or removed since we looked
+                result = next(self.engine.map(function, [item])) if old else next(fresh)
+                self._keep(path, result)
+            yield result
+
+    def _path(self, program: str, item: Any) -> Path:
+        key = hashlib.sha256(f"{program} {joblib.hash(item, 'sha1')}".encode()).hexdigest()
+        return self.folder / key[:2] / f"{key}.result"
+
+    def _keep(self, path: Path, result: Any) -> None:
+        content = pickle.dumps(result, protocol=5)
+        path.parent.mkdir(exist_ok=True)
+        write_bytes(path, _MAGIC + hashlib.sha256(content).digest() + content)
+        self.done += 1
+
+
+def _read(path: Path) -> bytes | None:
+    """Return the pickled result, or None if there is none that can be believed."""
+    try:
+        whole = path.read_bytes()
+    except OSError:
+        return None
+    start = len(_MAGIC) + _DIGEST
+    content = whole[start:]
+    good = whole[:start] == _MAGIC + hashlib.sha256(content).digest()
+    return content if good else None
+
+
+def fingerprint(function: Callable[..., Any]) -> str:
+    """Return a digest of a function: its name, bound arguments, program text and numerics."""
+    parts: list[str] = []
+    while isinstance(function, partial):
+        parts.append(str(joblib.hash((function.args, function.keywords), "sha1")))
+        function = function.func
+    module, name = function.__module__, getattr(function, "__qualname__", "")
+    parts += [module, name, *_sources(module.partition(".")[0]), *_sources("identifiability")]
+    if module == "__main__" or getattr(sys.modules.get(module), name, None) is not function:
+        # A notebook's, a lambda's or an object's text and values are in no file.
+        parts.append(hashlib.sha256(cloudpickle.dumps(function)).hexdigest())
+    with suppress(metadata.PackageNotFoundError):
+        parts += [metadata.version(name) for name in NUMERICS]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+@cache
+def _sources(name: str) -> tuple[str, ...]:
+    """Return digests of the program text of a package or a module."""
+    module = sys.modules.get(name)
+    file = getattr(module, "__file__", None)
+    if file is None:
+        return (name,)
+    path = Path(file)
+    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
+    return tuple(hashlib.sha256(f.read_bytes()).hexdigest() for f in files)
