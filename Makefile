@@ -55,5 +55,5 @@ $(VENV)/run: pyproject.toml .ci/constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/dev: pyproject.toml .ci/constraints.txt | $(BIN)/python
-	$(PIP) --editable '.[test,lint,arviz,ros,docs,browser]'
+	$(PIP) --editable '.[test,lint,arviz,distributed,ros,docs,browser]'
 	@touch $@ $(VENV)/run

@@ -23,15 +23,21 @@ import joblib
 from joblib.externals.loky import ProcessPoolExecutor
 
 from identifiability.errors import EngineError, near_match
-from identifiability.mapping import Engine, Item, Result, Steps, counted, in_order, run_limited
+from identifiability.mapping import (
+    AHEAD,
+    Engine,
+    Item,
+    Result,
+    Steps,
+    counted,
+    in_order,
+    run_limited,
+)
 from identifiability.resume import Resumed
 
 __all__ = ["Engine", "Processes", "Resumed", "Serial", "choose_engine"]
 
-Name = Literal["serial", "processes"]
-
-#: Items under way or unfetched for each worker: enough that one slow item does not idle the rest.
-AHEAD = 4
+Name = Literal["serial", "processes", "dask"]
 
 #: How often work is taken up again after a worker was lost without any result in between.
 RESTARTS = 2
@@ -184,23 +190,22 @@ def choose_engine(
 
     Parameters
     ----------
-    name : {"serial", "processes"}, optional
-        By default several processes.
+    name : {"serial", "processes", "dask"}, optional
+        By default several processes; with a scheduler's address, its cluster.
     workers : int, optional
-        By default one for each core.
+        Processes on this machine; by default one for each core.
     scheduler : str, optional
-        Address of a cluster's scheduler.
+        Address of a Dask scheduler, such as ``tcp://host:8786``.
     resume : path, optional
         Folder where finished items are kept, so that a second run need not do them again.
 
     Raises
     ------
     EngineError
-        If options contradict each other.
+        If options contradict each other, or the cluster cannot be used.
     """
-    engine: Engine
     known = get_args(Name)
-    name = name or "processes"
+    name = name or ("processes" if scheduler is None else "dask")
     if name not in known:
         raise EngineError(
             f"There is no engine '{name}'{near_match(name, known)} The engines are "
@@ -208,5 +213,22 @@ def choose_engine(
         )
     if workers is not None and workers < 1:
         raise EngineError(f"{workers} workers cannot do anything; give at least 1.")
-    engine = Serial() if name == "serial" else Processes(workers)
+    if scheduler is not None and name != "dask":
+        raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
+    if scheduler is not None and workers is not None:
+        raise EngineError(
+            f"The cluster at '{scheduler}' has its own workers; leave out their number, or the "
+            "scheduler to start them here."
+        )
+    engine = _build_engine(name, workers, scheduler)
     return engine if resume is None else Resumed(engine, resume)
+
+
+def _build_engine(name: str, workers: int | None, scheduler: str | None) -> Engine:
+    if name == "serial":
+        return Serial()
+    if name == "processes":
+        return Processes(workers)
+    from identifiability.cluster import Dask  # noqa: PLC0415 - an extra
+
+    return Dask(scheduler, workers)

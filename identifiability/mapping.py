@@ -4,16 +4,32 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
 from typing import Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Result_co = TypeVar("Result_co", covariant=True)
 
 #: Called with the number of items done and to do.
 Steps = Callable[[int, int], None]
+
+#: Items under way or unfetched for each worker: enough that one slow item does not idle the rest.
+AHEAD = 4
+
+
+class Pending(Protocol[Result_co]):
+    """A result that is being worked on; those of every executor and cluster are alike."""
+
+    def result(self) -> Result_co:
+        """Wait for the result."""
+
+    def done(self) -> bool:
+        """Return whether it is there, or never will be."""
+
+    def cancel(self) -> object:
+        """Give it up if nobody works on it yet."""
 
 
 class Engine(Protocol):
@@ -61,7 +77,7 @@ def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
 
 
 def in_order(
-    submit: Callable[[Item], Future[Result]],
+    submit: Callable[[Item], Pending[Result]],
     items: Sequence[Item],
     window: int,
     abandon: Callable[[], None],
@@ -78,7 +94,7 @@ def in_order(
         Called when work is under way that nobody will fetch: after Ctrl-C or an error, or when
         the caller wants no more.
     """
-    waiting: deque[Future[Result]] = deque()
+    waiting: deque[Pending[Result]] = deque()
     try:
         for k, item in enumerate(items, 1):
             waiting.append(submit(item))

@@ -8,23 +8,16 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
-from functools import cache, partial
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import cloudpickle
 import joblib
 
 from identifiability.errors import OutputError
+from identifiability.fingerprint import fingerprint
 from identifiability.mapping import Engine, Item, Result, Steps, counted
 from identifiability.output import write_bytes
-
-#: Packages whose version may change a result in its last bits.
-NUMERICS = ("numpy", "scipy", "pin", "mujoco", "clarabel")
 
 _MAGIC = b"identifiability result 1\n"
 _DIGEST = hashlib.sha256().digest_size
@@ -117,31 +110,3 @@ def _read(path: Path) -> bytes | None:
     content = whole[start:]
     good = whole[:start] == _MAGIC + hashlib.sha256(content).digest()
     return content if good else None
-
-
-def fingerprint(function: Callable[..., Any]) -> str:
-    """Return a digest of a function: its name, bound arguments, program text and numerics."""
-    parts: list[str] = []
-    while isinstance(function, partial):
-        parts.append(str(joblib.hash((function.args, function.keywords), "sha1")))
-        function = function.func
-    module, name = function.__module__, getattr(function, "__qualname__", "")
-    parts += [module, name, *_sources(module.partition(".")[0]), *_sources("identifiability")]
-    if module == "__main__" or getattr(sys.modules.get(module), name, None) is not function:
-        # A notebook's, a lambda's or an object's text and values are in no file.
-        parts.append(hashlib.sha256(cloudpickle.dumps(function)).hexdigest())
-    with suppress(metadata.PackageNotFoundError):
-        parts += [metadata.version(name) for name in NUMERICS]
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-@cache
-def _sources(name: str) -> tuple[str, ...]:
-    """Return digests of the program text of a package or a module."""
-    module = sys.modules.get(name)
-    file = getattr(module, "__file__", None)
-    if file is None:
-        return (name,)
-    path = Path(file)
-    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
-    return tuple(hashlib.sha256(f.read_bytes()).hexdigest() for f in files)

@@ -1,0 +1,71 @@
+"""Digests of program text, by which two runs, or two machines, know that they compute the same."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache, partial
+from importlib import metadata, util
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+import joblib
+
+#: Packages whose version may change a result in its last bits.
+NUMERICS = ("numpy", "scipy", "pin", "mujoco", "clarabel")
+
+
+def fingerprint(function: Callable[..., Any]) -> str:
+    """Return a digest of a function: its name, bound arguments, program text and numerics."""
+    parts = [f"{name} {_version(name)}" for name in NUMERICS]
+    while isinstance(function, partial):
+        parts.append(str(joblib.hash((function.args, function.keywords), "sha1")))
+        function = function.func
+    module, name = function.__module__, getattr(function, "__qualname__", "")
+    root, _ = root_module(function)
+    parts += [module, name, source_digest(root), source_digest("identifiability")]
+    if module == "__main__" or getattr(sys.modules.get(module), name, None) is not function:
+        # A notebook's, a lambda's or an object's text and values are in no file.
+        parts.append(hashlib.sha256(cloudpickle.dumps(function)).hexdigest())
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def root_module(function: Callable[..., Any]) -> tuple[str, Path | None]:
+    """Return the package or module at whose root a function lives, and its file if it has one."""
+    while isinstance(function, partial):
+        function = function.func
+    name = function.__module__.partition(".")[0]
+    file = getattr(sys.modules.get(name), "__file__", None)
+    return name, None if file is None else Path(file)
+
+
+@cache
+def source_digest(name: str) -> str:
+    """Return a digest of the program text of a package or module; empty if it has no files."""
+    file = getattr(sys.modules.get(name), "__file__", None)
+    if file is None and name not in sys.modules:
+        with suppress(ImportError, ValueError):
+            spec = util.find_spec(name)
+            file = None if spec is None else spec.origin
+    if file is None:
+        return ""
+    path = Path(file)
+    whole = path.name == "__init__.py"
+    files = sorted(path.parent.rglob("*.py")) if whole else [path]
+    found = hashlib.sha256()
+    try:
+        for f in files:
+            found.update(f"{f.relative_to(path.parent).as_posix()}\n".encode() + f.read_bytes())
+    except OSError:  # inside an archive
+        return ""
+    return found.hexdigest()
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""
