@@ -9,24 +9,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from identifiability.analysis import Analysis
+from identifiability.engine import Engine, Serial
 from identifiability.errors import ModelError, near_match
+from identifiability.estimation import Method
+from identifiability.ladder import Rung
 from identifiability.model import Model, Regression
 from identifiability.names import Array
-from identifiability.outcome import Cell, count_outcomes, judge_outcome
+from identifiability.outcome import Cell, Outcome, count_outcomes, judge_outcome
 from identifiability.output import write_json
 from identifiability.ranks import RankCheck, check_ranks
-from identifiability.replicates import Experiment, outcomes
+from identifiability.replicates import Experiment, correlated_noise, spawn_seeds
+from identifiability.verdict import Thresholds
 
 SCHEMA = "identifiability/calibration/1"
+
+#: Repetitions that one item of an engine does, some tenths of a second.
+BATCH = 10
 
 
 @dataclass(frozen=True)
@@ -109,6 +117,7 @@ def calibrate(
     sbc: int = 0,
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
+    engine: Engine | None = None,
 ) -> Calibration:
     """Measure how far intervals and verdicts can be trusted on the motion of an analysis.
 
@@ -130,6 +139,8 @@ def calibrate(
         Simulated experiments for the simulation-based calibration of the posterior; 0 for none.
     seed : int
     progress : callable(str, float), optional
+    engine : Engine, optional
+        Where repetitions are simulated; by default here. The result does not depend on it.
 
     Raises
     ------
@@ -148,43 +159,71 @@ def calibrate(
     truth = result.estimate.value
     sd = np.sqrt(result.estimate.variance)
     own = _lag_one(analysis.fitted.residual[:, :, at])
-    cells = []
     pairs = [(level, r) for r in rho for level in noise]
     *streams, last = np.random.default_rng(seed).spawn(len(pairs) + 1)
-    with threadpool_limits(1, "blas"):
-        for k, ((level, r), rng) in enumerate(zip(pairs, streams, strict=True)):
-            if progress:
-                progress(f"noise × {level:g}", k / len(pairs))
-            correlation = own if np.isnan(r) else np.full(len(sd), r)
-            trial = [
-                judge_outcome(
-                    result.rung,
-                    experiment,
-                    information,
-                    tau,
-                    rng,
-                    method=analysis.method,
-                    thresholds=analysis.thresholds,
-                    replicates=replicates,
-                )
-                for information, tau in outcomes(
-                    experiment, truth, level * sd, correlation, rng, trials
-                )
-            ]
-            cells.append(count_outcomes(trial, truth, level, r))
-        ranks = None
-        if sbc:
-            information = result.rung.reduce(analysis.information)
-            ranks = check_ranks(
-                result, information, last, replicates=sbc, progress=_steps(progress)
-            )
+    judged = _Judged(
+        experiment, result.rung, truth, replicates, analysis.method, analysis.thresholds
+    )
+    items = [
+        _Repetitions(level * sd, own if np.isnan(r) else np.full(len(sd), r), part)
+        for (level, r), rng in zip(pairs, streams, strict=True)
+        for part in _parts(spawn_seeds(rng, trials))
+    ]
+    runner, say = engine or Serial(), progress or (lambda _text, _share: None)
+    found = runner.map(
+        partial(_judge, judged), items,
+        progress=lambda done, total: say("simulating repetitions", 0.9 * done / total),
+    )  # fmt: skip
+    outcomes = iter([outcome for part in found for outcome in part])
+    cells = [count_outcomes(list(islice(outcomes, trials)), truth, *pair) for pair in pairs]
+    ranks = None
+    if sbc:
+        information = result.rung.reduce(analysis.information)
+        ranks = check_ranks(
+            result, information, last, replicates=sbc, engine=runner,
+            progress=lambda done, total: say("ranking planted values", 0.9 + 0.1 * done / total),
+        )  # fmt: skip
     return Calibration(analysis.robot.name, result.name, len(truth), tuple(cells), seed, ranks)
 
 
-def _steps(progress: Callable[[str, float], None] | None) -> Callable[[int, int], None] | None:
-    if progress is None:
-        return None
-    return lambda done, total: progress("ranking planted values", done / total)
+@dataclass(frozen=True)
+class _Judged:
+    """What every repetition has in common."""
+
+    experiment: Experiment
+    rung: Rung
+    truth: Array
+    replicates: int
+    method: Method
+    thresholds: Thresholds
+
+
+@dataclass(frozen=True)
+class _Repetitions:
+    """Standard deviation and correlation of the noise (n,), and the seed of each repetition."""
+
+    sd: Array
+    rho: Array
+    seeds: tuple[np.random.SeedSequence, ...]
+
+
+def _parts(seeds: list[np.random.SeedSequence]) -> list[tuple[np.random.SeedSequence, ...]]:
+    return [tuple(seeds[k : k + BATCH]) for k in range(0, len(seeds), BATCH)]
+
+
+def _judge(judged: _Judged, item: _Repetitions) -> list[Outcome]:
+    """Simulate and judge some repetitions."""
+    outcomes = []
+    for rng in map(np.random.default_rng, item.seeds):
+        noise = correlated_noise(judged.experiment.log, item.sd, item.rho, rng)
+        information, tau = judged.experiment.outcome(judged.truth, noise)
+        outcomes.append(
+            judge_outcome(
+                judged.rung, judged.experiment, information, tau, rng, method=judged.method,
+                thresholds=judged.thresholds, replicates=judged.replicates,
+            )
+        )  # fmt: skip
+    return outcomes
 
 
 def _experiment(analysis: Analysis, at: int) -> Experiment:

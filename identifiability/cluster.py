@@ -17,14 +17,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import joblib
 
 from identifiability.errors import EngineError
 from identifiability.fingerprint import root_module, source_digest
-from identifiability.mapping import AHEAD, Item, Result, Steps, counted, in_order, run_limited
+from identifiability.mapping import AHEAD, Item, OpenEngine, Result, in_order, run_limited
 
 #: Seconds to wait for a scheduler, and for its first worker.
 PATIENCE = 5.0
@@ -38,7 +37,7 @@ _INSTALL = (
 )
 
 
-class Dask:
+class Dask(OpenEngine):
     """Runs items on the workers of a Dask cluster.
 
     Parameters
@@ -71,16 +70,6 @@ class Dask:
         except BaseException:
             self.close()
             raise
-
-    def map(
-        self,
-        function: Callable[[Item], Result],
-        items: Sequence[Item],
-        *,
-        progress: Steps | None = None,
-    ) -> Iterator[Result]:
-        """Yield ``function(item)`` for every item; see `identifiability.mapping.Engine.map`."""
-        return counted(self._run(function, items), len(items), progress)
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         from distributed import KilledWorker  # noqa: PLC0415
@@ -128,7 +117,8 @@ class Dask:
     def _send_module(self, function: Callable[..., Any]) -> None:
         """Send the module of a function to workers that do not have it as it is here."""
         name, path = root_module(function)
-        if path is None or name in self._sent or _installed(path):
+        carried = name in ("__main__", "identifiability")  # pickled by value, checked already
+        if path is None or carried or name in self._sent or _installed(path):
             return
         self._sent.add(name)
         if set(self.client.run(source_digest, name).values()) == {source_digest(name)}:
@@ -143,17 +133,6 @@ class Dask:
     def close(self) -> None:
         """Leave the cluster; end it if it was started here."""
         self._stack.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _keep(value: Any) -> Any:

@@ -15,8 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from functools import lru_cache, partial
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Literal, Self, get_args
+from typing import Any, Literal, get_args
 
 import cloudpickle
 import joblib
@@ -27,15 +26,14 @@ from identifiability.mapping import (
     AHEAD,
     Engine,
     Item,
+    OpenEngine,
     Result,
-    Steps,
-    counted,
     in_order,
     run_limited,
 )
 from identifiability.resume import Resumed
 
-__all__ = ["Engine", "Processes", "Resumed", "Serial", "choose_engine"]
+__all__ = ["Engine", "OpenEngine", "Processes", "Resumed", "Serial", "choose_engine"]
 
 Name = Literal["serial", "processes", "dask"]
 
@@ -45,34 +43,26 @@ RESTARTS = 2
 #: Functions that pickle to more bytes than this are put into a file that each worker reads once.
 LARGE = 100_000
 
-#: Seconds after which idle workers go, and between looks at whether the parent still lives.
-IDLE, WATCH = 60, 1.0
+#: Seconds between a worker's looks at whether its parent still lives.
+WATCH = 1.0
 
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
 )
 
 
-class Serial:
+class Serial(OpenEngine):
     """Runs everything here, one item after the other."""
 
-    def map(
-        self,
-        function: Callable[[Item], Result],
-        items: Sequence[Item],
-        *,
-        progress: Steps | None = None,
-    ) -> Iterator[Result]:
-        """Yield ``function(item)`` for every item; see `Engine.map`."""
-        results = (run_limited(function, item) for item in items)
-        return counted(results, len(items), progress)
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        return (run_limited(function, item) for item in items)
 
 
-class Processes:
+class Processes(OpenEngine):
     """Runs items in processes of this machine, each with one BLAS thread.
 
-    They start with the first item, stay for the next `map`, and end with this object, on leaving
-    its ``with`` block, or when idle. A lost worker is replaced and what it did is done again.
+    They start with the first item, stay for the next `map`, and end with this object or on leaving
+    its ``with`` block. A lost worker is replaced and what it did is done again.
 
     Parameters
     ----------
@@ -85,19 +75,10 @@ class Processes:
         self.workers = max(1, joblib.cpu_count() if workers is None else workers)
         self._pool: Any = None
 
-    def map(
-        self,
-        function: Callable[[Item], Result],
-        items: Sequence[Item],
-        *,
-        progress: Steps | None = None,
-    ) -> Iterator[Result]:
-        """Yield ``function(item)`` for every item; see `Engine.map`."""
-        if self.workers == 1 or len(items) < 2:
-            return Serial().map(function, items, progress=progress)
-        return counted(self._run(function, items), len(items), progress)
-
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        if self.workers == 1 or len(items) < 2:
+            yield from Serial()._run(function, items)
+            return
         blob = cloudpickle.dumps(function)
         with tempfile.TemporaryDirectory(prefix="identifiability-") as folder:
             if len(blob) > LARGE:
@@ -130,9 +111,8 @@ class Processes:
     def _fetch(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
-                self.workers, timeout=IDLE, initializer=_start_worker, initargs=(os.getpid(),),
-                env=_ONE_THREAD,
-            )  # fmt: skip
+                self.workers, initializer=_start_worker, initargs=(os.getpid(),), env=_ONE_THREAD
+            )
         submit = partial(self._pool.submit, function)
         try:
             yield from in_order(submit, items, AHEAD * self.workers, self.close)
@@ -145,17 +125,6 @@ class Processes:
         if self._pool is not None:
             self._pool.shutdown(wait=True, kill_workers=True)
             self._pool = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _start_worker(parent: int) -> None:
@@ -185,7 +154,7 @@ def choose_engine(
     workers: int | None = None,
     scheduler: str | None = None,
     resume: str | Path | None = None,
-) -> Engine:
+) -> OpenEngine:
     """Return the engine that some options ask for.
 
     Parameters
@@ -224,7 +193,7 @@ def choose_engine(
     return engine if resume is None else Resumed(engine, resume)
 
 
-def _build_engine(name: str, workers: int | None, scheduler: str | None) -> Engine:
+def _build_engine(name: str, workers: int | None, scheduler: str | None) -> OpenEngine:
     if name == "serial":
         return Serial()
     if name == "processes":

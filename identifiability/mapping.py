@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol, TypeVar
+from types import TracebackType
+from typing import Protocol, Self, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -108,9 +110,36 @@ def in_order(
             abandon()
 
 
-def counted(results: Iterator[Result], total: int, progress: Steps | None) -> Iterator[Result]:
-    """Yield results and tell how many there were."""
-    for done, result in enumerate(results, 1):
-        if progress is not None:
-            progress(done, total)
-        yield result
+class OpenEngine(ABC):
+    """An engine that may hold processes or a connection, until `close` or the end of ``with``."""
+
+    def map(
+        self,
+        function: Callable[[Item], Result],
+        items: Sequence[Item],
+        *,
+        progress: Steps | None = None,
+    ) -> Iterator[Result]:
+        """Yield ``function(item)`` for every item; see `Engine.map`."""
+        for done, result in enumerate(self._run(function, items), 1):
+            if progress is not None:
+                progress(done, len(items))
+            yield result
+
+    @abstractmethod
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        """Yield the results in order."""
+
+    def close(self) -> None:  # noqa: B027 - some hold nothing
+        """End at once what was started, whatever it does."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

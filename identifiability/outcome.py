@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from identifiability.assessment import (
-    Uncertainty,
     assess_uncertainty,
     column_noise,
     column_rms,
@@ -63,10 +62,14 @@ class Cell:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One simulated experiment, fitted and judged as `analyze` would: arrays over k parameters."""
+    """One simulated experiment, fitted and judged as `analyze` would: arrays over k parameters.
+
+    Small on purpose: thousands of them come back from other processes.
+    """
 
     value: Array
-    uncertainty: Uncertainty
+    white: Array
+    robust: Array
     identifiable: np.ndarray
     paper: np.ndarray
 
@@ -111,15 +114,15 @@ def judge_outcome(
     )
     verdicts = judge(rung.labels, rung.units, evidence, None, rules)
     called = np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts])
-    return Outcome(fit.value, spread, called, fit.paper_rule)
+    return Outcome(fit.value, spread.white, spread.robust, called, fit.paper_rule)
 
 
 def count_outcomes(trials: Sequence[Outcome], truth: Array, noise: float, rho: float) -> Cell:
     """Return how often intervals held the truth and verdicts were wrong."""
     value = np.array([t.value for t in trials])
     off = np.abs(value - truth)
-    white = off <= 1.96 * np.array([t.uncertainty.white for t in trials])
-    robust = off <= 1.96 * np.array([t.uncertainty.robust for t in trials])
+    white = off <= 1.96 * np.array([t.white for t in trials])
+    robust = off <= 1.96 * np.array([t.robust for t in trials])
     wrong = off > WRONG * np.abs(truth)
     called = np.array([t.identifiable for t in trials])
     paper = np.array([t.paper for t in trials])

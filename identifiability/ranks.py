@@ -7,20 +7,24 @@ among draws of its posterior with signs: the ranks are uniform if the posterior 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import binom
 
 from identifiability.assessment import RungResult
+from identifiability.engine import Engine, Serial
 from identifiability.information import Information
+from identifiability.mapping import Steps
 from identifiability.names import Array
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
-from identifiability.posterior.calibration import calibrate_posterior
-from identifiability.posterior.exact import Progress
+from identifiability.posterior.calibration import Calibration, calibrate_posterior
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
+from identifiability.replicates import spawn_seeds
 from identifiability.verdict import holm
 
 #: Width of the prior in robust σ: data and prior both matter, and so do signs near zero.
@@ -28,6 +32,9 @@ PRIOR_WIDTH = 3.0
 
 #: Draws of each posterior, and bins of the histogram of ranks; the bins divide the ranks.
 DRAWS, BINS = 31, 8
+
+#: Most experiments that are simulated together; the parts are the same on every engine.
+PART = 250
 
 #: Ranks count as uniform if the smallest adjusted p-value is above this.
 LEVEL = 0.01
@@ -107,7 +114,8 @@ def check_ranks(
     rng: np.random.Generator,
     *,
     replicates: int = 1000,
-    progress: Progress | None = None,
+    progress: Steps | None = None,
+    engine: Engine | None = None,
 ) -> RankCheck:
     """Rank planted values among draws of the posterior of a model's parameters, with signs.
 
@@ -120,16 +128,28 @@ def check_ranks(
     replicates : int
         Simulated experiments.
     progress : callable, optional
-        Called with the number of steps done and to do.
+        Called with the number of parts done and to do.
+    engine : Engine, optional
+        Where parts of the experiments are simulated; by default here.
     """
     target, start = build_target(result, information)
-    found = calibrate_posterior(
-        target, start, rng, replicates=replicates, draws=DRAWS, progress=progress
-    )
+    sizes = [len(part) for part in np.array_split(np.arange(replicates), -(-replicates // PART))]
+    items = list(zip(sizes, spawn_seeds(rng, len(sizes)), strict=True))
+    parts = (engine or Serial()).map(partial(_rank, target, start), items, progress=progress)
+    found = Calibration(np.concatenate(list(parts)), DRAWS)
     edges = np.linspace(0, DRAWS + 1, BINS + 1)
     counts = np.array([np.histogram(column, edges)[0] for column in found.ranks.T])
     names = result.rung.columns
     return RankCheck(names, counts.astype(float), found.p_values(BINS), replicates)
+
+
+def _rank(
+    target: Target, start: Array, item: tuple[int, np.random.SeedSequence]
+) -> NDArray[np.int64]:
+    """Return the ranks of some simulated experiments, (replicates, p)."""
+    replicates, seed = item
+    rng = np.random.default_rng(seed)
+    return calibrate_posterior(target, start, rng, replicates=replicates, draws=DRAWS).ranks
 
 
 def build_target(result: RungResult, information: Information) -> tuple[Target, Array]:

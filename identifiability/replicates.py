@@ -6,7 +6,6 @@ on the motion itself, with planted parameters and noise that we made.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,14 +108,6 @@ def correlated_noise(
     return out * sd
 
 
-def outcomes(
-    experiment: Experiment,
-    truth: Array,
-    sd: Array,
-    rho: Array | float,
-    rng: np.random.Generator,
-    count: int,
-) -> Iterator[tuple[Information, Array]]:
-    """Yield the information and torque of simulated outcomes."""
-    for child in rng.spawn(count):
-        yield experiment.outcome(truth, correlated_noise(experiment.log, sd, rho, child))
+def spawn_seeds(rng: np.random.Generator, count: int) -> list[np.random.SeedSequence]:
+    """Return independent seeds: what an item of an engine carries, so that any worker can do it."""
+    return list(rng.bit_generator.seed_seq.spawn(count))  # type: ignore[attr-defined]

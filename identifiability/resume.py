@@ -16,19 +16,22 @@ import joblib
 
 from identifiability.errors import OutputError
 from identifiability.fingerprint import fingerprint
-from identifiability.mapping import Engine, Item, Result, Steps, counted
+from identifiability.mapping import Engine, Item, OpenEngine, Result
 from identifiability.output import write_bytes
 
 _MAGIC = b"identifiability result 1\n"
 _DIGEST = hashlib.sha256().digest_size
 
 
-class Resumed:
+class Resumed(OpenEngine):
     """An engine that keeps the results of finished items and does not do them again.
 
     Results are pickled: give only folders that you trust. Each file has a checksum and is written
     whole or not at all; a damaged one is done again. After an interruption at most the items that
     were under way are lost.
+
+    What an item stands for must be part of it: of a file, not only its name but a digest of its
+    content.
 
     Parameters
     ----------
@@ -59,20 +62,6 @@ class Resumed:
                 f"'{folder}' cannot keep finished work: {error.strerror or error}; give a folder."
             ) from None
 
-    def map(
-        self,
-        function: Callable[[Item], Result],
-        items: Sequence[Item],
-        *,
-        progress: Steps | None = None,
-    ) -> Iterator[Result]:
-        """Yield ``function(item)`` for every item, old or new; see `Engine.map`.
-
-        What the item stands for must be part of it: of a file, not only its name but a digest of
-        its content.
-        """
-        return counted(self._run(function, items), len(items), progress)
-
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         program = fingerprint(function)
         paths = [self._path(program, item) for item in items]
@@ -88,6 +77,11 @@ class Resumed:
                 result = next(self.engine.map(function, [item])) if old else next(fresh)
                 self._keep(path, result)
             yield result
+
+    def close(self) -> None:
+        """End what the engine inside has started."""
+        if isinstance(self.engine, OpenEngine):
+            self.engine.close()
 
     def _path(self, program: str, item: Any) -> Path:
         key = hashlib.sha256(f"{program} {joblib.hash(item, 'sha1')}".encode()).hexdigest()

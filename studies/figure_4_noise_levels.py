@@ -60,7 +60,7 @@ def closure_table(options: Options) -> tuple[StudyTable, dict[float, float]]:
     base = Case("601", eta=0.0, robot=options.robot)
     beyond = BEYOND[:: 3 if options.quick else 1]
     cases = variants(base, trajectory=TRAJECTORIES, delta=beyond)
-    trials = run_trials(cases, options.fewer(10, 1), options.jobs, options.progress)
+    trials = run_trials(cases, options.fewer(10, 1), options.engine, options.progress)
     rows = {
         d: [stack(t, "dropped").mean() for c, t in trials.items() if c.delta == d] for d in beyond
     }
@@ -126,7 +126,7 @@ def run(options: Options) -> StudyResult:
     grid = (DELTAS[::2], (0.0, *ETAS[3::2])) if options.quick else (DELTAS, ETAS)
     cases = variants(Case("601", robot=options.robot), delta=grid[0], eta=grid[1])
     draws = options.fewer(10, 1)
-    trials = run_trials(cases, draws, options.jobs, options.part("noise levels", 0, 0.8).progress)
+    trials = run_trials(cases, draws, options.engine, options.part("noise levels", 0, 0.8).progress)
     closures, lost = closure_table(options.part("direct kinematics", 0.8, 1))
     checks = find_checks(trials, lost)
     return StudyResult(

@@ -131,7 +131,7 @@ def run(options: Options) -> StudyResult:
     subject = load_subject(options.robot)
     rows = read_printed("table_2")["rows"]
     cases = variants(Case("601", SAMPLES, robot=options.robot), trajectory=TRAJECTORIES)
-    found = run_trials(cases, options.draws, options.jobs, options.progress)
+    found = run_trials(cases, options.draws, options.engine, options.progress)
     trials = [t for some in found.values() for t in some]
     frame, checks = compare_rows(subject, rows, trials)
     sigma = percents(subject, trials)

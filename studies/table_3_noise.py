@@ -48,13 +48,13 @@ REASONS = {
 def noise_trials(options: Options) -> Trials:
     """Return the trials of Table 3: three trajectories, two numbers of samples."""
     cases = variants(Case("601", robot=options.robot), trajectory=TRAJECTORIES, samples=SIZES)
-    return run_trials(cases, options.draws, options.jobs, options.progress)
+    return run_trials(cases, options.draws, options.engine, options.progress)
 
 
 def try_readings(options: Options) -> StudyTable:
     """Return what the readings of the noise give on trajectory 601."""
     cases = variants(Case("601", robot=options.robot), reading=tuple(READINGS), samples=SIZES)
-    trials = run_trials(cases, options.fewer(12, 1), options.jobs, options.progress)
+    trials = run_trials(cases, options.fewer(12, 1), options.engine, options.progress)
     rows = []
     for case, some in trials.items():
         row = {"reading": READINGS[case.reading].text, "samples": case.samples}

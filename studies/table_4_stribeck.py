@@ -86,10 +86,12 @@ def run(options: Options) -> StudyResult:
     """Compare errors and counts under Stribeck friction with Table 4."""
     base = Case("601", robot=options.robot)
     cases = variants(base, trajectory=TRAJECTORIES, samples=(750, 100))
-    plain = run_trials(cases, options.draws, options.jobs, options.part("Table 3", 0, 0.5).progress)
+    plain = run_trials(
+        cases, options.draws, options.engine, options.part("Table 3", 0, 0.5).progress
+    )
     cases = variants(base, trajectory=TRAJECTORIES, samples=(750, 100), discrepancy=("stribeck",))
     trials = run_trials(
-        cases, options.draws, options.jobs, options.part("Table 4", 0.5, 1).progress
+        cases, options.draws, options.engine, options.part("Table 4", 0.5, 1).progress
     )
     checks = find_checks(trials, plain)
     av, ra = means(trials, "error_av")[:, 1:], means(trials, "error_ra")

@@ -69,10 +69,12 @@ def run(options: Options) -> StudyResult:
     """Compare errors and counts with Table 5."""
     base = Case("601", robot=options.robot)
     cases = variants(base, trajectory=TRAJECTORIES, samples=(750, 100))
-    plain = run_trials(cases, options.draws, options.jobs, options.part("Table 3", 0, 0.5).progress)
+    plain = run_trials(
+        cases, options.draws, options.engine, options.part("Table 3", 0, 0.5).progress
+    )
     cases = variants(base, trajectory=TRAJECTORIES, samples=(750, 100), discrepancy=("hinges",))
     trials = run_trials(
-        cases, options.draws, options.jobs, options.part("Table 5", 0.5, 1).progress
+        cases, options.draws, options.engine, options.part("Table 5", 0.5, 1).progress
     )
     ra, before = means(trials, "error_ra"), means(plain, "error_ra")
     at = [k for k, c in enumerate(trials) if c.trajectory == "601"]

@@ -130,7 +130,7 @@ def run(options: Options) -> StudyResult:
     exact = Case("601", discrepancy="actuators", delta=0.0, eta=0.0, robot=options.robot)
     trials = run_trials(variants(exact, trajectory=TRAJECTORIES), 1)
     case = Case("601", discrepancy="actuators", robot=options.robot)
-    noisy = run_trials([case], options.fewer(20, 2), options.jobs, options.progress)
+    noisy = run_trials([case], options.fewer(20, 2), options.engine, options.progress)
     ra = 100 * np.array([t[0].error_ra for t in trials.values()])
     printed = printed_models("table_6")
     bars = {"paper": np.array([printed[m]["error_ra"] for m in MODELS]), "ours": ra.mean(0)}

@@ -8,15 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from identifiability.cli import options
 from identifiability.cli.common import (
-    Derivatives,
-    JsonOption,
-    LogsArgument,
-    Method,
-    ReportOption,
-    RobotArgument,
-    Seed,
-    SidecarOption,
     check_outputs,
     escaped,
     load_robot,
@@ -28,60 +21,28 @@ from identifiability.cli.common import (
 if TYPE_CHECKING:
     from identifiability.analysis import Analysis
 
-#: Where ``--help`` shows the options of velocity and acceleration.
-DERIVATIVES = "Velocity and acceleration"
-
 
 def analyze(
-    robot: RobotArgument,
-    logs: LogsArgument,
-    validate: Annotated[
-        list[str] | None, typer.Option(help="Held-out log; may be given several times.")
-    ] = None,
-    ladder: Annotated[
-        str | None, typer.Option(help="TOML ladder of models; default: the one beside the robot.")
-    ] = None,
-    sidecar: SidecarOption = None,
-    report: ReportOption = None,
-    json: JsonOption = None,
-    derivatives: Annotated[
-        Derivatives,
-        typer.Option(
-            help="Velocity and acceleration: the log's own or computed.",
-            rich_help_panel=DERIVATIVES,
-        ),
-    ] = Derivatives.auto,
-    cutoff: Annotated[
-        float | None,
-        typer.Option(
-            min=0, help="Low-pass for computed derivatives [Hz].", rich_help_panel=DERIVATIVES
-        ),
-    ] = None,
-    period: Annotated[
-        float | None,
-        typer.Option(
-            min=0, help="Period of periodic motion [s], for fourier.", rich_help_panel=DERIVATIVES
-        ),
-    ] = None,
-    harmonics: Annotated[
-        int, typer.Option(min=1, help="Harmonics of the Fourier fit.", rich_help_panel=DERIVATIVES)
-    ] = 5,
-    decimate: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Parallel filter and keep every k-th sample.", rich_help_panel=DERIVATIVES
-        ),
-    ] = None,
-    method: Annotated[
-        Method, typer.Option(help="Weight actuators by their own variance, or all alike.")
-    ] = Method.wls,
+    robot: options.Robot,
+    logs: options.Logs,
+    validate: options.Validate = None,
+    ladder: options.Ladder = None,
+    sidecar: options.Sidecar = None,
+    report: options.Report = None,
+    json: options.Json = None,
+    derivatives: options.Source = options.Derivatives.auto,
+    cutoff: options.Cutoff = None,
+    period: options.Period = None,
+    harmonics: options.Harmonics = 5,
+    decimate: options.Decimate = None,
+    method: options.Weighting = options.Method.wls,
     posterior: Annotated[
         bool, typer.Option(help="Sample the posteriors of the selected model (some seconds).")
     ] = True,
     cad_prior: Annotated[
         float, typer.Option(min=0, help="Weight of a log-det prior around the robot file's bodies.")
     ] = 0.0,
-    seed: Seed = 0,
+    seed: options.Seed = 0,
     quick: Annotated[bool, typer.Option(help="A tenth of the random draws, no posterior.")] = False,
 ) -> None:
     """Say which parameters the logs determine, and which model of a ladder to use.

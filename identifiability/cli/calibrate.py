@@ -7,28 +7,22 @@ from typing import Annotated
 
 import typer
 
+from identifiability.cli import options
 from identifiability.cli.common import (
-    JsonOption,
-    LogsArgument,
-    ReportOption,
-    RobotArgument,
-    Seed,
-    SidecarOption,
     check_outputs,
     escaped,
     load_robot,
     progress,
+    running,
     sentences,
     write_results,
 )
 
 
 def calibrate(
-    robot: RobotArgument,
-    logs: LogsArgument,
-    ladder: Annotated[
-        str | None, typer.Option(help="TOML ladder of models; default: the one beside the robot.")
-    ] = None,
+    robot: options.Robot,
+    logs: options.Logs,
+    ladder: options.Ladder = None,
     model: Annotated[
         str | None, typer.Option(help="Model of the ladder; default: the unpruned one.")
     ] = None,
@@ -36,13 +30,17 @@ def calibrate(
     sbc: Annotated[
         bool, typer.Option(help="Also check the posterior by simulation (some seconds).")
     ] = True,
-    sidecar: SidecarOption = None,
-    report: ReportOption = None,
-    json: JsonOption = None,
-    seed: Seed = 0,
+    sidecar: options.Sidecar = None,
+    report: options.Report = None,
+    json: options.Json = None,
+    seed: options.Seed = 0,
     quick: Annotated[
         bool, typer.Option(help="A few repetitions, a wide Monte-Carlo error.")
     ] = False,
+    engine: options.Engine = None,
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
+    resume: options.Resume = None,
 ) -> None:
     """Measure how far intervals and verdicts can be trusted on this robot and motion.
 
@@ -54,7 +52,11 @@ def calibrate(
     identifiability calibrate 3-rps run.csv --report calibration.html
     ```
     """
-    with sentences(), progress() as say:
+    with (
+        sentences(),
+        progress() as say,
+        running(engine, workers, scheduler, resume) as runner,
+    ):
         from identifiability.analysis import analyze  # noqa: PLC0415
         from identifiability.calibration import calibrate as run  # noqa: PLC0415
 
@@ -63,6 +65,7 @@ def calibrate(
         result = run(
             analysis, model=model, trials=8 if quick else trials,
             sbc=(200 if quick else 1000) * sbc, seed=seed, progress=say,
+            engine=runner,
         )  # fmt: skip
         written = write_results(result, report, json, say)
     from rich.console import Console  # noqa: PLC0415

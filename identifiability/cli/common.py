@@ -1,19 +1,17 @@
-"""What the commands share: arguments, sentences instead of tracebacks, progress, writing."""
+"""What the commands share: sentences instead of tracebacks, progress, engines, writing."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn, Protocol
-
-import typer
+from typing import TYPE_CHECKING, NoReturn, Protocol
 
 from identifiability.errors import IdentifiabilityError
 
 if TYPE_CHECKING:
+    from identifiability.engine import OpenEngine
     from identifiability.robot import Robot
 
 
@@ -27,53 +25,9 @@ class Result(Protocol):
         """Write the result as HTML."""
 
 
-class Derivatives(StrEnum):
-    """Where velocity and acceleration come from."""
-
-    auto = "auto"
-    given = "given"
-    butterworth = "butterworth"
-    fourier = "fourier"
-
-
-class Method(StrEnum):
-    """Least squares, actuators weighted by their own variance or all alike."""
-
-    wls = "wls"
-    ols = "ols"
-
-
-def _robots(typed: str) -> list[str]:
-    """Return the shipped robots that begin so, for the shell; it adds the files itself."""
-    package = Path(__file__).resolve().parents[1]
-    shipped = [*package.glob("models/*/robot.*"), *package.parent.glob("models/*/robot.*")]
-    return sorted({p.parent.name for p in shipped if p.parent.name.startswith(typed)})
-
-
-RobotArgument = Annotated[
-    str,
-    typer.Argument(
-        help="MJCF or URDF file, or a shipped robot such as 3-rps.", autocompletion=_robots
-    ),
-]
-LogsArgument = Annotated[
-    list[str],
-    typer.Argument(
-        help="Logs to fit: CSV or Parquet with `t`, `<joint>.q`, `<joint>.tau` and, if measured, "
-        "`<joint>.dq`, `<joint>.ddq`, in SI units; or bags of ROS, as `run.mcap:/joint_states`."
-    ),
-]
-SidecarOption = Annotated[
-    str | None, typer.Option(help="TOML with what the robot file cannot say.")
-]
-ReportOption = Annotated[Path | None, typer.Option(help="Write an HTML report here.")]
-JsonOption = Annotated[Path | None, typer.Option(help="Write the result as JSON here.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of every random choice.")]
-
-
 @contextmanager
 def sentences() -> Iterator[None]:
-    """Turn the library's errors into one line on standard error and exit code 2."""
+    """Turn the library's errors into one line on standard error and exit code 2, 130 for Ctrl-C."""
     try:
         yield
     except IdentifiabilityError as error:
@@ -86,7 +40,7 @@ def sentences() -> Iterator[None]:
         _fail("There is not enough memory for this; give fewer samples or decimate them.")
     except KeyboardInterrupt:
         sys.stderr.write("Stopped; no file was left half-written.\n")
-        raise typer.Exit(130) from None
+        raise SystemExit(130) from None
 
 
 def _fail(sentence: str) -> NoReturn:
@@ -95,7 +49,7 @@ def _fail(sentence: str) -> NoReturn:
     Console(stderr=True).print(
         f"[red]Error:[/] {escaped(sentence)}", highlight=False, soft_wrap=True
     )
-    raise typer.Exit(2) from None
+    raise SystemExit(2) from None
 
 
 def escaped(text: str) -> str:
@@ -121,6 +75,17 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
             bar.update(task, description=text, completed=share)
 
         yield say
+
+
+@contextmanager
+def running(
+    name: str | None, workers: int | None, scheduler: str | None, resume: Path | None
+) -> Iterator[OpenEngine]:
+    """Give the engine that the options ask for; end its processes with the command."""
+    from identifiability.engine import choose_engine  # noqa: PLC0415
+
+    with choose_engine(name, workers, scheduler, resume) as engine:
+        yield engine
 
 
 def load_robot(robot: str, sidecar: str | None) -> Robot:

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from identifiability.cli import options
 from identifiability.cli.analyze import print_analysis
-from identifiability.cli.common import Seed, check_outputs, progress, sentences, write_results
+from identifiability.cli.common import check_outputs, progress, sentences, write_results
 
 
 def demo(
@@ -16,7 +17,7 @@ def demo(
     folder: Annotated[Path, typer.Option(help="Where to write demo.html and demo.json.")] = Path(
         "reports"
     ),
-    seed: Seed = 0,
+    seed: options.Seed = 0,
 ) -> None:
     """Run the main job on a simulated robot: the paper's 3-RPS with the paper's noise.
 

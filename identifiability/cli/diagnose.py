@@ -8,13 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from identifiability.cli import options
 from identifiability.cli.common import (
-    JsonOption,
-    LogsArgument,
-    ReportOption,
-    RobotArgument,
-    Seed,
-    SidecarOption,
     check_outputs,
     escaped,
     load_robot,
@@ -28,11 +23,9 @@ if TYPE_CHECKING:
 
 
 def diagnose(
-    robot: RobotArgument,
-    logs: LogsArgument,
-    validate: Annotated[
-        list[str] | None, typer.Option(help="Held-out log; may be given several times.")
-    ] = None,
+    robot: options.Robot,
+    logs: options.Logs,
+    validate: options.Validate = None,
     effects: Annotated[
         str | None,
         typer.Option(help="Families that may be named, such as stribeck_friction,time_delay."),
@@ -44,10 +37,10 @@ def diagnose(
     fixed: Annotated[
         bool, typer.Option("--fixed", help="Keep the robot file's values instead of refitting.")
     ] = False,
-    sidecar: SidecarOption = None,
-    report: ReportOption = None,
-    json: JsonOption = None,
-    seed: Seed = 0,
+    sidecar: options.Sidecar = None,
+    report: options.Report = None,
+    json: options.Json = None,
+    seed: options.Seed = 0,
     quick: Annotated[bool, typer.Option(help="Half the draws and no stress test.")] = False,
 ) -> None:
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink.

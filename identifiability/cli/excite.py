@@ -9,17 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from identifiability.cli.common import (
-    ReportOption,
-    RobotArgument,
-    Seed,
-    SidecarOption,
-    check_outputs,
-    escaped,
-    load_robot,
-    progress,
-    sentences,
-)
+from identifiability.cli import options
+from identifiability.cli.common import check_outputs, escaped, load_robot, progress, sentences
 
 if TYPE_CHECKING:
     from identifiability.excitation import Excitation
@@ -34,7 +25,7 @@ class Criterion(StrEnum):
 
 
 def excite(
-    robot: RobotArgument,
+    robot: options.Robot,
     out: Annotated[
         Path,
         typer.Option(
@@ -77,9 +68,9 @@ def excite(
         list[str] | None, typer.Option(help="Effect of the model, such as rigid_body. Repeatable.")
     ] = None,
     budget: Annotated[float, typer.Option(help="Time for the search [s].")] = 60.0,
-    sidecar: SidecarOption = None,
-    report: ReportOption = None,
-    seed: Seed = 0,
+    sidecar: options.Sidecar = None,
+    report: options.Report = None,
+    seed: options.Seed = 0,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot.
 

@@ -7,20 +7,15 @@ from typing import Annotated
 
 import typer
 
-from identifiability.cli.common import (
-    RobotArgument,
-    SidecarOption,
-    check_outputs,
-    load_robot,
-    sentences,
-)
+from identifiability.cli import options
+from identifiability.cli.common import check_outputs, load_robot, sentences
 
 
 def export(
-    robot: RobotArgument,
+    robot: options.Robot,
     result: Annotated[Path, typer.Argument(help="JSON that analyze wrote.")],
     out: Annotated[Path, typer.Option(help="Robot file to write: .xml (MJCF) or .urdf.")],
-    sidecar: SidecarOption = None,
+    sidecar: options.Sidecar = None,
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file.
 

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from identifiability.cli.common import progress, sentences
+from identifiability.cli import options
+from identifiability.cli.common import progress, running, sentences
 
 #: The studies of the paper, beside the package in a checkout.
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
@@ -23,8 +24,11 @@ def paper(
     seeds: Annotated[
         int | None, typer.Option(min=1, help="Draws of the noise for every case (40; 4 if quick).")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     out: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
+    engine: options.Engine = None,
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
+    resume: options.Resume = None,
 ) -> None:
     """Compute every table and figure of the paper, ours beside the printed numbers.
 
@@ -33,6 +37,7 @@ def paper(
     ```
     identifiability paper
     identifiability paper 3 figure4 --quick
+    identifiability paper --seeds 400 --resume work
     ```
     """
     with sentences():
@@ -55,8 +60,8 @@ def paper(
             names = find_studies(tables or ())
         except KeyError as error:
             raise IdentifiabilityError(str(error.args[0])) from None
-        with progress() as say:
-            results = run_studies(names, Options(quick, seeds, jobs, progress=say), out)
+        with progress() as say, running(engine, workers, scheduler, resume) as runner:
+            results = run_studies(names, Options(quick, seeds, runner, progress=say), out)
     for result in results:
         print_result(result, out)
     typer.echo(out / "index.html")

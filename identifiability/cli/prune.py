@@ -9,19 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from identifiability.cli import options
 from identifiability.cli.common import (
-    Derivatives,
-    JsonOption,
-    LogsArgument,
-    Method,
-    ReportOption,
-    RobotArgument,
-    Seed,
-    SidecarOption,
     check_outputs,
     escaped,
     load_robot,
     progress,
+    running,
     sentences,
     write_results,
 )
@@ -40,8 +34,8 @@ class Rule(StrEnum):
 
 
 def prune(
-    robot: RobotArgument,
-    logs: LogsArgument,
+    robot: options.Robot,
+    logs: options.Logs,
     validate: Annotated[
         list[str] | None,
         typer.Option(help="Log that is only reported on; may be given several times."),
@@ -64,30 +58,24 @@ def prune(
     reach: Annotated[
         float, typer.Option(min=0.1, help="How many times faster than in the logs it will move.")
     ] = 1.0,
-    sidecar: SidecarOption = None,
-    report: ReportOption = None,
-    json: JsonOption = None,
+    sidecar: options.Sidecar = None,
+    report: options.Report = None,
+    json: options.Json = None,
     model: Annotated[
         Path | None, typer.Option(help="Write the chosen model here, as a TOML ladder.")
     ] = None,
-    derivatives: Annotated[
-        Derivatives, typer.Option(help="Velocity and acceleration: the log's own or computed.")
-    ] = Derivatives.auto,
-    cutoff: Annotated[
-        float | None, typer.Option(min=0, help="Low-pass for computed derivatives [Hz].")
-    ] = None,
-    period: Annotated[
-        float | None, typer.Option(min=0, help="Period of periodic motion [s], for fourier.")
-    ] = None,
-    harmonics: Annotated[int, typer.Option(min=1, help="Harmonics of the Fourier fit.")] = 5,
-    decimate: Annotated[
-        int | None, typer.Option(min=1, help="Parallel filter and keep every k-th sample.")
-    ] = None,
-    method: Annotated[
-        Method, typer.Option(help="Weight actuators by their own variance, or all alike.")
-    ] = Method.wls,
-    seed: Seed = 0,
+    derivatives: options.Source = options.Derivatives.auto,
+    cutoff: options.Cutoff = None,
+    period: options.Period = None,
+    harmonics: options.Harmonics = 5,
+    decimate: options.Decimate = None,
+    method: options.Weighting = options.Method.wls,
+    seed: options.Seed = 0,
     quick: Annotated[bool, typer.Option(help="A tenth of the random draws.")] = False,
+    engine: options.Engine = None,
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
+    resume: options.Resume = None,
 ) -> None:
     """Reduce the full model of a robot to the one worth using, from logs alone.
 
@@ -96,7 +84,11 @@ def prune(
     identifiability analyze 3-rps run.csv --ladder pruned.toml
     ```
     """
-    with sentences(), progress() as say:
+    with (
+        sentences(),
+        progress() as say,
+        running(engine, workers, scheduler, resume) as runner,
+    ):
         from identifiability.pruning import prune as run  # noqa: PLC0415
         from identifiability.samples import Preparation  # noqa: PLC0415
 
@@ -107,7 +99,7 @@ def prune(
             load_robot(robot, sidecar), logs, validate or (), ladder, forbid=forbid or (),
             force=force or (), criterion=criterion.value, propose=propose, reach=reach,
             preparation=how, method=method.value, replicates=20 if quick else 200, seed=seed,
-            progress=say,
+            progress=say, engine=runner,
         )  # fmt: skip
         written = write_results(result, report, json, say)
         if model is not None:

@@ -7,18 +7,12 @@ from typing import Annotated
 
 import typer
 
-from identifiability.cli.common import (
-    RobotArgument,
-    Seed,
-    SidecarOption,
-    check_outputs,
-    load_robot,
-    sentences,
-)
+from identifiability.cli import options
+from identifiability.cli.common import check_outputs, load_robot, sentences
 
 
 def simulate(
-    robot: RobotArgument,
+    robot: options.Robot,
     motion: Annotated[
         str,
         typer.Argument(
@@ -42,8 +36,8 @@ def simulate(
     derivatives: Annotated[
         bool, typer.Option(help="Whether the log has velocities and accelerations.")
     ] = True,
-    sidecar: SidecarOption = None,
-    seed: Seed = 0,
+    sidecar: options.Sidecar = None,
+    seed: options.Seed = 0,
 ) -> None:
     """Make the log of a simulated robot along a prescribed motion.
 

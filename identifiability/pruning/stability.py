@@ -10,14 +10,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from identifiability.engine import Engine, Serial
 from identifiability.pruning.elimination import walk
 from identifiability.pruning.folds import Folds
 from identifiability.pruning.moves import Partition
 from identifiability.pruning.search import Search
 from identifiability.pruning.selection import Criterion, choose_step
+
+#: Replicates that one item of an engine walks, some tenths of a second.
+BATCH = 10
 
 
 @dataclass(frozen=True)
@@ -79,6 +84,7 @@ def assess_stability(
     length: float,
     samples: int,
     say: Callable[[float], None] = lambda _share: None,
+    engine: Engine | None = None,
 ) -> Stability:
     """Walk the path again on resampled logs.
 
@@ -96,18 +102,33 @@ def assess_stability(
         Of the logs.
     say : callable(float), optional
         Told the share that is done.
+    engine : Engine, optional
+        Where the replicates are walked; by default here.
     """
     folds = search.folds
     unit = _units(folds, max(1, round(length * len(folds.blocks) / max(samples, 1))))
     count = int(unit.max()) + 1
-    drawn = []
-    for k in range(replicates):
-        draws = rng.multinomial(count, np.full(count, 1 / count))
-        path = walk(folds.fit(draws[unit].astype(float)), search.start, search.plan)
-        steps = search.embed(path).steps
-        drawn.append(steps[choose_step(steps, criterion)].partition)
-        say((k + 1) / replicates)
+    # Drawn here, so that a replicate is the same whoever walks it.
+    draws = rng.multinomial(count, np.full(count, 1 / count), size=replicates)
+    items = [draws[k : k + BATCH] for k in range(0, replicates, BATCH)]
+    parts = (engine or Serial()).map(
+        partial(_walk_again, search, unit, criterion), items,
+        progress=lambda done, total: say(done / total),
+    )  # fmt: skip
+    drawn = [partition for part in parts for partition in part]
     return _summarise(chosen.columns, drawn, chosen)
+
+
+def _walk_again(
+    search: Search, unit: np.ndarray, criterion: Criterion, draws: np.ndarray
+) -> list[Partition]:
+    """Return what some replicates choose; `draws` (r, units) says how often they draw a unit."""
+    chosen = []
+    for row in draws:
+        path = walk(search.folds.fit(row[unit].astype(float)), search.start, search.plan)
+        steps = search.embed(path).steps
+        chosen.append(steps[choose_step(steps, criterion)].partition)
+    return chosen
 
 
 def _units(folds: Folds, blocks: int) -> np.ndarray:

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.assessment import RungResult, assess_ladder
 from identifiability.bootstrap import merge_blocks
+from identifiability.engine import Engine
 from identifiability.errors import IdentifiabilityError, LogError, ModelError, listing, near_match
 from identifiability.estimation import Method, estimate
 from identifiability.evaluation import predict
@@ -63,6 +64,7 @@ def prune(
     replicates: int = 200,
     seed: int = 0,
     progress: Progress | None = None,
+    engine: Engine | None = None,
 ) -> Ladder:
     """Reduce the full base model of a robot to the one worth using, from logs alone.
 
@@ -96,6 +98,8 @@ def prune(
         Of every random choice.
     progress : callable(str, float), optional
         Called with what is being done and the share that is done.
+    engine : Engine, optional
+        Where the resampled logs are pruned; by default here. The result does not depend on it.
 
     Raises
     ------
@@ -132,6 +136,7 @@ def prune(
             search, search.path.steps[chosen].partition, criterion, streams[3],
             replicates=replicates, length=result.uncertainty.block,
             samples=task.information.samples, say=lambda s: say("resampling", 0.7 + 0.3 * s),
+            engine=engine,
         )  # fmt: skip
         return Ladder(
             robot, task.base, train, held, task.information, task.start, rungs, chosen, result,

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 
+from identifiability.engine import Engine, Serial, choose_engine
 from paper_study.index import write_index
 from paper_study.page import write_study
 from paper_study.result import Progress, StudyResult
@@ -45,8 +46,8 @@ class Options:
         Few seeds and coarse grids.
     seeds : int or None
         Trials of every case; None for 40, or 4 if quick.
-    jobs : int
-        Processes.
+    engine : Engine
+        Where trials run.
     robot : str
         Shipped name or file.
     progress : callable(str, float) or None
@@ -54,7 +55,7 @@ class Options:
 
     quick: bool = False
     seeds: int | None = None
-    jobs: int = 1
+    engine: Engine = field(default_factory=Serial)
     robot: str = SHIPPED
     progress: Progress | None = None
 
@@ -140,15 +141,19 @@ def run_script(run: Run, argv: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--quick", action="store_true", help="few seeds")
     parser.add_argument("--seeds", type=int, help="trials of every case (40; 4 if quick)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes (2)")
+    parser.add_argument("--engine", help="serial, processes (default) or dask")
+    parser.add_argument("--workers", type=int, help="processes (one a core)")
+    parser.add_argument("--scheduler", help="address of a Dask scheduler")
+    parser.add_argument("--resume", type=Path, help="folder that keeps finished work")
     parser.add_argument("--out", type=Path, default=ROOT / "reports", help="folder (reports)")
     given = parser.parse_args(argv)
     if given.seeds is not None and given.seeds < 1:
         parser.error("--seeds must be at least 1")
-    from identifiability.cli.common import progress  # noqa: PLC0415 - quick --help
+    from identifiability.cli.common import progress, sentences  # noqa: PLC0415 - quick --help
 
-    with progress() as say:
-        options = Options(given.quick, given.seeds, given.jobs, progress=say)
+    chosen = (given.engine, given.workers, given.scheduler, given.resume)
+    with sentences(), progress() as say, choose_engine(*chosen) as engine:
+        options = Options(given.quick, given.seeds, engine, progress=say)
         result = run(options)
         write_study(result, given.out)
         write_index(given.out)

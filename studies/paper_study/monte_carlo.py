@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
-from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
+from identifiability.engine import Engine, Serial
 from identifiability.estimation import Estimate, estimate
 from identifiability.evaluation import parameter_error, predict
 from identifiability.information import Information, gather_information
@@ -19,11 +19,18 @@ from identifiability.names import Array
 from identifiability.robot import Motion
 from identifiability.samples import Samples
 from paper_study.readings import READINGS, measured_motion
-from paper_study.subject import SHIPPED, Subject, exact_log, load_subject
+from paper_study.subject import (
+    SHIPPED,
+    Subject,
+    check_robot,
+    exact_log,
+    load_subject,
+    robot_digest,
+)
 
 Progress = Callable[[str, float], None]
 
-#: Trials that one task of a process does; small enough for an even load and a moving bar.
+#: Trials that one item of an engine does; small enough for an even load and a moving bar.
 BATCH = 5
 
 
@@ -160,7 +167,7 @@ _done: dict[tuple[Case, int], Trial] = {}
 def run_trials(
     cases: Iterable[Case],
     seeds: int,
-    jobs: int = 1,
+    engine: Engine | None = None,
     progress: Progress | None = None,
 ) -> dict[Case, list[Trial]]:
     """Return the trials of seeds 0, 1, … of every case; what was done before is not done again.
@@ -170,26 +177,47 @@ def run_trials(
     cases : iterable of Case
     seeds : int
         Trials a case; a case without noise gets one.
-    jobs : int
-        Processes.
+    engine : Engine, optional
+        Where they run; by default here.
     progress : callable(str, float), optional
     """
     wanted = {c: 1 if c.delta == c.eta == 0 else seeds for c in cases}
-    missing = [(c, s) for c, n in wanted.items() for s in range(n) if (c, s) not in _done]
-    batches = [missing[k : k + BATCH] for k in range(0, len(missing), BATCH)]
-    if jobs == 1 or len(missing) <= BATCH:
-        results = map(_run_batch, batches)
-    else:
-        parallel = Parallel(n_jobs=jobs, return_as="generator", pre_dispatch="all", batch_size=1)
-        results = parallel(delayed(_run_batch)(b) for b in batches)
-    for k, (batch, trials) in enumerate(zip(batches, results, strict=True)):
-        _done.update(zip(batch, trials, strict=True))
+    items = [
+        batch
+        for case, count in wanted.items()
+        for start in range(0, count, BATCH)
+        if (batch := _missing(case, range(start, min(start + BATCH, count))))
+    ]
+    robots = tuple(sorted({(c.robot, robot_digest(c.robot)) for c in wanted}))
+    total = sum(map(len, items))
+
+    def say(done: int, of: int) -> None:
         if progress:
-            progress(f"{len(missing)} trials", (k + 1) / len(batches))
+            progress(f"{total} trials", done / of)
+
+    results = (engine or Serial()).map(partial(run_batch, robots), items, progress=say)
+    for batch, trials in zip(items, results, strict=True):
+        _done.update(zip(batch, trials, strict=True))
     return {c: [_done[c, s] for s in range(n)] for c, n in wanted.items()}
 
 
-def _run_batch(batch: Sequence[tuple[Case, int]]) -> list[Trial]:
+def _missing(case: Case, seeds: Iterable[int]) -> tuple[tuple[Case, int], ...]:
+    return tuple((case, s) for s in seeds if (case, s) not in _done)
+
+
+def run_batch(
+    robots: tuple[tuple[str, str], ...], batch: Sequence[tuple[Case, int]]
+) -> list[Trial]:
+    """Run some trials.
+
+    Parameters
+    ----------
+    robots : tuple of (name, digest)
+        What the files of the robots hold; see `check_robot`.
+    batch : sequence of (Case, seed)
+    """
+    for name, digest in robots:
+        check_robot(name, digest)
     return [run_trial(case, seed) for case, seed in batch]
 
 

@@ -103,7 +103,7 @@ def predict_record(subject: Subject, samples: Samples, values: Array) -> Predict
 def records(options: Options) -> Mapping[str, Record]:
     """Return the stand-in's records along the three trajectories."""
     options.say("stand-in", 0.1)
-    return record_all(options.robot, TRAJECTORIES, 2 if options.quick else PERIODS, options.jobs)
+    return record_all(options.robot, TRAJECTORIES, 2 if options.quick else PERIODS, options.engine)
 
 
 def fitted_records(options: Options) -> dict[str, Fitted]:

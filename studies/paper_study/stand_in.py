@@ -7,18 +7,19 @@ slides, friction in the hinges, and legs that are not quite alike. Every number 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
-from joblib import Parallel, delayed
 
+from identifiability.engine import Engine, Serial
 from identifiability.names import Array
 from identifiability.robot import Robot
 from identifiability.simulation import Trajectory, shipped_trajectory
-from paper_study.subject import load_subject
+from paper_study.subject import check_robot, load_subject, robot_digest
 
 #: Step of the simulation [s] and of the controller.
 STEP, CONTROL_STEP = 5e-4, 0.01
@@ -179,19 +180,37 @@ def run_machine(robot: Robot, trajectory: Trajectory, periods: int, seed: int) -
     return Record(trajectory.name, t, q.reshape(shape)[1:], force.reshape(shape)[1:], gap, tracking)
 
 
-@cache
+_recorded: dict[tuple[str, str, int, int], Record] = {}
+
+
 def record_all(
-    robot: str, trajectories: tuple[str, ...], periods: int, jobs: int = 1, seed: int = 0
+    robot: str,
+    trajectories: Sequence[str],
+    periods: int,
+    engine: Engine | None = None,
+    seed: int = 0,
 ) -> dict[str, Record]:
-    """Return the stand-in's records along several trajectories."""
+    """Return the stand-in's records along several trajectories; each is made once.
+
+    Parameters
+    ----------
+    robot : str
+        Shipped name or file.
+    trajectories : sequence of str
+    periods : int
+    engine : Engine, optional
+        Where they are made; by default here.
+    seed : int
+    """
+    keys = {name: (robot, name, periods, seed) for name in trajectories}
+    missing = [key for key in keys.values() if key not in _recorded]
+    work = partial(_record, robot_digest(robot))
+    _recorded.update(zip(missing, (engine or Serial()).map(work, missing), strict=True))
+    return {name: _recorded[key] for name, key in keys.items()}
+
+
+def _record(digest: str, key: tuple[str, str, int, int]) -> Record:
+    robot, name, periods, seed = key
+    check_robot(robot, digest)
     machine = load_subject(robot).robot
-    tasks = [(shipped_trajectory(machine, name), periods, seed) for name in trajectories]
-    if jobs == 1:
-        records = [run_machine(machine, *task) for task in tasks]
-    else:
-        records = Parallel(n_jobs=jobs)(delayed(_run_named)(robot, *task) for task in tasks)
-    return dict(zip(trajectories, records, strict=True))
-
-
-def _run_named(robot: str, trajectory: Trajectory, periods: int, seed: int) -> Record:
-    return run_machine(load_subject(robot).robot, trajectory, periods, seed)
+    return run_machine(machine, shipped_trajectory(machine, name), periods, seed)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
+from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from identifiability.errors import RobotError
 from identifiability.grouping import BaseParameters, find_base_parameters
 from identifiability.ladder import (
     Rung,
@@ -95,6 +98,37 @@ def load_subject(robot: str = SHIPPED) -> Subject:
     model = ladder_model(entry)
     base = find_base_parameters(machine, model)
     return Subject(machine, model, base, build_ladder(entry, machine, base))
+
+
+@cache
+def robot_digest(robot: str) -> str:
+    """Return a digest of the files beside a robot's: bodies, ladder, trajectories."""
+    found = hashlib.sha256()
+    for path in sorted(Path(Robot.load(robot).path).parent.iterdir()):
+        if path.suffix in (".xml", ".urdf", ".toml", ".json"):
+            found.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
+    return found.hexdigest()
+
+
+def check_robot(robot: str, digest: str) -> None:
+    """Refuse to work on other files than those that a study was started with.
+
+    Parameters
+    ----------
+    robot : str
+        Shipped name or file.
+    digest : str
+        Of `robot_digest`. As part of the work it also tells a resumed run what is unchanged.
+
+    Raises
+    ------
+    RobotError
+    """
+    if robot_digest(robot) != digest:
+        raise RobotError(
+            f"The files of robot '{robot}' are not the same here as where the study was started; "
+            "give every worker the same ones, and leave them alone meanwhile."
+        )
 
 
 def hinge_friction(robot: Robot) -> Mapping[str, float]:

@@ -27,7 +27,7 @@ def run():
 
 
 def test_the_command_writes_the_named_tables_and_the_index(run, tmp_path):
-    out = run("1", "slips", "--quick", "--jobs", 1, "--out", tmp_path)
+    out = run("1", "slips", "--quick", "--workers", 1, "--out", tmp_path)
     assert out.exit_code == 0, out.output
     assert out.output.strip().splitlines()[-1].endswith("index.html")
     names = {p.name for p in tmp_path.glob("*.html")}
@@ -66,7 +66,7 @@ def test_every_script_states_its_question(name):
 
 def test_a_script_runs_alone(tmp_path):
     script = STUDIES / "table_1_base_parameters.py"
-    words = [sys.executable, str(script), "--quick", "--jobs", "1", "--out", str(tmp_path)]
+    words = [sys.executable, str(script), "--quick", "--workers", "1", "--out", str(tmp_path)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "pass  Table 1" in done.stdout

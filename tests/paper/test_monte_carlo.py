@@ -7,6 +7,7 @@ from paper_study.readings import READINGS
 from paper_study.result import compare
 from paper_study.subject import HINGE_FRICTION, exact_log, load_subject
 
+from identifiability.engine import Processes
 from identifiability.robot import complete_motion
 
 CASE = Case("601", 100)
@@ -21,7 +22,8 @@ def test_a_trial_repeats_to_the_last_bit():
 def test_two_processes_give_the_same_trials_as_one(monkeypatch):
     alone = [run_trial(CASE, seed).error_ra for seed in range(6)]
     monkeypatch.setattr("paper_study.monte_carlo._done", {})
-    shared = run_trials([CASE], 6, jobs=2)[CASE]
+    with Processes(2) as engine:
+        shared = run_trials([CASE], 6, engine)[CASE]
     assert np.array_equal(stack(shared, "error_ra"), np.array(alone))
 
 
