@@ -12,7 +12,7 @@ import numpy as np
 
 from identifiability.names import Array, Parameter
 from identifiability.robot import Motion, Robot
-from identifiability.robot.description import Axis
+from identifiability.robot.transmission import Axis
 
 
 class Effect(ABC):

@@ -11,7 +11,7 @@ import numpy as np
 from identifiability.effects.effect import Effect, axis_motion, put
 from identifiability.names import Array, Parameter, joint_unit
 from identifiability.robot import Motion, Robot
-from identifiability.robot.description import Axis
+from identifiability.robot.transmission import Axis
 
 
 def joint_parameter(axis: Axis, kind: str, group: str) -> Parameter:

@@ -14,7 +14,7 @@ from identifiability.effects.effect import Effect, axis_motion, put
 from identifiability.effects.nominal import rigid_torque
 from identifiability.names import Array, Parameter
 from identifiability.robot import Motion, Robot
-from identifiability.robot.description import Axis
+from identifiability.robot.transmission import Axis
 
 #: Stribeck velocity where none is given, as a share of the joint's speed limit.
 TYPICAL_SHARE = 0.1

@@ -14,7 +14,7 @@ from identifiability.effects.effect import Effect
 from identifiability.effects.nonlinear_friction import chosen_axes
 from identifiability.names import Array, Parameter
 from identifiability.robot import Motion, Robot
-from identifiability.robot.description import Axis
+from identifiability.robot.transmission import Axis
 
 
 def travel(robot: Robot, motion: Motion, axis: Axis) -> Array:

@@ -13,7 +13,8 @@ import numpy as np
 from identifiability.excitation.limits import Box, Limits
 from identifiability.names import Array
 from identifiability.robot import Motion, Robot
-from identifiability.robot.closure import LEAP, _invert, _loop_equations
+from identifiability.robot.loops import loop_jacobian
+from identifiability.robot.newton import LEAP, invert
 
 #: Share of a bound from which on the search keeps away from it.
 INNER = 0.9
@@ -93,8 +94,8 @@ def _closure(robot: Robot, motion: Motion, enough: float) -> tuple[Array, Array]
     """
     if motion.condition <= enough and not motion.singular:
         return np.full(len(motion), motion.condition), np.ones(len(motion))
-    A = _loop_equations(robot, motion.q)[1][:, :, robot.dependent]
-    return _invert(A)[1], np.linalg.slogdet(A)[0]
+    A = loop_jacobian(robot, motion.q)[:, :, robot.dependent]
+    return invert(A)[1], np.linalg.slogdet(A)[0]
 
 
 def _jumps(robot: Robot, motion: Motion, step: float) -> np.ndarray:
@@ -114,7 +115,6 @@ def _jumps(robot: Robot, motion: Motion, step: float) -> np.ndarray:
 
 def _outside(robot: Robot, motion: Motion, box: Box) -> Array:
     """Return how far the point of a box is outside at each sample, (N,) [m]."""
-    frames = robot.tree.frames(motion.q, [box.point.joint])
-    at = robot.tree.world_point(frames, box.point)
+    at = robot.tree.positions(motion.q, box.point)
     distance: Array = np.maximum(at - box.high, box.low - at).max(1)
     return distance

@@ -13,9 +13,11 @@ import pinocchio as pin
 from identifiability.errors import ClosureError, RobotError, listing, near_match
 from identifiability.names import INERTIAL_KINDS, Array
 from identifiability.robot import closure
-from identifiability.robot.description import Coupling, Loop, Robot, Transmission
+from identifiability.robot.description import Robot
 from identifiability.robot.kinematics import Point, Tree
+from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.sidecar import Sidecar
+from identifiability.robot.transmission import Transmission
 
 #: Model, loops, couplings and actuated joints as a robot file states them.
 Closures = tuple[Any, list[Loop], list[Coupling], list[str] | None]

@@ -17,9 +17,10 @@ import pinocchio as pin
 
 from identifiability.errors import RobotError, listing, near_match
 from identifiability.robot.assembly import Closures, assemble
-from identifiability.robot.description import Coupling, Loop, Robot
+from identifiability.robot.description import Robot
 from identifiability.robot.joints import read_tree
 from identifiability.robot.kinematics import Point
+from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.markup import as_file, read_markup
 from identifiability.robot.sidecar import read_sidecar
 

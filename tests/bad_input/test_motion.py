@@ -146,11 +146,11 @@ def test_a_motion_through_a_singular_configuration_is_flagged_where_it_passes():
 
 
 def test_exactly_singular_samples_are_dropped(monkeypatch):
-    from identifiability.robot import closure
+    from identifiability.robot import newton
 
     robot = Robot.load("five-bar")
     t, q = stretched(0.3)
-    plain = closure._newton
+    plain = newton.newton
 
     def flat(robot, q, *most, **more):
         out = plain(robot, q, *most, **more)
@@ -158,7 +158,7 @@ def test_exactly_singular_samples_are_dropped(monkeypatch):
         return out
 
     assert len(complete_motion(robot, t, q, 0 * q, 0 * q)) == 401
-    monkeypatch.setattr(closure, "_newton", flat)
+    monkeypatch.setattr(newton, "newton", flat)
     assert complete_motion(robot, t, q, 0 * q, 0 * q).dropped[:3].tolist() == [0, 1, 2]
 
 

@@ -1,0 +1,187 @@
+"""Close loops by Newton steps, batched over samples.
+
+A closure has several assemblies. The robot's home configuration selects one; a few seed samples
+are followed from home along a straight line of actuated coordinates, and every other sample
+starts from the nearest seed, so the result does not depend on the order or the number of samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from identifiability.names import Array
+from identifiability.robot.description import Robot
+from identifiability.robot.loops import loop_equations
+
+#: Newton stops below this loop error [m or rad]; it is far below any encoder and above rounding.
+TOLERANCE = 1e-12
+#: A sample whose loop error stays above this is dropped.
+ACCEPTED = 1e-9
+#: Condition number of A_e above which no digit of its inverse is left.
+HOPELESS = 1e12
+#: A dependent coordinate that ends this far from its prediction may have changed assembly [rad].
+LEAP = 0.7
+
+_MAX_STEPS = 12
+_HOMOTOPY_STEPS = 10
+
+#: Of longer motions that seem to close nowhere, only some samples are tried.
+MOST_TRIED = 2000
+
+#: Samples a batch: its frames and Jacobians stay in the processor's cache.
+BATCH = 2048
+
+
+@dataclass(frozen=True)
+class Closed:
+    """Result of Newton steps.
+
+    Attributes
+    ----------
+    q : (N, nq)
+    error : (N,) [m or rad]
+        Largest loop error; infinite where the steps went astray.
+    A : (N, n_e, nv)
+        Jacobian of the independent loop equations at `q`.
+    """
+
+    q: Array
+    error: Array
+    A: Array
+
+
+def close_loops(robot: Robot, q: Array) -> Closed:
+    """Close the loops at every sample of actuated positions (N, n)."""
+    n = len(q)
+    count = min(n, max(64, n // 32))
+    chosen = np.unique(np.linspace(0, n - 1, count).astype(int))
+    seeds = follow_from_home(robot, q[chosen], _HOMOTOPY_STEPS)
+    good = seeds.error < ACCEPTED
+    if not good.any():
+        seeds = follow_from_home(robot, q[chosen], 6 * _HOMOTOPY_STEPS)
+        good = seeds.error < ACCEPTED
+        if not good.any():
+            left = q if n <= MOST_TRIED else q[chosen]  # the rest is not worth minutes
+            tried = follow_from_home(robot, left, 2 * _HOMOTOPY_STEPS)
+            if len(left) == n:
+                return tried
+            error = np.full(n, np.inf)
+            error[chosen] = tried.error
+            rows = np.zeros(n, int)
+            return Closed(tried.q[rows], error, tried.A[rows])
+    guess = _predict(robot, q, q[chosen[good]], seeds.q[good], seeds.A[good])
+    closed = newton(robot, guess)
+    moved = np.abs(closed.q - guess).max(1)
+    doubtful = np.flatnonzero((closed.error > ACCEPTED) | (moved > LEAP))
+    if len(doubtful):
+        again = follow_from_home(robot, q[doubtful], 2 * _HOMOTOPY_STEPS)
+        closed.q[doubtful] = again.q
+        closed.error[doubtful] = again.error
+        closed.A[doubtful] = again.A
+    return closed
+
+
+def _predict(robot: Robot, q: Array, at: Array, full: Array, A: Array) -> Array:
+    """Return configurations (N, nq) to first order from the nearest of some closed ones.
+
+    Parameters
+    ----------
+    robot : Robot
+    q : (N, n)
+        Actuated positions that are wanted.
+    at, full, A : (S, n), (S, nq), (S, n_e, nv)
+        Actuated positions, configurations and Jacobians of the closed ones.
+    """
+    inverse, condition = invert(A[:, :, robot.dependent])
+    inverse[~(condition < HOPELESS)] = 0.0  # no prediction from there
+    slope = -inverse @ A[:, :, robot.actuated]
+    nearest = scipy.spatial.cKDTree(at).query(q)[1]
+    change = q - at[nearest]
+    step = np.zeros((len(q), robot.nv))
+    step[:, robot.actuated] = change
+    step[:, robot.dependent] = np.einsum("nij,nj->ni", slope[nearest], change)
+    return robot.tree.integrate(full[nearest], step)
+
+
+def follow_from_home(robot: Robot, q: Array, steps: int) -> Closed:
+    """Walk from home to every sample on a straight line of actuated coordinates."""
+    here = newton(robot, np.repeat(robot.home[None], len(q), 0), most=0)
+    start = robot.actuated_positions(robot.home[None])
+    step = np.zeros((len(q), robot.nv))
+    step[:, robot.actuated] = (q - start) / steps
+    for _ in range(steps):
+        rhs = here.A[:, :, robot.actuated] @ step[:, robot.actuated, None]
+        step[:, robot.dependent] = -_solve(here.A[:, :, robot.dependent], rhs[..., 0])
+        here = newton(robot, robot.tree.integrate(here.q, step), most=3)
+    return newton(robot, here.q)
+
+
+def newton(robot: Robot, q: Array, most: int = _MAX_STEPS) -> Closed:
+    """Close the loops from a guess (N, nq) in at most so many steps."""
+    parts = [
+        _newton_batch(robot, q[start : start + BATCH], most) for start in range(0, len(q), BATCH)
+    ]
+    if len(parts) == 1:
+        return parts[0]
+    return Closed(
+        np.concatenate([p.q for p in parts]),
+        np.concatenate([p.error for p in parts]),
+        np.concatenate([p.A for p in parts]),
+    )
+
+
+def _newton_batch(robot: Robot, q: Array, most: int) -> Closed:
+    """Close the loops of one batch; samples leave it as they converge."""
+    q = np.array(q)
+    rows, n = robot.loop_rows, len(q)
+    error = np.full(n, np.inf)
+    A = np.zeros((n, len(rows), robot.nv))
+    left = np.arange(n)
+    for count in range(most + 1):
+        residual, jacobian = loop_equations(robot, q[left])
+        now = np.abs(residual).max(0, initial=0.0)
+        # Close to zero, an error that no longer halves has met rounding.
+        stalled = (now < ACCEPTED) & (now > 0.5 * error[left])
+        error[left] = now
+        A[left] = J = np.moveaxis(jacobian, -1, 0)
+        go_on = (now > TOLERANCE) & ~stalled & np.isfinite(now)
+        if count == most or not go_on.any():
+            break
+        left = left[go_on]
+        step = np.zeros((len(left), robot.nv))
+        step[:, robot.dependent] = -_solve(J[go_on][:, :, robot.dependent], residual[rows].T[go_on])
+        largest = np.abs(step).max(1, keepdims=True)
+        step *= np.minimum(1.0, 0.5 / np.maximum(largest, 1e-300))  # far steps are not trusted
+        q[left] = robot.tree.integrate(q[left], step)
+    error[~np.isfinite(error)] = np.inf
+    return Closed(q, error, A)
+
+
+def _solve(A: Array, b: Array) -> Array:
+    """Solve batched square systems; a singular one gives NaN for its sample alone."""
+    try:
+        return np.linalg.solve(A, b[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        out = np.full(b.shape, np.nan)
+        for k in range(len(A)):
+            try:
+                out[k] = np.linalg.solve(A[k], b[k])
+            except np.linalg.LinAlgError:
+                continue
+        return out
+
+
+def invert(A: Array) -> tuple[Array, Array]:
+    """Return inverses and condition numbers of batched matrices, infinite for singular ones."""
+    try:
+        inverse = np.linalg.inv(A)
+    except np.linalg.LinAlgError:
+        singular = np.array([np.linalg.matrix_rank(a) < len(a) for a in A])
+        inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(A.shape[1]), A))
+    else:
+        singular = np.zeros(len(A), bool)
+    condition = np.abs(A).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
+    return inverse, np.where(singular, np.inf, condition)
