@@ -18,13 +18,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from identifiability.errors import LogError, listing, near_match
 from identifiability.names import Array
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    import pandas as pd
 
 #: Files that are bags by themselves.
 BAGS = (".mcap", ".db3", ".bag")
@@ -55,6 +56,8 @@ class States:
 
     def to_frame(self) -> pd.DataFrame:
         """Return the columns of a log; time starts at zero."""
+        import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
         columns = {"t": (self.stamp - self.stamp[:1]) * 1e-9}
         for channel, values in self.values.items():
             columns |= {f"{j}.{channel}": values[:, k] for k, j in enumerate(self.joints)}

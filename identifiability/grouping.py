@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from identifiability.linalg import (
     RANK_TOLERANCE,
@@ -23,6 +23,9 @@ from identifiability.linalg import (
 from identifiability.model import Model
 from identifiability.names import Array, Parameter
 from identifiability.robot import Motion, Robot, complete_motion
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -122,6 +125,8 @@ class BaseParameters:
 
     def to_frame(self) -> pd.DataFrame:
         """Return name, unit and grouping of every base parameter."""
+        import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
         return pd.DataFrame({"name": self.names, "unit": self.units, "grouping": self.labels})
 
 

@@ -10,9 +10,9 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from identifiability import signals
 from identifiability.bags import hash_bag, split_topic
@@ -20,6 +20,9 @@ from identifiability.errors import LogError, listing, near_match
 from identifiability.names import Array
 from identifiability.output import write_bytes, write_text
 from identifiability.table import PARQUET, check_columns, check_times, read_numbers, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CHANNELS = ("q", "dq", "ddq", "tau")
 
@@ -108,6 +111,8 @@ class Log:
 
     def to_frame(self) -> pd.DataFrame:
         """Return the log as a DataFrame that `from_frame` accepts."""
+        import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
         columns = {"t": self.t}
         for kind in CHANNELS:
             values = getattr(self, kind)

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from identifiability.effects import Effect, find_effect
 from identifiability.errors import ModelError
 from identifiability.names import Array, Parameter
 from identifiability.robot import Motion, Robot
 from identifiability.samples import Samples
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Samples a chunk: the regressor of one chunk stays in the processor's cache.
 CHUNK = 1024
@@ -150,6 +153,8 @@ class Regression:
 
     def to_frame(self) -> pd.DataFrame:
         """Return all rows as a DataFrame: columns by parameter name, then ``tau``."""
+        import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
         n = len(self.robot.actuated)
         parts = []
         for log, start, W, tau in self.chunks():

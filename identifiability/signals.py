@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from identifiability.names import Array
 
@@ -39,7 +39,7 @@ def motion_bandwidth(t: Array, q: Array, share: float = 0.99) -> float:
     q : (N, n)
     """
     dt = sampling_step(t)
-    window = signal.windows.hann(len(t), sym=False)[:, None]
+    window = scipy.signal.windows.hann(len(t), sym=False)[:, None]
     spectrum = np.abs(np.fft.rfft(window * (q - q.mean(0)), axis=0)) ** 2
     f = np.fft.rfftfreq(len(t), dt)
     energy = spectrum * f[:, None] ** 2
@@ -69,9 +69,9 @@ def choose_cutoff(t: Array, q: Array) -> float:
 
 def lowpass(x: Array, dt: float, cutoff: float, order: int = 4) -> Array:
     """Return x (N, …) filtered forwards and backwards by a Butterworth low-pass (no phase)."""
-    sos = signal.butter(order, cutoff, fs=1.0 / dt, output="sos")
+    sos = scipy.signal.butter(order, cutoff, fs=1.0 / dt, output="sos")
     pad = min(len(x) - 1, int(3 / (cutoff * dt)))
-    filtered: Array = signal.sosfiltfilt(sos, x, axis=0, padlen=pad)
+    filtered: Array = scipy.signal.sosfiltfilt(sos, x, axis=0, padlen=pad)
     return filtered
 
 
@@ -174,7 +174,7 @@ class Decimation:
     @cached_property
     def taps(self) -> Array:
         """The symmetric filter, 20 taps a kept sample, cut-off at the new Nyquist frequency."""
-        h: Array = signal.firwin(2 * self.reach + 1, 1.0 / self.factor, window="hamming")
+        h: Array = scipy.signal.firwin(2 * self.reach + 1, 1.0 / self.factor, window="hamming")
         return h
 
     @property

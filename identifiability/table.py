@@ -5,13 +5,16 @@ from __future__ import annotations
 import csv
 import warnings
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from identifiability.bags import is_bag, read_bag, split_topic
 from identifiability.errors import LogError, listing
 from identifiability.names import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PARQUET = (".parquet", ".pq")
 
@@ -33,6 +36,8 @@ def read_table(path: str | Path) -> pd.DataFrame:
     LogError
         If the file is missing or is no table.
     """
+    import pandas as pd  # noqa: PLC0415 - heavy; only files need it
+
     path = Path(path)
     if is_bag(split_topic(path)[0]):
         return read_bag(path)
@@ -50,6 +55,8 @@ def read_table(path: str | Path) -> pd.DataFrame:
 
 def _read_csv(path: Path) -> pd.DataFrame:
     """Read a CSV by its own header; pandas would rename repeated columns and shift long rows."""
+    import pandas as pd  # noqa: PLC0415 - heavy; only files need it
+
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
         warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
@@ -87,6 +94,8 @@ def read_numbers(frame: pd.DataFrame, column: str, source: str) -> Array:
     LogError
         With the first row that is not a finite number of a size that can be.
     """
+    import pandas as pd  # noqa: PLC0415 - heavy; only files need it
+
     given = frame[column]
     if len(given) and getattr(given.dtype, "kind", "O") in "mMcb":
         raise LogError(

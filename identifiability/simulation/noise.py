@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from identifiability.errors import IdentifiabilityError, near_match
 from identifiability.names import Array
@@ -105,5 +105,5 @@ def ar1(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) ->
     """Return stationary AR(1) noise of unit variance along the first axis."""
     white = rng.standard_normal(shape)
     white[1:] *= np.sqrt(1 - correlation**2)
-    noise: Array = lfilter([1.0], [1.0, -correlation], white, axis=0)
+    noise: Array = scipy.signal.lfilter([1.0], [1.0, -correlation], white, axis=0)
     return noise
