@@ -102,23 +102,29 @@ def sample_posterior(
     centre = interior(target, sampler, start)
     density = _log_density(target, sampler, extra)
     kept = np.empty((ensembles, walkers, draws, target.size))
-    shares, total = np.zeros(ensembles), warmup + draws
+    # Metropolis moves know no other walker: independent ensembles then walk as one batch, whose
+    # steps cost little more than those of one. Other moves mix the walkers of an ensemble.
+    every = list(range(ensembles))
+    groups = [[e] for e in every] if moves else [every]
+    shares, total, done = [], warmup + draws, 0
     with threadpool_limits(1):
         starts = sampler.disperse(centre, ensembles, rng)
-        for e, child in enumerate(rng.spawn(ensembles)):
+        for group, child in zip(groups, rng.spawn(len(groups)), strict=True):
             own = _Exact(sampler, child)
             step = _crank_nicolson(sampler, centre, child)
             mix = [(own, exact), (step, crank_nicolson), *moves]
-            first = _spread(sampler, starts[e], walkers, child)
+            first = np.concatenate([_spread(sampler, starts[e], walkers, child) for e in group])
             moved = 0.0
             for i, (eta, share) in enumerate(_walk(density, mix, first, total, child)):
                 moved += share / total
                 if i >= warmup:
-                    kept[e, :, i - warmup] = target.to_phi(eta)
+                    phi = target.to_phi(eta)
+                    kept[group, :, i - warmup] = phi.reshape(len(group), walkers, target.size)
+                done += 1
                 if progress is not None:
-                    progress(e * total + i + 1, ensembles * total)
-            shares[e] = own.share if exact > 0 else moved
-    return Posterior(kept, float(shares.mean()))
+                    progress(done, len(groups) * total)
+            shares.append(own.share if exact > 0 else moved)
+    return Posterior(kept, float(np.mean(shares)))
 
 
 class _Exact(emcee.moves.MHMove):  # type: ignore[misc]
