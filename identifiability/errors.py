@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
+from unicodedata import category
+
+#: Letters of a quoted name beyond which its middle is left out, and letters of its ends.
+_LONG, _HEAD, _TAIL = 240, 100, 60
+
+#: Kinds of characters that are written as escapes: control, format, surrogate, line, paragraph.
+_UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")
 
 
 class IdentifiabilityError(Exception):
     """Bad input, said in one sentence that the user can act on."""
+
+    def __init__(self, sentence: str = "") -> None:
+        super().__init__(legible(sentence))
 
 
 class RobotError(IdentifiabilityError):
@@ -32,6 +43,18 @@ class OutputError(IdentifiabilityError):
 
 class EngineError(IdentifiabilityError):
     """The processes or the cluster that should do the work cannot be used."""
+
+
+def legible(sentence: str) -> str:
+    """Return a sentence whose quotations a terminal can print on one line.
+
+    What comes from files may hold line ends, other control characters, halves of letters, and
+    thousands of them.
+    """
+    line = "".join(
+        c.encode("unicode_escape").decode() if category(c) in _UNSEEN else c for c in sentence
+    )
+    return re.sub(rf"[^' ]{{{_LONG},}}", lambda m: f"{m[0][:_HEAD]}…{m[0][-_TAIL:]}", line)
 
 
 def near_match(name: str, known: Iterable[str]) -> str:

@@ -1,21 +1,27 @@
 """Throw spoilt files at every reader: whatever they hold, only our own sentences come out.
 
 Run in a process of its own, so that a crash of a C++ parser is seen: ``python fuzz.py --examples
-10000 --reader mjcf``. The file of the moment lies in the folder that is printed first.
+10000 --reader mjcf``. The file of the moment lies in the folder that is printed first. One line of
+JSON a reader says what came of it; the first thing that is no sentence of ours ends the run, or,
+with ``--all``, is counted.
 """
 
 from __future__ import annotations
 
 import argparse
-import copy
 import faulthandler
+import hashlib
 import io
 import json
+import re
 import shutil
 import tempfile
+import time
+import tomllib
 import warnings
-import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -23,6 +29,22 @@ import numpy as np
 import pandas as pd
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from spoil import (
+    BAG,
+    JSON,
+    TABLE,
+    TOML,
+    XML,
+    Message,
+    Spoilt,
+    spoil_bytes,
+    spoil_csv,
+    spoil_document,
+    spoil_messages,
+    spoil_parquet,
+    spoil_xml,
+    to_toml,
+)
 
 from identifiability.errors import IdentifiabilityError
 from identifiability.export import read_parameters
@@ -42,123 +64,116 @@ from identifiability.simulation import (
 #: Seconds after which one input counts as a hang.
 PATIENCE = 20
 
-NUMBERS = [b"nan", b"-inf", b"1e999", b"-1e-320", b"0", b"-1", b"1e18", b"9" * 400, b"0x10", b"1_0"]
-TABLE = [b",", b"\n", b"\r\n", b";", b'"', b" ", b"t", b".q", b"elbow.q", b"a,b", b"True", b"#"]
-TOML = [b"[", b"]", b"{", b"}", b'"', b"=", b"\n", b"[[models]]", b'name = "a"', b"[limits]", b"."]
-JSON = [b"[", b"]", b"{", b"}", b'"', b":", b",", b"null", b"true", b'"sin"', b"NaN", b"[" * 3000]
-XML = [
-    b"<", b">", b"/>", b'"', b"<!--", b"&lt;", b"0 0 0", b"robot", b"mujoco", b'name=""',
-    b"<body>", b"</body>", b'<body name="b"><joint name="j"/></body>', b"<inertial/>", b"<link/>",
-    b'<joint type="ball"/>', b'type="free"', b"<mimic/>", b'<default class="c"/>', b"<equality>",
-    b'<connect body1="link1" anchor="0 0 0"/>', b'<joint joint1="elbow" joint2="shoulder"/>',
-    b'<include file="x.xml"/>',
-]  # fmt: skip
+#: Letters of the longest sentence that anybody reads.
+LONGEST = 800
+
+#: Files with something else than a sentence that are kept.
+KEPT = 10
+
+LADDER = """
+[[models]]
+name = "a"
+effects = ["rigid_body", "viscous_friction"]
+[[models]]
+name = "b"
+from = "a"
+zero = ["link1.mz"]
+hold = {"elbow.Fv" = 0.5}
+keep = ["link2.mx"]
+"""
 
 
-VALUES = ["", "0", "nan", "1 2", "1 0 0", "-1 -1 -1", "a", "world", "base", "link_1", "left_distal"]
-VALUES += [
-    "left_elbow",
-    "joint_2",
-    "ball",
-    "free",
-    "slide",
-    "continuous",
-    "floating",
-    "fixed",
-    "1e300",
-]
+@dataclass(frozen=True)
+class Reader:
+    """File suffix, a good file, ways to spoil it and how to read it."""
+
+    suffix: str
+    good: bytes
+    spoilt: Spoilt
+    read: Callable[[Path], object]
 
 
-def rebuilt(good: bytes) -> st.SearchStrategy[bytes]:
-    """XML with some elements gone, doubled or moved, and some attributes gone or changed."""
-    whats = ["lose", "double", "move", "lose attribute", "change attribute", "swap attribute"]
-    number = st.integers(0, 10_000)
-    edit = st.tuples(st.sampled_from(whats), number, number, st.sampled_from(VALUES))
+@dataclass
+class Tally:
+    """What came of many spoilt files.
 
-    def apply(edits: list[tuple[str, int, int, str]]) -> bytes:
-        root = ET.fromstring(good)
-        for what, at, other, value in edits:
-            nodes = [(parent, child) for parent in root.iter() for child in parent]
-            if not nodes:
-                break
-            (parent, element), (_, second) = nodes[at % len(nodes)], nodes[other % len(nodes)]
-            names = sorted(element.keys()) or ["name"]
-            name = names[other % len(names)]
-            if what in ("lose", "move"):
-                parent.remove(element)
-            if what == "double" or (what == "move" and second not in element.iter()):
-                (parent if what == "double" else second).append(copy.deepcopy(element))
-            if what == "lose attribute":
-                element.attrib.pop(name, None)
-            elif what == "change attribute":
-                element.set(name, value)
-            elif what == "swap attribute":
-                element.set(name, second.get(name, value))
-        return ET.tostring(root)
+    `distinct` counts different files, `reasons` different sentences without what they quote,
+    `slowest` is in seconds, `longest` in letters, `other` counts what was neither accepted nor
+    refused with one sentence, `worst` is the first of it.
+    """
 
-    return st.lists(edit, min_size=1, max_size=4).map(apply)
+    reader: str
+    inputs: int = 0
+    distinct: int = 0
+    accepted: int = 0
+    refused: int = 0
+    other: int = 0
+    reasons: int = 0
+    slowest: float = 0.0
+    slowest_sha256: str = ""
+    longest: int = 0
+    longest_sentence: str = ""
+    worst: str = ""
+    kinds: dict[str, int] = field(default_factory=dict)
 
 
-def spoilt(good: bytes, tokens: list[bytes]) -> st.SearchStrategy[bytes]:
-    """Any bytes, or good ones after a few cuts, copies and insertions."""
-    piece = st.one_of(st.sampled_from(tokens + NUMBERS), st.binary(max_size=4))
-    place, length = st.integers(0, len(good)), st.integers(0, 60)
-    edit = st.tuples(st.sampled_from(["insert", "cut", "copy", "replace"]), place, length, piece)
+def record(messages: list[Message]) -> bytes:
+    """Return joint states as a bag."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
 
-    def apply(edits: list[tuple[str, int, int, bytes]]) -> bytes:
-        out = good
-        for what, at, size, new in edits:
-            taken = out[at : at + size]
-            middle = {"insert": new + taken, "cut": b"", "copy": taken + taken, "replace": new}
-            out = out[:at] + middle[what] + out[at + size :]
-        return out
-
-    edited = st.lists(edit, min_size=1, max_size=4).map(apply)
-    ways = [edited, edited, st.binary(max_size=200)]
-    return st.one_of(rebuilt(good), rebuilt(good), *ways) if tokens is XML else st.one_of(ways)
-
-
-def recorded(frame: pd.DataFrame) -> bytes | None:
-    """Return a log as a bag, or None without the extra ``ros``."""
-    try:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        return None
     store = get_typestore(Stores.ROS2_JAZZY)
     kinds = [f"{k}/msg/{n}" for k, n in (("builtin_interfaces", "Time"), ("std_msgs", "Header"))]
     state = "sensor_msgs/msg/JointState"
-    time, header, message = (store.types[k] for k in (*kinds, state))
+    stamp, header, message = (store.types[k] for k in (*kinds, state))
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "bag"
         with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             connection = writer.add_connection("/joint_states", state, typestore=store)
-            for k, row in frame.iterrows():
-                values = [
-                    [row[f"{j}.{c}"] for j in ("shoulder", "elbow")] for c in ("q", "dq", "tau")
-                ]
-                stamp = time(*divmod(10**9 + round(row["t"] * 1e9), 10**9))
-                one = message(header(stamp, ""), ["shoulder", "elbow"], *map(np.array, values))
+            for k, (time_ns, names, *values) in enumerate(messages):
+                head = header(stamp(*divmod(time_ns, 10**9)), "")
+                one = message(head, names, *(np.array(v, float) for v in values))
                 writer.write(connection, k * 1_000_000, store.serialize_cdr(one, state))
         return next(folder.glob("*.mcap")).read_bytes()
 
 
+def bag_reader(frame: pd.DataFrame, read: Callable[[Path], object]) -> dict[str, Reader]:
+    """Return the reader of bags, or nothing without the extra ``ros``."""
+    try:
+        import rosbags  # noqa: F401
+    except ImportError:
+        return {}
+    good: list[Message] = [
+        (
+            10**9 + round(row["t"] * 1e9),
+            ["shoulder", "elbow"],
+            *([row[f"{j}.{c}"] for j in ("shoulder", "elbow")] for c in ("q", "dq", "tau")),
+        )
+        for _, row in frame.iterrows()
+    ]
+    whole = record(good)
+    spoilt = st.one_of(spoil_bytes(whole, BAG), spoil_messages(good).map(record))
+    return {"bag": Reader(".mcap", whole, spoilt, read)}
+
+
 @cache
-def readers() -> dict[str, tuple[str, bytes, list[bytes], Callable[[Path], object]]]:
-    """File suffix, a good file, what to spoil it with and how to read it, for each reader."""
+def readers() -> dict[str, Reader]:
+    """Every reader by its name."""
     two = Robot.load("two-link")
-    ladder = default_ladder(two)
-    base = find_base_parameters(two, ladder_model(ladder))
+    base = find_base_parameters(two, ladder_model(default_ladder(two)))
     frame = simulate(two, PrescribedMotion.of(shipped_trajectory(two, "a"), 30)).to_frame()
     parquet = io.BytesIO()
     frame.to_parquet(parquet)
-    bag = recorded(frame)
-    folder = locate_robot("two-link").parent
-
     physical = {"parameters": {k: float(v) for k, v in two.nominal.items()}}
-    result = json.dumps({"robot": {"name": two.name}, "physical": physical}).encode()
+    result = {"robot": {"name": two.name}, "physical": physical}
+    sidecar = locate_robot("five-bar").with_suffix(".toml").read_bytes()
+    motions = (locate_robot("two-link").parent / "trajectories.json").read_bytes()
+    mjcf, urdf = (locate_robot(r).read_bytes() for r in ("five-bar", "six-dof-arm"))
 
-    def model(path: Path) -> object:
+    def log(path: Path) -> object:
+        return prepare_samples(two, Log.read(path))
+
+    def ladder(path: Path) -> object:
         entry = read_ladder(path)
         ladder_model(entry)
         return build_ladder(entry, two, base)
@@ -167,68 +182,104 @@ def readers() -> dict[str, tuple[str, bytes, list[bytes], Callable[[Path], objec
         known = read_trajectories(path, two)
         return [PrescribedMotion.of(t, min(t.samples, 100)) for t in known.values()]
 
-    text = '[[models]]\nname = "a"\neffects = ["rigid_body", "viscous_friction"]\n[[models]]\nname '
-    text += (
-        '= "b"\nfrom = "a"\nzero = ["link1.mz"]\nhold = {"elbow.Fv" = 0.5}\nkeep = ["link2.mx"]\n'
-    )
-    bags = (
-        {}
-        if bag is None
-        else {
-            "bag": (
-                ".mcap",
-                bag,
-                [b"\x89MCAP0\r\n", b"\0" * 8, b"position", b"sensor_msgs/msg/JointState"],
-                lambda p: prepare_samples(two, Log.read(p)),
-            ),
-        }
-    )
-    return bags | {
-        "csv": (
-            ".csv", frame.to_csv(index=False).encode(), TABLE,
-            lambda p: prepare_samples(two, Log.read(p)),
+    def document(suffix: str, good: bytes, tokens: list[bytes], read: Callable[[Path], object]):
+        parse, dump = (tomllib.loads, to_toml) if suffix == ".toml" else (json.loads, json.dumps)
+        spoilt = st.one_of(spoil_bytes(good, tokens), spoil_document(parse(good.decode()), dump))
+        return Reader(suffix, good, spoilt, read)
+
+    def markup(suffix: str, good: bytes) -> Reader:
+        return Reader(suffix, good, st.one_of(spoil_xml(good), spoil_bytes(good, XML)), Robot.load)
+
+    def table(suffix: str, good: bytes, tokens: list[bytes], whole: Spoilt) -> Reader:
+        return Reader(suffix, good, st.one_of(spoil_bytes(good, tokens), whole), log)
+
+    text = frame.to_csv(index=False).encode()
+    packed = parquet.getvalue()
+    return bag_reader(frame, log) | {
+        "csv": table(".csv", text, TABLE, spoil_csv(frame)),
+        "parquet": table(".parquet", packed, [b"PAR1", b"\0" * 8], spoil_parquet(frame)),
+        "ladder": document(".toml", LADDER.encode(), TOML, ladder),
+        "sidecar": document(".toml", sidecar, TOML, lambda p: Robot.load("five-bar", p)),
+        "result": document(
+            ".json", json.dumps(result).encode(), JSON, lambda p: read_parameters(two, p)
         ),
-        "parquet": (
-            ".parquet", parquet.getvalue(), [b"PAR1", b"\0" * 8],
-            lambda p: prepare_samples(two, Log.read(p)),
-        ),
-        "ladder": (".toml", text.encode(), TOML, model),
-        "sidecar": (
-            ".toml", locate_robot("five-bar").with_suffix(".toml").read_bytes(), TOML,
-            lambda p: Robot.load("five-bar", p),
-        ),
-        "result": (".json", result, JSON, lambda p: read_parameters(two, p)),
-        "trajectories": (".json", (folder / "trajectories.json").read_bytes(), JSON, motion),
-        "mjcf": (".xml", locate_robot("five-bar").read_bytes(), XML, Robot.load),
-        "urdf": (".urdf", locate_robot("six-dof-arm").read_bytes(), XML, Robot.load),
-    }  # fmt: skip
+        "trajectories": document(".json", motions, JSON, motion),
+        "mjcf": markup(".xml", mjcf),
+        "urdf": markup(".urdf", urdf),
+    }
 
 
-def fuzz(reader: str, examples: int, folder: Path) -> int:
-    """Read many spoilt files; return how many were refused."""
-    suffix, good, tokens, read = readers()[reader]
-    path, refused = folder / f"{reader}{suffix}", 0
-    path.write_bytes(good)
-    read(path)
+def check_sentence(sentence: str) -> None:
+    """Refuse what a user cannot read in one go, or a terminal not print."""
+    sentence.encode()
+    if "\n" in sentence or len(sentence) > LONGEST or sentence[-1:] not in (".", "?"):
+        raise AssertionError(f"no readable sentence ({len(sentence)} letters): {sentence[:300]!r}")
+
+
+def reason(sentence: str) -> str:
+    """Return a sentence without the names and numbers that it quotes."""
+    return re.sub(r"'[^']*'|\"[^\"]*\"|<[^>]*>|[-+\d.]*\d\S*", "…", sentence)[:60]
+
+
+def fuzz(name: str, examples: int, folder: Path, *, go_on: bool = False) -> Tally:
+    """Read many spoilt files and count what comes of them.
+
+    Raises
+    ------
+    Exception
+        The first that is no sentence of ours, unless `go_on`.
+    """
+    reader, tally = readers()[name], Tally(name)
+    path = folder / f"{name}{reader.suffix}"
+    path.write_bytes(reader.good)
+    reader.read(path)
+    seen, reasons, kinds = set(), set(), Counter[str]()
+
+    def attempt(content: bytes) -> None:
+        path.write_bytes(content)
+        digest = hashlib.sha256(content).hexdigest()
+        seen.add(digest)
+        tally.inputs += 1
+        faulthandler.dump_traceback_later(PATIENCE, exit=True)
+        begin = time.perf_counter()
+        try:
+            reader.read(path)
+            tally.accepted += 1
+        except IdentifiabilityError as error:
+            sentence = str(error).replace(str(path), path.name)
+            check_sentence(sentence)
+            tally.refused += 1
+            kinds[type(error).__name__] += 1
+            reasons.add(reason(sentence))
+            if len(sentence) > tally.longest:
+                tally.longest, tally.longest_sentence = len(sentence), sentence
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+            spent = time.perf_counter() - begin
+            if spent > tally.slowest:
+                tally.slowest, tally.slowest_sha256 = spent, digest
+
+    def count(content: bytes) -> None:
+        try:
+            attempt(content)
+        except Exception as error:  # noqa: BLE001 - whatever it is, it is counted
+            tally.other += 1
+            if tally.other <= KEPT:
+                tally.worst += f"{type(error).__name__}: {error}"[:300] + "\n"
+                shutil.copy(path, path.with_stem(f"{name}-other-{tally.other}"))
 
     @settings(
         max_examples=examples, deadline=None, database=None, derandomize=True,
-        phases=[Phase.generate, Phase.shrink], suppress_health_check=list(HealthCheck),
+        phases=[Phase.generate] if go_on else [Phase.generate, Phase.shrink],
+        suppress_health_check=list(HealthCheck),
     )  # fmt: skip
-    @given(spoilt(good, tokens))
+    @given(reader.spoilt)
     def check(content: bytes) -> None:
-        nonlocal refused
-        path.write_bytes(content)
-        faulthandler.dump_traceback_later(PATIENCE, exit=True)
-        try:
-            read(path)
-        except IdentifiabilityError:
-            refused += 1
-        finally:
-            faulthandler.cancel_dump_traceback_later()
+        (count if go_on else attempt)(content)
 
     check()
-    return refused
+    tally.distinct, tally.reasons, tally.kinds = len(seen), len(reasons), dict(kinds)
+    return tally
 
 
 if __name__ == "__main__":
@@ -236,9 +287,17 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--examples", type=int, default=1000)
     parser.add_argument("--reader", choices=list(readers()), action="append")
+    parser.add_argument("--all", action="store_true", help="count what is no sentence, and go on")
+    parser.add_argument("--list", action="store_true", help="print the names of the readers")
     options = parser.parse_args()
+    if options.list:
+        print(*readers())
+        raise SystemExit
     place = Path(tempfile.mkdtemp())
     print(place, flush=True)
+    tallies = []
     for one in options.reader or readers():
-        print(one, options.examples, fuzz(one, options.examples, place), flush=True)
-    shutil.rmtree(place)  # kept only after a failure
+        tallies.append(fuzz(one, options.examples, place, go_on=options.all))
+        print(json.dumps(asdict(tallies[-1])), flush=True)
+    if not any(t.other for t in tallies):  # kept only after a failure
+        shutil.rmtree(place)

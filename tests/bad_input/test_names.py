@@ -66,3 +66,11 @@ def test_a_report_shows_a_tag_and_does_not_run_it(odd, command):
 
 def test_an_error_shows_markup_and_does_not_follow_it(refused):
     assert "There is no robot file '[red]x[/]'." in refused("analyze", "[red]x[/]", "x.csv")
+
+
+def test_an_error_quotes_odd_names_on_one_short_line(refuses, arm):
+    sentence = refuses("two-link", arm.rename(columns={"elbow.q": "elbow\n\x1b[2J\u200b.q"}))
+    assert "'elbow\\n\\x1b[2J\\u200b.q' but no torque column" in sentence
+    sentence = refuses("two-link", arm.rename(columns={"elbow.q": "e" * 5000 + ".q"}))
+    assert "'" + "e" * 100 + "…" + "e" * 58 + ".q' but no torque" in sentence
+    assert len(sentence) < 600
