@@ -7,7 +7,7 @@ import math
 import os
 import secrets
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -78,21 +78,75 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     """
     path = check_writable(path)
     target = path.resolve()  # a link stays a link
-    temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
+    temporary = _beside(target)
     try:
-        with temporary.open("xb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        if target.exists():
-            shutil.copymode(target, temporary)
+        _fill(temporary, content, target)
         temporary.replace(target)
     except OSError as error:
         raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
     finally:  # also after Ctrl-C; nothing is left there when the file is in its place
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        _remove([temporary])
     return path
+
+
+def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
+    """Write files that are of no use without each other: all of them or none.
+
+    The last one is what the others belong to. Its old version is put aside first and the new one
+    is put in its place last: whoever looks, even after a power cut, finds the old files, the new
+    ones, or no main file (and the old one as ``<name>.<digits>.old``), but never a mixture.
+
+    Raises
+    ------
+    OutputError
+    """
+    targets = [check_writable(path).resolve() for path, _ in files]
+    fresh = [_beside(target) for target in targets]
+    aside: list[tuple[Path, Path]] = []
+    placed: list[Path] = []
+    try:
+        for temporary, (_, content), target in zip(fresh, files, targets, strict=True):
+            _fill(temporary, content, target)
+        for target in reversed(targets):
+            if target.exists():
+                name = target.with_name(f"{target.name}.{secrets.token_hex(4)}.old")
+                aside.append((name, target))
+                target.replace(name)
+        for temporary, target in zip(fresh, targets, strict=True):
+            placed.append(target)
+            temporary.replace(target)
+    except BaseException as error:  # also Ctrl-C: undo what was done, the main file last
+        _remove(reversed(placed))
+        for name, target in reversed(aside):
+            if name.exists():
+                name.replace(target)
+        if isinstance(error, OSError):
+            names = " and ".join(f"'{path}'" for path, _ in files)
+            raise OutputError(f"{names} cannot be written: {_reason(error)}.") from None
+        raise
+    finally:
+        _remove(fresh)
+    _remove(name for name, _ in aside)
+
+
+def _beside(target: Path) -> Path:
+    return target.with_name(f".{secrets.token_hex(8)}.tmp")
+
+
+def _fill(temporary: Path, content: bytes, target: Path) -> None:
+    """Write a file that is not in its place yet, with the rights of the one that it replaces."""
+    with temporary.open("xb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    if target.exists():
+        shutil.copymode(target, temporary)
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    for path in paths:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
 
 
 def plain(value: Any) -> Any:

@@ -15,6 +15,7 @@ from identifiability.errors import RobotError, near_match
 from identifiability.names import INERTIAL_PREFERENCE, Array
 from identifiability.robot.kinematics import Tree
 from identifiability.robot.loops import Coupling, Loop
+from identifiability.robot.markup import included_files
 from identifiability.robot.transmission import Axis, Transmission
 
 
@@ -104,10 +105,11 @@ class Robot:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the robot file and its sidecar."""
-        digest = hashlib.sha256(self.path.read_bytes())
-        if self.sidecar is not None:
-            digest.update(self.sidecar.read_bytes())
+        """Hash of the robot file, what it includes, and its sidecar; meshes have no say."""
+        files = (self.path, *included_files(self.path))
+        digest = hashlib.sha256()
+        for file in (*files, self.sidecar) if self.sidecar is not None else files:
+            digest.update(file.read_bytes())
         return digest.hexdigest()
 
     @property

@@ -41,7 +41,7 @@ def read_markup(path: Path) -> ET.Element:
     """
     root = _parse(path, ("mujoco", "robot"))
     if root.tag == "mujoco":
-        _expand_includes(path, root, (path,))
+        _expand_includes(path, root, (path,), [])
         _merge_sections(root)
     _check_size(path, root)
     if root.tag == "mujoco":
@@ -66,6 +66,20 @@ def as_file(path: Path, root: ET.Element) -> Iterator[Path]:
         yield copy
 
 
+def included_files(path: Path) -> tuple[Path, ...]:
+    """Return the files that a robot file includes, in the order of their inclusion.
+
+    Raises
+    ------
+    RobotError
+    """
+    found: list[Path] = []
+    root = _parse(path, ("mujoco", "robot"))
+    if root.tag == "mujoco":
+        _expand_includes(path, root, (path,), found)
+    return tuple(found)
+
+
 def _parse(path: Path, roots: tuple[str, ...]) -> ET.Element:
     try:
         root = ET.parse(path).getroot()
@@ -83,7 +97,9 @@ def _parse(path: Path, roots: tuple[str, ...]) -> ET.Element:
     return root
 
 
-def _expand_includes(path: Path, root: ET.Element, above: tuple[Path, ...]) -> None:
+def _expand_includes(
+    path: Path, root: ET.Element, above: tuple[Path, ...], found: list[Path]
+) -> None:
     """Put the children of included files where they are included; Pinocchio would skip them."""
     for parent in list(root.iter()):
         for child in [c for c in parent if c.tag == "include"]:
@@ -91,7 +107,8 @@ def _expand_includes(path: Path, root: ET.Element, above: tuple[Path, ...]) -> N
             if file in above:
                 raise RobotError(f"{above[-1]} includes {file}, which includes it; break the ring.")
             inner = _parse(file, ("mujoco", "mujocoinclude"))
-            _expand_includes(path, inner, (*above, file))
+            found.append(file)
+            _expand_includes(path, inner, (*above, file), found)
             at = list(parent).index(child)
             parent[at : at + 1] = list(inner)
             root.set("rewritten", "true")

@@ -7,6 +7,8 @@ sidecar where the library reads it back, and is listed for the user.
 
 from __future__ import annotations
 
+import json
+import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,11 +17,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from identifiability.errors import RobotError
+from identifiability.errors import OutputError, RobotError
 from identifiability.names import INERTIAL_KINDS, Array
-from identifiability.output import write_text
+from identifiability.output import write_together
 from identifiability.robot.description import Robot
 from identifiability.robot.markup import read_markup
+from identifiability.robot.sidecar import read_sidecar
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class Written:
 
 
 def write_robot(robot: Robot, parameters: Mapping[str, float], path: str | Path) -> Written:
-    """Write a robot file with other parameters, and its sidecar.
+    """Write a robot file with other parameters, and its sidecar: both or none.
 
     Parameters
     ----------
@@ -57,6 +60,7 @@ def write_robot(robot: Robot, parameters: Mapping[str, float], path: str | Path)
     RobotError
         If the format differs from the template's or a body has no mass.
     OutputError
+        If the files cannot be written, or the sidecar's name is taken by something else.
     """
     path = Path(path)
     top = _template(robot)
@@ -74,9 +78,12 @@ def write_robot(robot: Robot, parameters: Mapping[str, float], path: str | Path)
     extra, left_out = _write_joints(top, robot, values, parameters, mjcf=mjcf)
     ET.indent(top)
     text = ET.tostring(top, encoding="unicode") + "\n"
-    written = write_text(path, text)
-    sidecar = _write_sidecar(robot, extra, path)
-    return Written(written, sidecar, tuple(left_out))
+    beside = path.with_suffix(".toml")
+    stated = _sidecar_text(robot, extra)
+    _check_beside(robot, beside, path, needed=stated is not None)
+    pair = [] if stated is None else [(beside, stated.encode())]
+    write_together([*pair, (path, text.encode())])
+    return Written(path, None if stated is None else beside, tuple(left_out))
 
 
 def _template(robot: Robot) -> ET.Element:
@@ -229,18 +236,59 @@ def _write_joints(
     return sidecar, sorted(n for n, v in rest.items() if n not in held and v)
 
 
-def _write_sidecar(robot: Robot, extra: Mapping[str, float], path: Path) -> Path | None:
-    """Write the template's sidecar with other nominal values beside the robot file."""
+def _sidecar_text(robot: Robot, extra: Mapping[str, float]) -> str | None:
+    """Return the template's sidecar with other nominal values, or None if none is needed.
+
+    Raises
+    ------
+    RobotError
+        If the nominal values do not stand in a table of their own.
+    """
     if robot.sidecar is None and not extra:
         return None
-    text = robot.sidecar.read_text(encoding="utf-8") if robot.sidecar is not None else ""
+    given = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
     lines, skipping = [], False
-    for line in text.splitlines():
+    for line in given.splitlines():
         if line.strip().startswith("["):
             skipping = line.strip().split("#")[0].strip() == "[nominal]"
         if not skipping:
             lines.append(line)
     if extra:
         lines += ["", "[nominal]  # parameters that the robot file cannot hold"]
-        lines += [f'"{name}" = {value:.17g}' for name, value in extra.items()]
-    return write_text(path.with_suffix(".toml"), "\n".join(lines).strip() + "\n")
+        lines += [f"{json.dumps(name)} = {float(value)!r}" for name, value in extra.items()]
+    text = "\n".join(lines).strip() + "\n"
+    wanted = {k: v for k, v in tomllib.loads(given).items() if k != "nominal"}
+    wanted |= {"nominal": dict(extra)} if extra else {}
+    try:
+        same = tomllib.loads(text) == wanted
+    except tomllib.TOMLDecodeError:
+        same = False
+    if not same:  # written inline or with dotted keys
+        raise RobotError(
+            f"{robot.sidecar} does not state its nominal values as one table [nominal], so they "
+            "cannot be replaced; write them so."
+        )
+    return text
+
+
+def _check_beside(robot: Robot, beside: Path, path: Path, *, needed: bool) -> None:
+    """Refuse a sidecar that would replace another kind of file, or pair up with this robot."""
+    if not beside.exists():
+        return
+    own = robot.sidecar is not None and beside.resolve() == robot.sidecar.resolve()
+    if own and path.resolve() != robot.path.resolve():
+        raise OutputError(
+            f"'{beside}' is the sidecar of {robot.path} and would be replaced by that of '{path}'; "
+            "give another name."
+        )
+    if not needed:
+        raise OutputError(
+            f"'{beside}' would be read as the sidecar of '{path}', which has none; give another "
+            "name, or move it away."
+        )
+    try:
+        read_sidecar(beside)
+    except RobotError:
+        raise OutputError(
+            f"'{beside}' is no sidecar, but that of '{path}' must have its name; give another name."
+        ) from None

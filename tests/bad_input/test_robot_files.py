@@ -312,3 +312,21 @@ def test_a_joint_held_at_a_constant_is_held_beside_its_reference(write):
     text = text.replace(*equality('<joint joint1="elbow" polycoef="0.1"/>'))
     robot = Robot.load(write("robot.xml", text))
     assert robot.couplings[0].polynomial == pytest.approx([0.1 + 3.141592653589793 / 6])
+
+
+def test_the_hash_of_a_robot_knows_what_its_file_includes(write):
+    inner = TWO[TWO.index("<actuator>") : TWO.index("</actuator>") + len("</actuator>")]
+    write("inner.xml", '<mujocoinclude><include file="deep.xml"/></mujocoinclude>')
+    write("deep.xml", f"<mujocoinclude>{inner}</mujocoinclude>")
+    path = write("robot.xml", TWO.replace(inner, '<include file="inner.xml"/>'))
+    hashes = [Robot.load(path).sha256, Robot.load(path).sha256]
+    write("deep.xml", f"<mujocoinclude> {inner}</mujocoinclude>")
+    hashes.append(Robot.load(path).sha256)
+    write("robot.toml", "")
+    hashes.append(Robot.load(path).sha256)
+    write("robot.toml", 'name = "other"')
+    hashes.append(Robot.load(path).sha256)
+    first, again, deep, empty, sidecar = hashes
+    assert first == again
+    assert deep == empty  # a sidecar that says nothing changes nothing
+    assert len({first, deep, sidecar}) == 3

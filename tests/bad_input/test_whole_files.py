@@ -2,15 +2,23 @@
 
 import errno
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from identifiability import analyze
-from identifiability.errors import OutputError
+from identifiability.errors import OutputError, RobotError
 from identifiability.log import Log
 from identifiability.pruning import prune
 from identifiability.robot import Robot
 from identifiability.robot.write import write_robot
+
+
+def files_in(folder):
+    return {p: p.read_bytes() for p in folder.iterdir()}
+
 
 FULL = OSError(errno.ENOSPC, "No space left on device")
 KINDS = ("json", "html", "csv", "parquet", "xml", "urdf", "sidecar", "model")
@@ -55,7 +63,8 @@ def test_a_stopped_write_leaves_the_old_file_and_nothing_else(kind, stop, writte
     write()
     if kind == "parquet":
         assert len(Log.read(path)) == 200
-    path.write_bytes(b"old")
+    old = b'name = "old"' if kind == "sidecar" else b"old"  # only sidecars are written over
+    path.write_bytes(old)
     beside = {p.name for p in path.parent.iterdir()}
     # A sidecar is written after its robot file.
     sync, calls = os.fsync, []
@@ -70,5 +79,111 @@ def test_a_stopped_write_leaves_the_old_file_and_nothing_else(kind, stop, writte
     with pytest.raises(OutputError if stop is FULL else KeyboardInterrupt):
         write()
     monkeypatch.undo()
-    assert path.read_bytes() == b"old"
+    assert path.read_bytes() == old
     assert {p.name for p in path.parent.iterdir()} == beside
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from identifiability.output import write_together
+
+calls, replace = [], Path.replace
+
+def replace_or_die(self, target):
+    calls.append(target)
+    if len(calls) == int(sys.argv[1]):
+        os._exit(9)
+    return replace(self, target)
+
+Path.replace = replace_or_die
+write_together([(Path("robot.toml"), b"new"), (Path("robot.xml"), b"new")])
+"""
+
+
+def stop_at(monkeypatch, count, stop):
+    """Let the count-th renaming of a file fail, and those that undo it succeed."""
+    replace, calls = Path.replace, []
+
+    def fail(self, target):
+        calls.append(target)
+        if len(calls) == count:
+            raise stop
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", fail)
+
+
+@pytest.mark.parametrize("stop", [FULL, KeyboardInterrupt()], ids=["full disk", "ctrl-c"])
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path, monkeypatch):
+    rps, path = Robot.load("3-rps"), tmp_path / "copy.xml"
+    write_robot(rps, {"slider1.Fc+": 300.0, "slider1.Fc-": 200.0}, path)
+    before = files_in(tmp_path)
+    stop_at(monkeypatch, count, stop)
+    with pytest.raises(OutputError if stop is FULL else KeyboardInterrupt):
+        write_robot(rps, {"slider1.Fc+": 500.0, "slider1.Fc-": 400.0, "platform.m": 11.0}, path)
+    monkeypatch.undo()
+    assert files_in(tmp_path) == before
+    assert len(before) == 2
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_first_robot_is_written_with_its_sidecar_or_not_at_all(count, tmp_path, monkeypatch):
+    stop_at(monkeypatch, count, FULL)
+    with pytest.raises(OutputError, match=r"copy.toml' and '.*copy.xml' cannot be written: No spa"):
+        write_robot(Robot.load("3-rps"), {"slider1.Fc+": 300.0}, tmp_path / "copy.xml")
+    assert not files_in(tmp_path)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
+def test_a_process_that_is_killed_leaves_no_mixed_pair(count, tmp_path):
+    """No undoing here: either pair, or no main file with its old content beside it."""
+    pair = [tmp_path / "robot.toml", tmp_path / "robot.xml"]
+    for path in pair:
+        path.write_text("old")
+    words = [sys.executable, "-c", KILLED, str(count)]
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run(words, check=False, cwd=tmp_path, env=os.environ | {"PYTHONPATH": root})
+    assert done.returncode == (0 if count == 5 else 9)
+    found = [p.read_text() if p.exists() else "" for p in pair]
+    kept = [p.read_text() for p in tmp_path.glob("robot.xml.*.old")]
+    if count in (1, 5):
+        assert found == (["old"] * 2 if count == 1 else ["new"] * 2)
+        assert kept == []
+    else:
+        assert found[1] == ""
+        assert kept == ["old"]
+
+
+def test_a_sidecar_takes_no_other_files_name(tmp_path):
+    rps, path = Robot.load("3-rps"), tmp_path / "copy.xml"
+    beside = tmp_path / "copy.toml"
+    beside.write_text("[[models]]\n")
+    with pytest.raises(OutputError, match=r"copy.toml' is no sidecar, but that of"):
+        write_robot(rps, {}, path)
+    assert list(files_in(tmp_path)) == [beside]
+    beside.write_text("name = 'other'")
+    bare = tmp_path / "bare.xml"
+    bare.write_bytes(Robot.load("two-link").path.read_bytes())
+    with pytest.raises(
+        OutputError, match=r"would be read as the sidecar of .*copy.xml', which has"
+    ):
+        write_robot(Robot.load(bare), {}, path)
+    own = tmp_path / "own.xml"
+    own.write_bytes(bare.read_bytes())
+    own.with_suffix(".toml").write_text("name = 'own'")
+    with pytest.raises(
+        OutputError, match=r"own.toml' is the sidecar of .*own.xml and would be rep"
+    ):
+        write_robot(Robot.load(own), {}, tmp_path / "own.mjcf")
+
+
+def test_nominal_values_that_cannot_be_replaced_are_said(tmp_path):
+    path = tmp_path / "own.xml"
+    path.write_bytes(Robot.load("two-link").path.read_bytes())
+    path.with_suffix(".toml").write_text('nominal = {"elbow.Fc+" = 1.0}')
+    with pytest.raises(
+        RobotError, match=r"own.toml does not state its nominal values as one table"
+    ):
+        write_robot(Robot.load(path), {"elbow.Fc+": 3.0, "elbow.Fc-": 2.0}, tmp_path / "copy.xml")
