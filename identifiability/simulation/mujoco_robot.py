@@ -57,11 +57,13 @@ class MujocoRobot:
     ----------
     robot : Robot
         Names of the joints and where the file is.
+    model : mujoco.MjModel, optional
+        Compiled elsewhere; else the robot file is loaded.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, model: Any = None) -> None:
         self.robot = robot
-        self.model = _load(robot)
+        self.model = _load(robot) if model is None else model
         self.data = mujoco.MjData(self.model)
         self.model.dof_armature[:] = 0
         self.model.dof_damping[:] = 0
@@ -69,6 +71,7 @@ class MujocoRobot:
         self.model.jnt_stiffness[:] = 0
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.actuated = np.array([self._dof(j) for j in robot.joints], int)
+        self.positions = np.array([int(self._joint(j).qposadr[0]) for j in robot.joints], int)
         self.passive = np.setdiff1d(np.arange(self.model.nv), self.actuated)
         self.closures = _closures(self.model, robot)
         self.couplings = _couplings(self.model, robot)
@@ -92,16 +95,15 @@ class MujocoRobot:
         ClosureError
             If the loops do not close at some sample.
         """
-        address = np.array([int(self._joint(j).qposadr[0]) for j in self.robot.joints])
         single = [(k, int(self._joint(d).qposadr[0]), self._dof(d)) for k, d in self._named()]
         n, m = q.shape[1], len(self.robot.dependent)
         out = RigidTorque(
             np.zeros_like(q), np.zeros((len(q), m)), np.zeros((len(q), m)), np.zeros((len(q), m, n))
         )
-        full = self._home()
+        full = self.home()
         for k in range(len(q)):
-            full = self._walk(full, address, q[k], k)
-            X = self._slope()
+            full = self.walk(full, q[k], k)
+            X = self.slope()
             v = np.zeros(self.model.nv)
             v[self.actuated], v[self.passive] = dq[k], -X @ dq[k]
             a = np.zeros(self.model.nv)
@@ -122,7 +124,8 @@ class MujocoRobot:
         names = {self.model.joint(j).name for j in range(self.model.njnt)}
         return [(k, d) for k, d in enumerate(self.robot.passive) if d in names]
 
-    def _home(self) -> Array:
+    def home(self) -> Array:
+        """Return the configuration that selects the assembly, (nq,)."""
         if self.model.nkey:
             names = [self.model.key(k).name for k in range(self.model.nkey)]
             chosen = names.index("home") if "home" in names else 0
@@ -134,8 +137,15 @@ class MujocoRobot:
             )[0]
         return home
 
-    def _walk(self, full: Array, address: np.ndarray, target: Array, sample: int) -> Array:
-        """Follow the actuated joints to a target in steps that keep the assembly."""
+    def walk(self, full: Array, target: Array, sample: int) -> Array:
+        """Follow the actuated joints to a target (n,) in steps that keep the assembly, (nq,).
+
+        Raises
+        ------
+        ClosureError
+            If the loops do not close on the way; `sample` says where in the motion.
+        """
+        address = self.positions
         start = full[address]
         steps = max(1, int(np.ceil(np.abs(target - start).max() / 0.02))) if self.closed else 1
         for k in range(1, steps + 1):
@@ -209,7 +219,7 @@ class MujocoRobot:
             rows.append(row)
         return np.concatenate(rows) if rows else np.empty((0, self.model.nv))
 
-    def _slope(self) -> Array:
+    def slope(self) -> Array:
         """Return X with ``q̇_passive = -X q̇_actuated`` at the present configuration."""
         if not self.closed:
             return np.zeros((len(self.passive), len(self.actuated)))

@@ -1,0 +1,292 @@
+"""The gap in motion: simulate forward from measured states, before and after the named effects.
+
+The torque-level gap says how well a model explains torques. A user simulates with a model, so the
+second half of the proof is motion: stretches of unseen motion are started from measured states and
+driven by the measured torque, with the nearest real robot of either model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identifiability import signals
+from identifiability.effects import Effect
+from identifiability.errors import IdentifiabilityError
+from identifiability.estimation import estimate
+from identifiability.feasibility import assess_feasibility
+from identifiability.grouping import find_base_parameters
+from identifiability.information import gather_information
+from identifiability.ladder import full_rung
+from identifiability.model import Model, Regression
+from identifiability.names import INERTIAL_KINDS, Array
+from identifiability.robot import Robot, complete_motion
+from identifiability.samples import Samples
+from identifiability.simulation.forward import Extra, ForwardRobot
+
+#: Length of a simulated stretch [s], and how many there are.
+HORIZON = 0.25
+STRETCHES = 24
+
+#: Effects that MuJoCo's joints and bodies hold themselves, or that shift the recorded torque.
+NATIVE = frozenset(
+    {"rigid_body", "viscous_friction", "coulomb_friction", "coulomb_asymmetry", "actuator_inertia",
+     "torque_offset", "passive_joint_friction", "payload", "time_delay"}
+)  # fmt: skip
+
+#: Effects that act like Coulomb friction: joints stick by them.
+DRY = frozenset({"stribeck_friction", "load_dependent_friction"})
+
+
+@dataclass(frozen=True)
+class ForwardGap:
+    """Position errors of simulated stretches of motion that was not fitted.
+
+    Attributes
+    ----------
+    horizon : float [s]
+    t : (S,) [s]
+        Time since the start of a stretch.
+    moved : (n,) [rad or m]
+        Mean distance that each joint moved in a stretch.
+    before, after : (K, S, n) [rad or m]
+        Simulated less measured position; nan once a stretch has diverged.
+    note : str
+        Why there is nothing, where there is nothing.
+    """
+
+    horizon: float
+    t: Array
+    moved: Array
+    before: Array
+    after: Array
+    note: str = ""
+
+    @staticmethod
+    def none(note: str) -> ForwardGap:
+        """Return the gap that was not measured, and why."""
+        empty = np.empty((0, 0, 0))
+        return ForwardGap(HORIZON, np.empty(0), np.empty(0), empty, empty, note)
+
+    @property
+    def measured(self) -> bool:
+        """Whether there is a gap at all."""
+        return len(self.before) > 0
+
+    def shares(self) -> tuple[Array, Array]:
+        """Return errors as a share of the distance moved, mean over joints, each (K, S).
+
+        A stretch that has diverged counts as wrong by all of the distance.
+        """
+        before, after = (self._share(x).mean(2) for x in (self.before, self.after))
+        return before, after
+
+    def joint_shares(self) -> tuple[Array, Array]:
+        """Return mean errors of each joint at the end of a stretch, each (n,)."""
+        before, after = (self._share(x)[:, -1].mean(0) for x in (self.before, self.after))
+        return before, after
+
+    def _share(self, error: Array) -> Array:
+        share: Array = np.nan_to_num(np.minimum(np.abs(error) / self.moved, 1.0), nan=1.0)
+        return share
+
+    @property
+    def error_before(self) -> float:
+        """Mean share at the end of a stretch, base model."""
+        return float(self.shares()[0][:, -1].mean()) if self.measured else float("nan")
+
+    @property
+    def error_after(self) -> float:
+        """The same with the named effects."""
+        return float(self.shares()[1][:, -1].mean()) if self.measured else float("nan")
+
+    def interval(self, rng: np.random.Generator, draws: int = 2000) -> tuple[float, float]:
+        """Return the 95 % interval of the change, stretches drawn again and again."""
+        if not self.measured:
+            return float("nan"), float("nan")
+        before, after = self.shares()
+        change = after[:, -1] - before[:, -1]
+        drawn = change[rng.integers(0, len(change), (draws, len(change)))].mean(1)
+        low, high = np.quantile(drawn, [0.025, 0.975])
+        return float(low), float(high)
+
+
+@dataclass(frozen=True)
+class Physical:
+    """A model with the values of a real robot.
+
+    Attributes
+    ----------
+    model : Model
+    values : mapping
+        Standard parameters by name.
+    """
+
+    model: Model
+    values: Mapping[str, float]
+
+
+def fit_physical(robot: Robot, model: Model, samples: Sequence[Samples]) -> Physical:
+    """Return the real robot that explains some logs best under a model.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the solver finds none.
+    """
+    base = find_base_parameters(robot, model)
+    information = gather_information(Regression(robot, model, tuple(samples), base.kept))
+    rung = full_rung(base)
+    found = assess_feasibility(robot, base, rung, information, estimate(information))
+    if found.nearest is None:
+        raise IdentifiabilityError(found.sentence)
+    return Physical(model, found.parameters())
+
+
+def compare_forward(
+    robot: Robot,
+    before: Physical,
+    after: Physical,
+    unseen: Sequence[Samples],
+    horizon: float = HORIZON,
+    stretches: int = STRETCHES,
+) -> ForwardGap:
+    """Simulate stretches of unseen motion with two models.
+
+    Parameters
+    ----------
+    robot : Robot
+    before, after : Physical
+    unseen : sequence of Samples
+        Logs that neither was fitted to.
+    horizon : float [s]
+    stretches : int
+        At most; evenly spaced over the logs.
+
+    Returns
+    -------
+    ForwardGap
+        With a note instead of numbers where MuJoCo cannot simulate this robot.
+    """
+    starts = _starts(unseen, horizon, stretches)
+    if not starts:
+        return ForwardGap.none(
+            f"no stretch of {horizon:g} s without gaps is left in the unseen motion"
+        )
+    dt = signals.sampling_step(unseen[0].motion.t)
+    steps = max(2, round(horizon / dt))
+    at = [np.arange(start, start + steps + 1) for _, start in starts]
+    q = np.stack([unseen[s].motion.actuated_q[r] for (s, _), r in zip(starts, at, strict=True)])
+    first = np.stack(
+        [unseen[s].motion.actuated_v[r[0]] for (s, _), r in zip(starts, at, strict=True)]
+    )
+    moved = np.abs(np.diff(q, axis=1)).sum(1).mean(0)
+    if not np.all(moved > 0):
+        return ForwardGap.none("a joint does not move in the unseen motion")
+    errors = []
+    try:
+        for fit in (before, after):
+            tau = np.stack(
+                [
+                    _mean_torque(robot, fit, unseen[s], r)
+                    for (s, _), r in zip(starts, at, strict=True)
+                ]
+            )
+            simulator = ForwardRobot(robot, joint_values(robot, fit))
+            positions = simulator.run(q[:, 0], first, tau, dt, extra_effects(robot, fit))
+            errors.append(positions - q[:, 1:])
+    except IdentifiabilityError as error:
+        return ForwardGap.none(str(error))
+    t = dt * np.arange(1, steps + 1)
+    return ForwardGap(steps * dt, t, moved, errors[0], errors[1])
+
+
+def _starts(unseen: Sequence[Samples], horizon: float, most: int) -> list[tuple[int, int]]:
+    """Return (log, first row) of evenly spaced stretches without gaps."""
+    dt = signals.sampling_step(unseen[0].motion.t)
+    steps = max(2, round(horizon / dt))
+    found = []
+    for log, samples in enumerate(unseen):
+        kept, start = samples.motion.kept, 0
+        if abs(signals.sampling_step(samples.motion.t) / dt - 1) > 0.01:
+            continue  # one step size for all
+        while start + steps < len(kept):
+            if kept[start + steps] - kept[start] == steps:
+                found.append((log, start))
+                start += steps
+            else:
+                start += 1 + int(np.argmax(np.diff(kept[start : start + steps + 1]) > 1))
+    if len(found) <= most:
+        return found
+    return [found[k] for k in np.linspace(0, len(found) - 1, most).astype(int)]
+
+
+def _mean_torque(robot: Robot, fit: Physical, samples: Samples, rows: np.ndarray) -> Array:
+    """Return the torque over each step, (S, n): what was recorded, less its delay."""
+    t, tau = samples.motion.t, samples.tau
+    out = np.empty((len(rows), tau.shape[1]))
+    for k, joint in enumerate(robot.joints):
+        delay = fit.values.get(f"{joint}.delay", 0.0)
+        out[:, k] = np.interp(t[rows] + delay, t, tau[:, k])
+    middle: Array = 0.5 * (out[1:] + out[:-1])
+    return middle
+
+
+def joint_values(robot: Robot, fit: Physical) -> dict[str, float]:
+    """Return parameters as bodies and joints hold them: payloads in bodies, two Coulomb levels."""
+    names = [p.name for p in fit.model.parameters(robot)]
+    values = {name: fit.values.get(name, 0.0) for name in names}
+    out = {f"{b}.{k}": values.get(f"{b}.{k}", 0.0) + values.get(f"{b}.payload_{k}", 0.0)
+           for b in robot.bodies for k in INERTIAL_KINDS}  # fmt: skip
+    # What a model does not have is not there, whatever the file says.
+    for axis in (*robot.axes, *robot.passive_axes):
+        for kind in ("Fv", "off", *robot.inertia_parts):
+            out[f"{axis.name}.{kind}"] = values.get(f"{axis.name}.{kind}", 0.0)
+        level = values.get(f"{axis.name}.Fc", 0.0)
+        for way in ("Fc+", "Fc-"):
+            out[f"{axis.name}.{way}"] = level + values.get(f"{axis.name}.{way}", 0.0)
+    return out
+
+
+def extra_effects(robot: Robot, fit: Physical) -> Extra | None:
+    """Return what the model has and MuJoCo does not, or None."""
+    others = [e for e in fit.model.effects if e.name not in NATIVE]
+    if not others:
+        return None
+    smooth = [(e, _values_of(robot, e, fit)) for e in others if e.name not in DRY]
+    dry = [(e, _values_of(robot, e, fit)) for e in others if e.name in DRY]
+
+    def extra(q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
+        motion = complete_motion(robot, np.arange(len(q), dtype=float), q, dq, ddq)
+        torque, level = np.zeros_like(q), np.zeros_like(q)
+        for parts, out in ((smooth, torque), (dry, level)):
+            for effect, value in parts:
+                W = np.zeros((len(motion), q.shape[1], len(value)))
+                effect.fill(robot, motion, W)
+                out[motion.kept] += W @ value
+        return torque, level * np.sign(dq)
+
+    return extra
+
+
+def _values_of(robot: Robot, effect: Effect, fit: Physical) -> Array:
+    return np.array([fit.values.get(p.name, 0.0) for p in effect.parameters(robot)])
+
+
+def leave_unseen(
+    train: Sequence[Samples], held: Sequence[Samples]
+) -> tuple[Sequence[Samples], Sequence[Samples]]:
+    """Return logs to fit and logs to simulate: the held-out ones, else the last log or its end."""
+    if held:
+        return train, held
+    if len(train) > 1:
+        return train[:-1], train[-1:]
+    whole = train[0]
+    cut = int(0.8 * len(whole.tau))
+    first, last = (
+        replace(whole, motion=whole.motion[rows], tau=whole.tau[rows])
+        for rows in (slice(None, cut), slice(cut, None))
+    )
+    return [first], [last]

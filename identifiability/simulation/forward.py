@@ -1,0 +1,234 @@
+"""Forward simulation: many short stretches of motion from measured states, by MuJoCo.
+
+What a user does with a fitted model is to simulate with it. Open-loop simulation of a whole log
+drifts away, whatever the model; short stretches that start from measured states do not, and the
+error after a given time is a fair figure of merit.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from identifiability.errors import RobotError
+from identifiability.names import Array
+from identifiability.robot import Robot
+from identifiability.robot.write import write_robot
+from identifiability.simulation.forces import both_directions
+from identifiability.simulation.mujoco_robot import MujocoRobot
+
+#: Longest step of the integrator [s]; loops stay closed to about 1e-6 m with it.
+STEP = 5e-4
+
+#: Positions farther than this many times the range of the motion have diverged.
+DIVERGED = 100.0
+
+#: Parts of an MJCF file that have no share in the free motion of the bodies.
+_IDLE = ("asset", "actuator", "sensor", "contact", "tendon", "visual", "statistic", "custom")
+
+#: What a model has beyond bodies, viscous and Coulomb friction and rotors, from position, velocity
+#: and acceleration of the actuated joints, each (K, n): torque that is taken off (K, n), and dry
+#: friction that is added to the Coulomb levels (K, n), so that joints can stick.
+Extra = Callable[[Array, Array, Array], tuple[Array, Array]]
+
+
+class ForwardRobot:
+    """A robot with given parameters that moves as its torques make it.
+
+    Parameters
+    ----------
+    robot : Robot
+    parameters : mapping
+        Standard parameters by name; bodies must be possible ones. Those that are not given keep
+        the file's values.
+
+    Raises
+    ------
+    RobotError
+        If MuJoCo refuses the robot, or motors are coupled (their friction is at no joint).
+    """
+
+    def __init__(self, robot: Robot, parameters: Mapping[str, float]) -> None:
+        if robot.transmission is not None:
+            raise RobotError(
+                f"{robot.name} has coupled motors, whose friction and inertia MuJoCo's joints "
+                "cannot hold; it is not simulated forward."
+            )
+        self.robot = robot
+        self._values = {**robot.nominal, **both_directions(parameters)}
+        self._kinematics = MujocoRobot(robot, _compile(robot, parameters))
+        self.model = self._kinematics.model
+        self._bias = self._set_joints()
+        self._positions = self._kinematics.positions
+        options = self.model.opt
+        disabled = mujoco.mjtDisableBit
+        options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT)
+        options.disableflags |= int(disabled.mjDSBL_LIMIT | disabled.mjDSBL_CONTACT)
+        options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+
+    def _set_joints(self) -> Array:
+        """Set friction and rotor inertia; return the constant torque of each actuated joint."""
+        bias = np.zeros(len(self.robot.joints))
+        for name in self.robot.dofs:
+            if name not in {self.model.joint(j).name for j in range(self.model.njnt)}:
+                continue  # one axis of a ball
+            dof = int(self.model.joint(name).dofadr[0])
+            inertia = sum(self._values.get(f"{name}.{p}", 0.0) for p in self.robot.inertia_parts)
+            level = self._values.get(f"{name}.Fc", 0.0)
+            forward = self._values.get(f"{name}.Fc+", level)
+            backward = self._values.get(f"{name}.Fc-", level)
+            # Physics forbids negative ones; the solver would blow up on rounding below zero.
+            self.model.dof_armature[dof] = max(inertia, 0.0)
+            self.model.dof_damping[dof] = max(self._values.get(f"{name}.Fv", 0.0), 0.0)
+            self.model.dof_frictionloss[dof] = max(0.5 * (forward + backward), 0.0)
+            if name in self.robot.joints:
+                offset = self._values.get(f"{name}.off", 0.0)
+                bias[self.robot.joints.index(name)] = 0.5 * (forward - backward) + offset
+        return bias
+
+    def run(self, q: Array, dq: Array, tau: Array, dt: float, extra: Extra | None = None) -> Array:
+        """Return the positions that the torques lead to, (K, S, n).
+
+        Parameters
+        ----------
+        q, dq : (K, n)
+            States of the actuated joints from which K stretches start.
+        tau : (K, S, n) [N·m or N]
+            Torque during each of S steps.
+        dt : float [s]
+        extra : callable, optional
+            Effects that MuJoCo does not have.
+
+        Raises
+        ------
+        ClosureError
+            If the loops do not close at a start.
+        """
+        count, steps, n = tau.shape
+        inner = max(1, int(np.ceil(dt / STEP)))
+        self.model.opt.timestep = dt / inner
+        stiff = [2 * self.model.opt.timestep, 1.0]
+        self.model.eq_solref[:] = stiff
+        self.model.dof_solref[:] = stiff
+        states = self._start(q, dq)
+        out = np.full((count, steps, n), np.nan)
+        actuated = self._kinematics.actuated
+        coulomb = np.array(self.model.dof_frictionloss[actuated])
+        alive = np.ones(count, bool)
+        limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1e-3)
+        mujoco.set_mju_user_warning(lambda _message: None)  # else a log file in the user's folder
+        try:
+            for step in range(steps):
+                force = tau[:, step] - self._bias
+                dry = np.broadcast_to(coulomb, force.shape)
+                if extra is not None and alive.any():
+                    taken, added = self._evaluate(extra, states, alive)
+                    force, dry = force - taken, np.maximum(coulomb + added, 0.0)
+                for k in np.flatnonzero(alive):
+                    states[k].qfrc_applied[actuated] = force[k]
+                    self.model.dof_frictionloss[actuated] = dry[k]
+                    mujoco.mj_step(self.model, states[k], inner)
+                    at = states[k].qpos[self._positions]
+                    alive[k] = bool(np.all(np.abs(at) < limit))
+                    if alive[k]:
+                        out[k, step] = at
+        finally:
+            mujoco.set_mju_user_warning(None)
+            self.model.dof_frictionloss[actuated] = coulomb
+        return out
+
+    def _evaluate(self, extra: Extra, states: list[Any], alive: np.ndarray) -> tuple[Array, Array]:
+        """Return torque and dry friction of the other effects at the present states."""
+        q = np.array([s.qpos[self._positions] for s in states])
+        dofs = self._kinematics.actuated
+        v, a = (np.array([getattr(s, part)[dofs] for s in states]) for part in ("qvel", "qacc"))
+        torque, dry = np.zeros_like(q), np.zeros_like(q)
+        torque[alive], dry[alive] = extra(q[alive], v[alive], a[alive])
+        return torque, dry
+
+    def _start(self, q: Array, dq: Array) -> list[Any]:
+        """Return closed configurations with their velocities."""
+        kinematics, out = self._kinematics, []
+        full = kinematics.home()
+        for k in range(len(q)):
+            full = kinematics.walk(full, q[k], k)
+            state = mujoco.MjData(self.model)
+            state.qpos[:] = full
+            state.qvel[kinematics.actuated] = dq[k]
+            state.qvel[kinematics.passive] = -kinematics.slope() @ dq[k]
+            mujoco.mj_forward(self.model, state)
+            out.append(state)
+        return out
+
+
+def _compile(robot: Robot, parameters: Mapping[str, float]) -> Any:
+    """Return the MuJoCo model of a robot with other bodies, without looks and contacts."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"robot{robot.path.suffix}"
+        write_robot(robot, parameters, path)
+        top = ET.parse(path).getroot()
+    if top.tag == "robot":
+        for link in top.findall("link"):
+            for child in [c for c in link if c.tag in ("visual", "collision")]:
+                link.remove(child)
+        for old in top.findall("mujoco"):
+            top.remove(old)
+        options = ET.SubElement(top, "mujoco")
+        ET.SubElement(options, "compiler", fusestatic="false", balanceinertia="true")
+    else:
+        _strip(top)
+    try:
+        spec = mujoco.MjSpec.from_string(ET.tostring(top, encoding="unicode"))
+        _add_closures(spec, robot)
+        return spec.compile()
+    except ValueError as error:
+        reason = " ".join(str(error).split())[:300].rstrip(".")
+        raise RobotError(
+            f"MuJoCo cannot simulate {robot.path} with these values: {reason}."
+        ) from None
+
+
+def _strip(top: ET.Element) -> None:
+    for part in [c for c in top if c.tag in _IDLE]:
+        top.remove(part)
+    for parent in list(top.iter()):
+        for child in [c for c in parent if c.tag in ("geom", "light", "camera")]:
+            parent.remove(child)
+    for key in top.iter("key"):
+        for name in ("ctrl", "act", "mpos", "mquat"):
+            key.attrib.pop(name, None)
+    compiler = top.find("compiler")
+    compiler = ET.SubElement(top, "compiler") if compiler is None else compiler
+    compiler.set("balanceinertia", "true")
+
+
+def _add_closures(spec: Any, robot: Robot) -> None:
+    """Add the closures that the sidecar states, and couplings that the format does not carry."""
+    for index, loop in enumerate(robot.loops):
+        if loop.stated is None:
+            continue
+        names = []
+        for end, (body, point) in enumerate(loop.stated):
+            name = f"closure {index} {end}"
+            spec.body(body).add_site(name=name, pos=list(point))
+            names.append(name)
+        spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_CONNECT, objtype=mujoco.mjtObj.mjOBJ_SITE,
+            name1=names[0], name2=names[1],
+        )  # fmt: skip
+    present = {e.name1 for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT}
+    for coupling in robot.couplings:
+        if coupling.joint in present:
+            continue
+        data = np.zeros(11)
+        data[: len(coupling.polynomial)] = coupling.polynomial
+        spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=coupling.joint, name2=coupling.of or "", data=data,
+        )  # fmt: skip

@@ -1,0 +1,143 @@
+"""Simulated motion: the laws first, then that the gap in motion shrinks with the right effect."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import Robot
+from identifiability.diagnosis import forward
+from identifiability.effects import find_effect
+from identifiability.effects.placed import Part, Placed
+from identifiability.errors import RobotError
+from identifiability.model import Model
+from identifiability.samples import Preparation, prepare_samples
+from identifiability.simulation import Campaign, PrescribedMotion, random_trajectory, simulate
+from identifiability.simulation.forward import ForwardRobot
+
+
+@pytest.fixture(scope="module")
+def two_link():
+    return Robot.load("two-link")
+
+
+BASE = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+
+def _samples(robot, seed, count=1, hide=()):
+    rng = np.random.default_rng(seed)
+    motions = [PrescribedMotion.of(random_trajectory(robot, rng)) for _ in range(count)]
+    logs = Campaign.of(robot, motions).logs(hide, derivatives=True)
+    return [prepare_samples(robot, log, Preparation(keep_rest=True)) for log in logs]
+
+
+@pytest.mark.parametrize("name", ["two-link", "3-rps", "five-bar", "six-dof-arm", "six-ups"])
+def test_the_torque_of_a_motion_leads_along_that_motion(name):
+    """Inverse then forward dynamics is the identity, up to torque held constant over a step."""
+    robot = Robot.load(name)
+    (samples,) = _samples(robot, 0)
+    fit = forward.Physical(BASE, robot.nominal)
+    gap = forward.compare_forward(robot, fit, fit, [samples], stretches=8)
+    assert gap.measured, gap.note
+    assert gap.error_before < 0.006
+    assert np.array_equal(gap.before, gap.after)
+
+
+def test_smaller_steps_of_the_log_leave_smaller_errors(two_link):
+    """What is left is the torque's variation within a step: second order in its length."""
+    trajectory = random_trajectory(two_link, np.random.default_rng(2))
+    fit = forward.Physical(BASE, {k: v for k, v in two_link.nominal.items() if "Fc" not in k})
+    errors = []
+    for count in (125, 500):
+        move = PrescribedMotion.of(trajectory, count)
+        zero = {k: 0.0 for k in two_link.nominal if "Fc" in k}
+        log = simulate(two_link, move, parameters=zero)
+        samples = prepare_samples(two_link, log, Preparation(keep_rest=True))
+        errors.append(forward.compare_forward(two_link, fit, fit, [samples]).error_before)
+    assert errors[1] < errors[0] / 4
+
+
+def test_a_missing_effect_opens_a_gap_in_motion_that_adding_it_closes():
+    robot = Robot.load("3-rps")
+    *train, unseen = _samples(robot, 1, 3, ["load_dependent_friction=0.08"])
+    effect = find_effect("load_dependent_friction")
+    fuller = Model((*BASE.effects, Placed([Part(effect, j, ("Fl",)) for j in robot.joints])))
+    before, after = (forward.fit_physical(robot, m, train) for m in (BASE, fuller))
+    gap = forward.compare_forward(robot, before, after, [unseen])
+    low, high = gap.interval(np.random.default_rng(0))
+    assert gap.error_after < 0.5 * gap.error_before
+    assert low < high < 0
+
+
+def test_a_wrong_effect_does_not_close_it():
+    robot = Robot.load("3-rps")
+    *train, unseen = _samples(robot, 1, 3, ["load_dependent_friction=0.08"])
+    wrong = Model((*BASE.effects, find_effect("quadratic_friction")))
+    before, after = (forward.fit_physical(robot, m, train) for m in (BASE, wrong))
+    gap = forward.compare_forward(robot, before, after, [unseen])
+    assert gap.error_after > 0.8 * gap.error_before
+
+
+def test_a_recorded_delay_is_taken_off_the_torque(two_link):
+    (samples,) = _samples(two_link, 3)
+    late = Model((*BASE.effects, find_effect("time_delay")))
+    delay = 0.03
+    tau = np.stack([np.interp(samples.motion.t - delay, samples.motion.t, x)
+                    for x in samples.tau.T], 1)  # fmt: skip
+    recorded = replace(samples, tau=tau)
+    known = {**two_link.nominal, **{f"{j}.delay": delay for j in two_link.joints}}
+    before = forward.Physical(BASE, two_link.nominal)
+    gap = forward.compare_forward(two_link, before, forward.Physical(late, known), [recorded])
+    assert gap.error_after < 0.3 * gap.error_before
+
+
+def test_dry_friction_lets_a_joint_stick(two_link):
+    """A torque below the Coulomb level moves nothing, although it acts for a long time."""
+    robot = ForwardRobot(two_link, {f"{j}.Fc": 50.0 for j in two_link.joints})
+    robot.model.opt.gravity[:] = 0
+    start = np.zeros((1, 2))
+    moved = robot.run(start, start, np.full((1, 100, 2), 10.0), 0.01)
+    assert np.abs(moved).max() < 1e-3
+    free = ForwardRobot(two_link, {f"{j}.Fc": 0.0 for j in two_link.joints})
+    free.model.opt.gravity[:] = 0
+    assert np.abs(free.run(start, start, np.full((1, 100, 2), 10.0), 0.01)).max() > 1.0
+
+
+def test_a_model_that_runs_away_counts_as_wrong_by_all_of_the_distance(two_link):
+    (samples,) = _samples(two_link, 4)
+    light = {k: (1e-4 * v if k.split(".")[0] in two_link.bodies else 0.0)
+             for k, v in two_link.nominal.items()}  # fmt: skip
+    fit = forward.Physical(BASE, two_link.nominal)
+    gap = forward.compare_forward(two_link, fit, forward.Physical(BASE, light), [samples])
+    assert gap.error_after > 0.9 > 0.1 > gap.error_before
+    assert np.isfinite(gap.interval(np.random.default_rng(0))).all()
+
+
+def test_no_log_file_is_left_behind(two_link, tmp_path, monkeypatch):
+    """MuJoCo writes its warnings into the working folder unless it is told not to."""
+    monkeypatch.chdir(tmp_path)
+    (samples,) = _samples(two_link, 4)
+    light = {k: (1e-6 * v if k.split(".")[0] in two_link.bodies else 0.0)
+             for k, v in two_link.nominal.items()}  # fmt: skip
+    fit = forward.Physical(BASE, light)
+    forward.compare_forward(two_link, fit, fit, [samples])
+    assert not list(tmp_path.iterdir())
+
+
+def test_motion_full_of_gaps_says_why_there_is_nothing(two_link):
+    (samples,) = _samples(two_link, 5)
+    rows = np.arange(0, len(samples.tau), 7)
+    holes = replace(samples, motion=samples.motion[rows], tau=samples.tau[rows])
+    fit = forward.Physical(BASE, two_link.nominal)
+    gap = forward.compare_forward(two_link, fit, fit, [holes])
+    assert not gap.measured
+    assert "without gaps" in gap.note
+    assert np.isnan(gap.error_before)
+
+
+def test_coupled_motors_are_refused_with_the_reason(two_link):
+    from identifiability.robot.description import Transmission
+
+    gear = Transmission(("m1", "m2"), np.eye(2), np.ones(2), np.zeros(2))
+    with pytest.raises(RobotError, match="coupled motors"):
+        ForwardRobot(replace(two_link, transmission=gear), {})
