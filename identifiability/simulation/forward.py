@@ -26,6 +26,9 @@ from identifiability.simulation.mujoco_robot import MujocoRobot
 #: Longest step of the integrator [s]; loops stay closed to about 1e-6 m with it.
 STEP = 5e-4
 
+#: Impedance of dry friction: how little a joint that sticks creeps.
+HARD = (0.99, 0.9999)
+
 #: Positions farther than this many times the range of the motion have diverged.
 DIVERGED = 100.0
 
@@ -116,6 +119,7 @@ class ForwardRobot:
         stiff = [2 * self.model.opt.timestep, 1.0]
         self.model.eq_solref[:] = stiff
         self.model.dof_solref[:] = stiff
+        self.model.dof_solimp[:, :2] = HARD  # MuJoCo's own friction lets a joint creep
         states = self._start(q, dq)
         out = np.full((count, steps, n), np.nan)
         actuated = self._kinematics.actuated
