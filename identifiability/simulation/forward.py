@@ -29,8 +29,9 @@ STEP = 5e-4
 #: Impedance of dry friction: how little a joint that sticks creeps.
 HARD = (0.99, 0.9999)
 
-#: Positions farther than this many times the range of the motion have diverged.
-DIVERGED = 100.0
+#: Positions farther than this many times the range of the motion, and a metre or radian, have
+#: diverged.
+DIVERGED = 10.0
 
 #: Parts of an MJCF file that have no share in the free motion of the bodies.
 _IDLE = ("asset", "actuator", "sensor", "contact", "tendon", "visual", "statistic", "custom")
@@ -125,7 +126,7 @@ class ForwardRobot:
         actuated = self._kinematics.actuated
         coulomb = np.array(self.model.dof_frictionloss[actuated])
         alive = np.ones(count, bool)
-        limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1e-3)
+        limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
         mujoco.set_mju_user_warning(lambda _message: None)  # else a log file in the user's folder
         try:
             for step in range(steps):
