@@ -31,6 +31,9 @@ PATIENCE = 5.0
 #: Seconds in which workers that were started here may end by themselves.
 GRACE = 0.5
 
+#: Run by workers that were started here: Ctrl-C is for the program that started them.
+_DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+
 _INSTALL = (
     "The engine 'dask' needs the package distributed, which is not installed; install it with "
     "pip install 'identifiability[distributed]', here and on every worker."
@@ -81,7 +84,7 @@ class Dask(OpenEngine):
         submit = partial(self.client.submit, run_limited, stored, pure=False)
         window = AHEAD * max(1, sum(self.client.ncores().values()))
         try:
-            yield from in_order(submit, items, window, lambda: None)
+            yield from in_order(submit, items, window, self.client.cancel)
         except KilledWorker:
             raise EngineError(
                 f"The workers of the cluster at {self.scheduler} died again and again on the same "
@@ -175,7 +178,7 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
 
     cluster = LocalCluster(
         n_workers=workers or joblib.cpu_count(), threads_per_worker=1, processes=True,
-        dashboard_address=None, silence_logs=logging.CRITICAL,
+        dashboard_address=None, silence_logs=logging.CRITICAL, preload=[_DEAF],
     )  # fmt: skip
 
     async def end() -> None:

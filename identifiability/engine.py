@@ -13,8 +13,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager
 from functools import lru_cache, partial
 from pathlib import Path
+from types import FrameType
 from typing import Any, Literal, get_args
 
 import cloudpickle
@@ -110,21 +112,48 @@ class Processes(OpenEngine):
 
     def _fetch(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(
-                self.workers, initializer=_start_worker, initargs=(os.getpid(),), env=_ONE_THREAD
-            )
+            with _uninterrupted():
+                self._pool = ProcessPoolExecutor(
+                    self.workers, initializer=_start_worker, initargs=(os.getpid(),),
+                    env=_ONE_THREAD,
+                )  # fmt: skip
+                self._pool.submit(os.getpid)  # the processes start now
         submit = partial(self._pool.submit, function)
         try:
-            yield from in_order(submit, items, AHEAD * self.workers, self.close)
+            yield from in_order(submit, items, AHEAD * self.workers, self._abandon)
         except BrokenExecutor:
             self.close()
             raise
 
+    def _abandon(self, _waiting: object) -> None:
+        self.close()
+
     def close(self) -> None:
         """End the worker processes at once, whatever they do."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=True, kill_workers=True)
-            self._pool = None
+        pool, self._pool = self._pool, None
+        if pool is None:
+            return
+        # Its own shutdown(kill_workers=True) fails in its thread while items wait (joblib 1.6);
+        # lost workers it handles well.
+        for worker in list((pool._processes or {}).values()):
+            worker.terminate()
+        pool.shutdown(wait=True)
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold Ctrl-C back while workers start: half-started ones would never be told to end."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[tuple[int, FrameType | None]] = []
+    usual = signal.signal(signal.SIGINT, lambda number, frame: held.append((number, frame)))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_DFL if usual is None else usual)
+        if held and callable(usual):
+            usual(*held[0])
 
 
 def _start_worker(parent: int) -> None:

@@ -30,9 +30,6 @@ class Pending(Protocol[Result_co]):
     def done(self) -> bool:
         """Return whether it is there, or never will be."""
 
-    def cancel(self) -> object:
-        """Give it up if nobody works on it yet."""
-
 
 class Engine(Protocol):
     """Runs a function over items: here, in other processes or on a cluster.
@@ -82,7 +79,7 @@ def in_order(
     submit: Callable[[Item], Pending[Result]],
     items: Sequence[Item],
     window: int,
-    abandon: Callable[[], None],
+    abandon: Callable[[list[Pending[Result]]], None],
 ) -> Iterator[Result]:
     """Yield results in the order of the items; at most `window` are under way or unfetched.
 
@@ -93,8 +90,8 @@ def in_order(
     items : sequence
     window : int
     abandon : callable
-        Called when work is under way that nobody will fetch: after Ctrl-C or an error, or when
-        the caller wants no more.
+        Called with work that nobody will fetch, some of it under way: after Ctrl-C or an error, or
+        when the caller wants no more.
     """
     waiting: deque[Pending[Result]] = deque()
     try:
@@ -105,9 +102,8 @@ def in_order(
                 waiting.popleft()
                 yield result
     finally:
-        settled = [f.done() or f.cancel() for f in waiting]  # cancel every one that can be
-        if not all(settled):
-            abandon()
+        if not all(f.done() for f in waiting):
+            abandon(list(waiting))
 
 
 class OpenEngine(ABC):
