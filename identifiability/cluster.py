@@ -178,7 +178,7 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
 
     cluster = LocalCluster(
         n_workers=workers or joblib.cpu_count(), threads_per_worker=1, processes=True,
-        dashboard_address=None, silence_logs=logging.CRITICAL, preload=[_DEAF],
+        dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, preload=[_DEAF],
     )  # fmt: skip
 
     async def end() -> None:

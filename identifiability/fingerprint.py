@@ -26,7 +26,8 @@ def fingerprint(function: Callable[..., Any]) -> str:
         function = function.func
     module, name = function.__module__, getattr(function, "__qualname__", "")
     root, _ = root_module(function)
-    parts += [module, name, source_digest(root), source_digest("identifiability")]
+    text = source_digest(root) or source_digest(module)  # of a folder without __init__, the file
+    parts += [module, name, text, source_digest("identifiability")]
     if module == "__main__" or getattr(sys.modules.get(module), name, None) is not function:
         # A notebook's, a lambda's or an object's text and values are in no file.
         parts.append(hashlib.sha256(cloudpickle.dumps(function)).hexdigest())

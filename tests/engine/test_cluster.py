@@ -1,0 +1,125 @@
+"""A cluster gives the bits that one process gives, whoever dies on it; what is wrong is said."""
+
+import os
+import socket
+import sys
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+
+from identifiability.engine import Resumed, Serial, choose_engine
+from identifiability.errors import EngineError, LogError
+
+try:
+    import distributed
+except ImportError:
+    distributed = None
+
+needs_dask = pytest.mark.skipif(distributed is None, reason="the extra 'distributed' is missing")
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with choose_engine("dask", workers=2) as engine:
+        yield engine
+
+
+@needs_dask
+def test_a_cluster_gives_the_bits_that_this_process_gives(cluster, work):
+    here = list(Serial().map(work.solve, range(12)))
+    seen = []
+    there = cluster.map(work.solve, range(12), progress=lambda *step: seen.append(step))
+    assert [x.tobytes() for x in here] == [x.tobytes() for x in there]
+    assert seen == [(k + 1, 12) for k in range(12)]
+
+
+@needs_dask
+def test_large_arguments_are_sent_without_complaint(cluster, work):
+    table = np.arange(3_000_000.0)  # 24 MB; above 10 MB Dask warns
+    found = list(cluster.map(partial(work.look_up, table), range(0, 3_000_000, 100_000)))
+    assert [x for x, _ in found] == list(range(0, 3_000_000, 100_000))
+
+
+@needs_dask
+def test_the_first_error_arrives_as_itself(cluster, work):
+    results = cluster.map(work.refuse, range(40))
+    assert [next(results), next(results), next(results)] == [0, 1, 2]
+    with pytest.raises(LogError, match=r"^Item 3 is bad\.$"):
+        next(results)
+
+
+@needs_dask
+def test_what_a_lost_worker_did_is_done_by_another(cluster, work, tmp_path):
+    mark = tmp_path / "mark"
+    kept = Resumed(cluster, tmp_path / "work")
+    assert list(kept.map(partial(work.end_once, str(mark)), range(12))) == list(range(12))
+    assert mark.exists()
+    assert list(kept.map(partial(work.end_once, str(mark)), range(12))) == list(range(12))
+    assert (kept.done, kept.found) == (12, 12)
+
+
+@needs_dask
+def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypatch):
+    monkeypatch.setattr(cluster.client.cluster.scheduler, "allowed_failures", 1)
+    with pytest.raises(EngineError, match="died again and again on the same item"):
+        list(cluster.map(work.end, range(2)))
+
+
+@needs_dask
+def test_workers_with_another_program_are_refused(cluster, monkeypatch):
+    module = sys.modules["identifiability.cluster"]
+    monkeypatch.setattr(module, "source_digest", lambda name: str(os.getpid()))
+    with pytest.raises(EngineError, match="do not have this version of identifiability"):
+        choose_engine(scheduler=cluster.client.scheduler.address)
+
+
+@needs_dask
+def test_a_module_of_a_study_is_sent_to_workers(cluster, tmp_path, monkeypatch):
+    folder = tmp_path / "some_research"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+    (folder / "parts.py").write_text("from some_research.more import half\n")
+    (folder / "more.py").write_text("def half(x):\n    return x / 2\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    from some_research.parts import half
+
+    with choose_engine(scheduler=cluster.client.scheduler.address) as guest:
+        assert list(guest.map(half, [1, 2, 3])) == [0.5, 1.0, 1.5]
+
+
+@needs_dask
+@pytest.mark.parametrize("address", ["nonsense", "tcp://127.0.0.1", "smoke://a:1"])
+def test_an_address_that_is_none_is_one_sentence(address):
+    with pytest.raises(EngineError, match=f"no Dask scheduler at '{address}'.*give the address"):
+        choose_engine(scheduler=address)
+
+
+@needs_dask
+def test_a_scheduler_that_is_not_there_is_said_within_seconds():
+    with socket.socket() as taken:  # bound, never listening: nobody answers
+        taken.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
+        start = time.monotonic()
+        with pytest.raises(EngineError, match=f"no Dask scheduler at '{address}'"):
+            choose_engine(scheduler=address)
+        assert time.monotonic() - start < 15
+
+
+@needs_dask
+def test_a_cluster_without_workers_is_one_sentence(monkeypatch):
+    monkeypatch.setattr("identifiability.cluster.PATIENCE", 1.0)
+    with (
+        distributed.LocalCluster(
+            n_workers=0, dashboard_address="127.0.0.1:0", protocol="tcp://"
+        ) as empty,
+        pytest.raises(EngineError, match="has no workers; start some with 'dask worker tcp://"),
+    ):
+        choose_engine(scheduler=empty.scheduler_address)
+
+
+def test_without_dask_one_sentence_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(EngineError, match=r"install it with pip install 'identifiability\[dist"):
+        choose_engine("dask")

@@ -1,0 +1,109 @@
+"""Long commands: the same result on every engine, taken up again, and ended by Ctrl-C at once."""
+
+import json
+import os
+import signal
+import sys
+import time
+
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import analyze, prune
+from identifiability.calibration import calibrate
+from identifiability.cli import app
+from identifiability.engine import Processes, Serial
+
+
+@pytest.fixture(scope="module")
+def two():
+    with Processes(2) as engine:
+        yield engine
+
+
+@pytest.fixture(scope="module")
+def log(simulated_session):
+    return simulated_session("two-link", "a", 0)
+
+
+def test_seeds_of_a_calibration_do_not_depend_on_who_does_it(log, two):
+    analysis = analyze("two-link", log, replicates=0)
+    small = {"noise": (1.0,), "rho": (0.9,), "trials": 12, "replicates": 10}
+    found = [
+        calibrate(analysis, **small, sbc=260, seed=3, engine=engine).to_dict()
+        for engine in (None, Serial(), two)
+    ]
+    assert found[0] == found[1] == found[2]
+    other = calibrate(analysis, **small, seed=4).to_dict()
+    assert other["cells"] != found[0]["cells"]
+
+
+def test_seeds_of_pruning_do_not_depend_on_who_does_it(log, two):
+    here, there = (
+        prune("two-link", log, replicates=25, seed=1, engine=engine).stability
+        for engine in (None, two)
+    )
+    assert here.sizes.tolist() == there.sizes.tolist()
+    assert here.survives.tobytes() == there.survives.tobytes()
+    assert here.replicates == 25
+
+
+def test_a_calibration_is_taken_up_again(log, tmp_path):
+    path = log.write(tmp_path / "log.csv")
+    words = ["calibrate", "two-link", str(path), "--quick", "--engine", "serial", "--no-sbc"]
+    words += ["--resume", str(tmp_path / "work"), "--json"]
+    first, again = tmp_path / "first.json", tmp_path / "again.json"
+    assert CliRunner().invoke(app, [*words, str(first)]).exit_code == 0
+    kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "work").rglob("*.result")}
+    assert len(kept) == 9  # a batch for each cell
+    victim = min(kept)
+    victim.unlink()
+    assert CliRunner().invoke(app, [*words, str(again)]).exit_code == 0
+    assert json.loads(first.read_text()) == json.loads(again.read_text())
+    now = {p: p.stat().st_mtime_ns for p in (tmp_path / "work").rglob("*.result")}
+    assert now.keys() == kept.keys()
+    assert {p for p in now if now[p] != kept[p]} == {victim}
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--engine", "serial", "--scheduler", "tcp://a:1"], "give the engine 'dask' with it"),
+        (["--resume", "{log}"], "give a folder"),
+        (["--scheduler", "a", "--workers", "2"], "has its own workers"),
+    ],
+)
+def test_engines_that_cannot_be_are_one_sentence(words, sentence, log, tmp_path):
+    path = str(log.write(tmp_path / "log.csv"))
+    words = [word.format(log=path) for word in words]
+    run = CliRunner().invoke(app, ["prune", "two-link", path, *words])
+    assert run.exit_code == 2
+    assert sentence in " ".join(run.stderr.split())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no process groups")
+def test_ctrl_c_ends_a_calibration_and_its_workers_at_once(log, spawn, group, tmp_path):
+    report, result, work = (tmp_path / name for name in ("r.html", "r.json", "work"))
+    for path in (report, result):
+        path.write_text("old")
+    running = spawn(
+        "-m", "identifiability", "calibrate", "two-link", log.write(tmp_path / "log.csv"),
+        "--trials", 2000, "--workers", 2, "--resume", work, "--report", report, "--json", result,
+    )  # fmt: skip
+    until = time.monotonic() + 120
+    while not list(work.rglob("*.result")) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert len(group(running.pid)) > 2  # the command and its workers
+    start = time.monotonic()
+    os.killpg(running.pid, signal.SIGINT)  # as a terminal does
+    stdout, stderr = running.communicate(timeout=60)
+    assert time.monotonic() - start < 10  # a second or two on an idle machine
+    assert running.returncode == 130
+    assert stderr.strip() == "Stopped; no file was left half-written."
+    assert stdout == ""
+    until = time.monotonic() + 5
+    while group(running.pid) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert group(running.pid) == []
+    assert report.read_text() == result.read_text() == "old"
+    assert not list(tmp_path.rglob(".*.tmp"))

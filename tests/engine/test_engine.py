@@ -1,0 +1,117 @@
+"""Every engine gives the same results in the same order, and none leaves work or workers behind."""
+
+import os
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+
+from identifiability.engine import Processes, Resumed, Serial, choose_engine
+from identifiability.errors import EngineError, LogError
+from identifiability.mapping import in_order
+
+
+@pytest.fixture(scope="module")
+def two():
+    with Processes(2) as engine:
+        yield engine
+
+
+def test_processes_give_the_bits_that_this_process_gives(two, work):
+    here = list(Serial().map(work.solve, range(12)))
+    there = list(two.map(work.solve, range(12)))
+    assert [x.tobytes() for x in here] == [x.tobytes() for x in there]
+
+
+def test_large_arguments_reach_every_worker(two, work):
+    function = partial(work.look_up, np.arange(200_000.0))
+    found = list(two.map(function, range(0, 200_000, 10_000)))
+    assert [x for x, _ in found] == list(range(0, 200_000, 10_000))
+    assert os.getpid() not in {pid for _, pid in found}
+
+
+def test_progress_counts_the_items(two, work):
+    seen = []
+    for engine in (Serial(), two):
+        list(engine.map(work.refuse, [0, 1, 2], progress=lambda *step: seen.append(step)))
+    assert seen == [(1, 3), (2, 3), (3, 3)] * 2
+
+
+@pytest.mark.parametrize("kind", ["serial", "processes"])
+def test_the_first_error_arrives_as_itself_and_work_goes_on_afterwards(kind, two, work):
+    engine = Serial() if kind == "serial" else two
+    results = engine.map(work.refuse, range(40))
+    assert [next(results), next(results), next(results)] == [0, 1, 2]
+    with pytest.raises(LogError, match=r"^Item 3 is bad\.$"):
+        next(results)
+    assert list(engine.map(work.refuse, [2, 1])) == [2, 1]
+
+
+def test_what_a_lost_worker_did_is_done_again(two, tmp_path, work):
+    found = list(two.map(partial(work.end_once, str(tmp_path / "mark")), range(12)))
+    assert found == list(range(12))
+
+
+def test_workers_that_are_lost_every_time_are_one_sentence(two, work):
+    with pytest.raises(EngineError, match="lost 3 times in a row, most likely for lack of memory"):
+        list(two.map(work.end, range(4)))
+
+
+def test_results_that_nobody_fetches_do_not_pile_up():
+    class Done:
+        def __init__(self, item):
+            started.append(item)
+            self.item = item
+
+        def result(self):
+            return self.item
+
+        def done(self):
+            return True
+
+    started, abandoned = [], []
+    results = in_order(Done, range(100), 5, abandoned.append)
+    assert next(results) == 0
+    assert started == [0, 1, 2, 3, 4]
+    assert [next(results) for _ in range(3)] == [1, 2, 3]
+    assert len(started) == 8
+    results.close()
+    assert not abandoned
+    assert list(in_order(Done, range(3), 5, abandoned.append)) == [0, 1, 2]
+
+
+def test_a_caller_that_wants_no_more_ends_the_work(two):
+    results = two.map(lambda k: time.sleep(0 if k < 2 else 60), range(6))
+    next(results)
+    start = time.monotonic()
+    results.close()
+    assert time.monotonic() - start < 20  # not the minute that the items would take
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"name": "threads"}, "no engine 'threads'. The engines are serial, processes, dask"),
+        ({"name": "Dusk"}, "no engine 'Dusk', did you mean 'dask'?"),
+        ({"workers": 0}, "0 workers cannot do anything; give at least 1"),
+        ({"name": "serial", "scheduler": "tcp://a:1"}, "'serial' has no scheduler"),
+        ({"scheduler": "tcp://a:1", "workers": 2}, "has its own workers; leave out their number"),
+    ],
+)
+def test_options_that_contradict_each_other_are_one_sentence(options, sentence):
+    with pytest.raises(EngineError, match=sentence.replace("?", r"\?")):
+        choose_engine(**options)
+
+
+def test_options_choose_the_engine(tmp_path):
+    assert isinstance(choose_engine(), Processes)
+    assert isinstance(choose_engine("serial"), Serial)
+    assert choose_engine(workers=3).workers == 3
+    kept = choose_engine("serial", resume=tmp_path / "work")
+    assert isinstance(kept, Resumed)
+    assert isinstance(kept.engine, Serial)
+
+
+def test_one_worker_works_here():
+    assert set(Processes(1).map(lambda _: os.getpid(), range(3))) == {os.getpid()}

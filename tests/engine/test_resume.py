@@ -1,0 +1,178 @@
+"""What was finished is not done again; what is damaged or different is."""
+
+import signal
+import sys
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+
+from identifiability import fingerprint as prints
+from identifiability.engine import Resumed, Serial
+from identifiability.errors import OutputError
+
+calls = []
+
+
+def square(item):
+    calls.append(item)
+    return np.array([item, item**2])
+
+
+def power(exponent, item):
+    calls.append(item)
+    return item**exponent
+
+
+@pytest.fixture(autouse=True)
+def forget():
+    calls.clear()
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A function (function, items) -> results and the items that were really worked on."""
+
+    def go(function, items):
+        calls.clear()
+        results = list(Resumed(Serial(), tmp_path / "work").map(function, items))
+        return results, list(calls)
+
+    return go
+
+
+def files(tmp_path):
+    return sorted((tmp_path / "work").rglob("*.result"))
+
+
+def test_finished_items_are_taken_from_the_folder(run):
+    first, worked = run(square, range(5))
+    assert worked == [0, 1, 2, 3, 4]
+    again, worked = run(square, range(5))
+    assert worked == []
+    assert [x.tobytes() for x in again] == [x.tobytes() for x in first]
+    more, worked = run(square, [7, 2, 8, 0])
+    assert worked == [7, 8]
+    assert [int(x[1]) for x in more] == [49, 4, 64, 0]
+
+
+def test_an_error_leaves_what_was_finished_before_it(run):
+    def fail(item):
+        if item == 3:
+            raise KeyboardInterrupt
+        return square(item)
+
+    with pytest.raises(KeyboardInterrupt):
+        run(fail, range(6))
+    with pytest.raises(KeyboardInterrupt):
+        run(fail, range(6))
+    assert calls == []  # 0, 1 and 2 were there, 3 fails again
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: content[:-1],
+        lambda content: content[:-1] + bytes([content[-1] ^ 1]),
+        lambda content: b"",
+        lambda content: b"x" + content[1:],
+        lambda content: content + b".",
+    ],
+    ids=["cut", "a bit", "empty", "another format", "longer"],
+)
+def test_a_damaged_file_is_done_again_not_believed(run, tmp_path, damage):
+    run(square, range(4))
+    victim = files(tmp_path)[2]
+    whole = victim.read_bytes()
+    victim.write_bytes(damage(whole))
+    results, worked = run(square, range(4))
+    assert len(worked) == 1
+    assert [int(x[1]) for x in results] == [0, 1, 4, 9]
+    assert victim.read_bytes() == whole
+
+
+def test_a_file_that_is_damaged_while_we_run_is_done_again(tmp_path):
+    engine = Resumed(Serial(), tmp_path / "work")
+    list(engine.map(square, range(4)))
+    results = engine.map(square, [*range(4), 9])
+    next(results)
+    for path in files(tmp_path):
+        path.unlink()
+    assert [int(x[1]) for x in results] == [1, 4, 9, 81]
+
+
+def test_different_work_is_not_mixed_up(run):
+    assert run(partial(power, 2), [3])[0] == [9]
+    assert run(partial(power, 3), [3]) == ([27], [3])
+    assert run(partial(power, 2), [4]) == ([16], [4])
+    assert run(partial(power, 2), [3]) == ([9], [])
+    found = [run(lambda item, k=k: power(k, item), [3])[0][0] for k in (1, 2, 3)]
+    assert found == [3, 9, 27]
+    offset = np.zeros(3)
+    assert run(partial(np.add, offset), [1])[0][0].tolist() == [1, 1, 1]
+    assert run(partial(np.add, offset + 1), [1])[0][0].tolist() == [2, 2, 2]
+
+
+def test_another_program_is_new_work(run, monkeypatch):
+    run(square, range(2))
+    text = prints.source_digest
+    monkeypatch.setattr(prints, "source_digest", lambda name: "changed" + text(name))
+    assert run(square, range(2))[1] == [0, 1]
+    monkeypatch.setattr(prints, "source_digest", text)
+    monkeypatch.setattr(prints, "_version", lambda name: "9")
+    assert run(square, range(2))[1] == [0, 1]
+
+
+def test_the_digest_of_a_package_is_that_of_its_files(tmp_path, monkeypatch):
+    package = tmp_path / "some_study"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "part.py").write_text("x = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    prints.source_digest.cache_clear()
+    first = prints.source_digest("some_study")
+    prints.source_digest.cache_clear()
+    (package / "part.py").write_text("x = 2\n")
+    assert len(first) == 64
+    assert prints.source_digest("some_study") not in ("", first)
+    assert prints.source_digest("no_such_module") == ""
+
+
+def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match=r"file' cannot keep finished work: .*; give a folder\."):
+        Resumed(Serial(), tmp_path / "file")
+
+
+PROGRAM = """
+import sys, time
+from pathlib import Path
+from identifiability.engine import choose_engine
+
+def work(item):
+    if sys.argv[1] == "slow" and item >= 12:
+        time.sleep(60)
+    with open(sys.argv[2], "a") as log:
+        log.write(f"{item}\\n")
+    return item / 7
+
+with choose_engine("serial", resume=sys.argv[3]) as engine:
+    print(sum(engine.map(work, range(20))))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such signals")
+def test_a_killed_program_goes_on_where_it_was(spawn, tmp_path):
+    program, log, work = tmp_path / "program.py", tmp_path / "log", tmp_path / "work"
+    program.write_text(PROGRAM)
+    running = spawn(program, "slow", log, work)
+    until = time.monotonic() + 60
+    while len(files(tmp_path)) < 12 and time.monotonic() < until:
+        time.sleep(0.05)
+    running.send_signal(signal.SIGKILL)
+    running.communicate()
+    assert log.read_text().split() == [str(k) for k in range(12)]
+    out, errors = spawn(program, "fast", log, work).communicate(timeout=60)
+    assert float(out) == sum(k / 7 for k in range(20)), errors
+    assert log.read_text().split() == [str(k) for k in range(20)]
