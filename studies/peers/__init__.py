@@ -1,0 +1,1 @@
+"""What the benchmark against peers is made of: contenders, their runs, figures."""

@@ -1,0 +1,46 @@
+"""The library: samples, base parameters, the regressor compressed as it is made, least squares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from identifiability.estimation import Estimate, estimate
+from identifiability.grouping import BaseParameters, find_base_parameters
+from identifiability.information import Information, gather_information
+from identifiability.log import Log
+from identifiability.model import Model, Regression
+from identifiability.robot import Robot
+from identifiability.samples import Preparation, prepare_samples
+from peers.process import Array, Run
+
+EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction")
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What later steps need, and the regressor W (S, n, p) at the shown samples."""
+
+    robot: Robot
+    base: BaseParameters
+    information: Information
+    estimate: Estimate
+    W: Array
+
+
+def fit(run: Run) -> Fit:
+    """Estimate the base parameters with σ by ordinary least squares."""
+    robot, model = Robot.load(run.robot), Model.of(*EFFECTS)
+    with run.phase("preparation"):
+        log = Log("samples", robot.joints, run.t, run.q, run.tau, run.v, run.a, "")
+        samples = prepare_samples(robot, log, Preparation("given", keep_rest=True))
+    with run.phase("base parameters"):
+        base = find_base_parameters(robot, model)
+    with run.phase("regressor"):  # and its compression: the whole is never in memory
+        information = gather_information(Regression(robot, model, (samples,), base.kept))
+    with run.phase("least squares and σ"):
+        found = estimate(information, "ols")
+    W = model.regressor(robot, samples.motion[run.shown])
+    run.evidence["regressor"] = W[:, :, : 10 * robot.nv].tolist()
+    variance = float(found.rss.sum()) / found.dof
+    run.show_fit(W[:, :, base.kept], found.value, found.covariance, variance)
+    return Fit(robot, base, information, found, W)

@@ -1,0 +1,23 @@
+"""The library, then its semidefinite program on the compressed problem."""
+
+from __future__ import annotations
+
+from identifiability.feasibility import full_problem, nominal_vector, physical_set
+from identifiability.ladder import full_rung
+from identifiability.physical.project import project
+from peers import ours
+from peers.process import Run
+
+
+def fit(run: Run) -> None:
+    """Find the real robot that is nearest to the data."""
+    found = ours.fit(run)
+    base, robot = found.base, found.robot
+    with run.phase("semidefinite program"):
+        data = full_problem(found.information, found.estimate, full_rung(base), base.G)
+        near = project(data, physical_set(robot, base), reference=nominal_vector(robot, base))
+    run.evidence |= {
+        "rss": near.rss,
+        "torque": (found.W @ near.phi).tolist(),
+        "status": near.status,
+    }
