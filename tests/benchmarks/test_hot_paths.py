@@ -26,19 +26,21 @@ def motion_of(name: str, samples: int):
     return robot, move
 
 
-def bare_loop(model, data, q, v, a) -> None:
-    """What anybody would write: one Pinocchio call a sample, results thrown away."""
+def bare_loop(model, data, q, v, a, out) -> None:
+    """What anybody would write: one Pinocchio call a sample, into an array that is there."""
     for k in range(len(q)):
-        pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])
+        out[k] = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])
 
 
-def best(function, rounds: int = 5) -> float:
-    times = []
+def best(*functions, rounds: int = 7) -> list[float]:
+    """The least processor time of each, taken in turn so that both see the same machine."""
+    times = [[] for _ in functions]
     for _ in range(rounds):
-        start = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - start)
-    return min(times)
+        for function, spent in zip(functions, times, strict=True):
+            start = time.process_time()
+            function()
+            spent.append(time.process_time() - start)
+    return [min(spent) for spent in times]
 
 
 @pytest.fixture
@@ -59,13 +61,16 @@ def test_open_chain_regressor(benchmark, arm):
     benchmark.pedantic(lambda: chunked(robot, model, motion), rounds=3)
 
 
-def test_open_chain_regressor_costs_at_most_half_again_a_bare_pinocchio_loop(arm):
+def test_open_chain_regressor_costs_at_most_a_fifth_more_than_a_bare_pinocchio_loop(arm):
     robot, motion = arm
     data = robot.model.createData()
     model = Model.of("rigid_body")
-    ours = best(lambda: chunked(robot, model, motion))
-    bare = best(lambda: bare_loop(robot.model, data, motion.q, motion.v, motion.a))
-    assert ours <= 1.5 * bare, f"{ours / bare:.2f} × the bare loop"
+    out = np.ones((len(motion), robot.nv, 10 * robot.nv))
+    ours, bare = best(
+        lambda: chunked(robot, model, motion),
+        lambda: bare_loop(robot.model, data, motion.q, motion.v, motion.a, out),
+    )
+    assert ours <= 1.2 * bare, f"{ours / bare:.2f} × the bare loop"
 
 
 def test_closed_chain_from_actuated_motion_to_projected_regressor(benchmark):
