@@ -16,7 +16,7 @@ import pandas as pd
 from inside import closing, draws, elimination, program, refits, scores
 from inside.closing import Pace
 from inside.pair import Pair
-from peers.figures import draw_pairs
+from peers.figures import draw_pairs, times_faster
 from peers.tables import versions
 from posterior_speed import analyse
 from threadpoolctl import threadpool_limits
@@ -67,7 +67,7 @@ def table(found: Sequence[tuple[int, Pair]]) -> pd.DataFrame:
                 "naive form": p.naive_form,
                 "ours [s]": f"{p.ours:.3g}",
                 "naive [s]": f"{p.naive:.3g}",
-                "times faster": f"{p.ratio:.3g}",
+                "times faster": times_faster(p.ratio),
                 "difference": Check(f"{p.gap:.1e}", p.agree, f"at most {p.most:g}"),
                 "of": p.measure,
             }
@@ -109,7 +109,8 @@ def state(found: Sequence[tuple[int, Pair]]) -> str:
     most = max(p.ratio for _, p in found)
     return (
         f"Bootstrap, posterior, semidefinite program, pruning, diagnosis and the closing of loops "
-        f"give the answers of their naive forms {least:.3g} to {most:.3g} times faster."
+        f"give the answers of their naive forms {times_faster(least)} to {times_faster(most)} "
+        f"times faster."
     )
 
 
@@ -173,7 +174,10 @@ def main(argv: Sequence[str] | None = None) -> list[tuple[int, Pair]]:
     found = []
     with threadpool_limits(1):
         for samples, pair in pairs(quick=given.quick, seed=given.seed):
-            print(f"{pair.name}, {samples} samples: {pair.ratio:.3g} times faster", flush=True)
+            print(
+                f"{pair.name}, {samples} samples: {times_faster(pair.ratio)} times faster",
+                flush=True,
+            )
             found.append((samples, pair))
     write(found, paces(quick=given.quick), given.out, given.seed)
     return found

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from arviz_stats.base.array import array_stats
 from numpy.typing import NDArray
 
 from identifiability.posterior.ensemble import ENSEMBLES, Posterior
@@ -88,6 +87,8 @@ def diagnose_convergence(
     ValueError
         When there are fewer than four independent ensembles, or fewer than four draws.
     """
+    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - analyses without one skip it
+
     limits = thresholds or Thresholds()
     E, K, N, p = posterior.draws.shape
     if E < ENSEMBLES or N < 4:

@@ -45,8 +45,8 @@ def draw_growth(
     if bound is not None:
         axes.axhline(bound[0], color=INK, linewidth=1, linestyle=(0, (4, 3)))
         axes.annotate(
-            bound[1], (0, bound[0]), (4, 3), xycoords=("axes fraction", "data"),
-            textcoords="offset points", color=INK, fontsize=10.5,
+            bound[1], (1, bound[0]), (-2, 3), xycoords=("axes fraction", "data"),
+            textcoords="offset points", ha="right", color=INK, fontsize=10.5,
         )  # fmt: skip
     samples = np.concatenate([n for n, _ in lines.values()])
     values = np.concatenate([y for _, y in lines.values()])
@@ -62,10 +62,22 @@ def _log_y(axes: Axes, values: Array) -> None:
     low, high = 0.7 * float(np.min(values)), 1.5 * float(np.max(values))
     axes.set_yscale("log")
     axes.set_ylim(low, high)
-    powers = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-    axes.yaxis.set_major_locator(FixedLocator(list(10.0**powers)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: power_of_ten(y)))
+    powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    between = [1.0, 2.0, 5.0] if high < 100 * low else [1.0]  # few powers of ten are few marks
+    axes.yaxis.set_major_locator(FixedLocator([f * p for p in powers for f in between]))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: mark(y)))
     axes.yaxis.set_minor_locator(NullLocator())
+
+
+def mark(y: float) -> str:
+    """Return a number at an axis: powers of ten as such, others plain."""
+    power = 10.0 ** round(np.log10(y))
+    return power_of_ten(y) if abs(y / power - 1) < 1e-9 else f"{y:g}"
+
+
+def times_faster(ratio: float) -> str:
+    """Return a ratio with as many digits as it is worth."""
+    return f"{ratio:.1f}" if ratio < 20 else f"{ratio:.0f}"
 
 
 @drawn
@@ -115,7 +127,7 @@ def draw_pairs(names: Sequence[str], ours: Array, naive: Array, unit: str = "tim
     for row, (a, b) in enumerate(zip(ours, naive, strict=True)):
         axes.plot([a, b], [row, row], color=MUTED, linewidth=1, zorder=0)
         axes.annotate(
-            plain(f"{b / a:.3g} ×"), (1, row), (6, 0), xycoords=("axes fraction", "data"),
+            plain(f"{times_faster(b / a)} ×"), (1, row), (6, 0), xycoords=("axes fraction", "data"),
             textcoords="offset points", va="center", color=INK, fontsize=10.5,
         )  # fmt: skip
     every = np.concatenate([ours, naive])

@@ -65,6 +65,10 @@ class Measured:
         """Processor time of all phases [s]."""
         return sum(p[0] for p in self.phases.values())
 
+    def spent(self, phase: str) -> float:
+        """Processor time of a phase [s]."""
+        return self.phases[phase][0]
+
 
 @contextmanager
 def make_samples(count: int, seed: int) -> Iterator[Path]:

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from identifiability import __version__
 from identifiability.report import Check
+from peers.figures import times_faster
 from peers.running import Measured
 
 FITS = ("ours", "bare loop", "FIGAROH", "FIGAROH, pivoting")
@@ -22,6 +24,9 @@ FASTER, MEGABYTES, PHYSICAL_FASTER = 8.0, 300.0, 50.0
 
 #: Largest relative difference of answers that are called the same.
 SAME, SAME_PHYSICAL = 1e-8, 1e-6
+
+#: What is compared of an estimate, and what it is called.
+COMPARED = {"torque": "torque", "torque_sd": "σ of the torque", "variance": "noise variance"}
 
 
 def find(runs: Sequence[Measured], name: str, samples: int) -> Measured | None:
@@ -36,28 +41,39 @@ def difference(a: Any, b: Any) -> float:
 
 
 def agreement(runs: Sequence[Measured]) -> pd.DataFrame:
-    """Return the largest differences between every contender's answer and ours, by samples."""
+    """Return the largest differences between every estimate and ours, by samples."""
     rows = []
     for r in runs:
-        ours = find(runs, "ours, physical" if r.name in PHYSICAL else "ours", r.samples)
-        if not r.ran or ours is None or r is ours:
+        ours = find(runs, "ours", r.samples)
+        if not r.ran or r.name not in FITS or ours is None or r is ours:
             continue
-        row: dict[str, Any] = {"contender": r.name, "samples": r.samples}
         mine, theirs = ours.evidence, r.evidence
-        if r.name in PHYSICAL:
-            gap = difference(theirs["rss"], mine["rss"])
-            row["residual sum of squares"] = checked(gap, SAME_PHYSICAL)
-        else:
-            row["regressor"] = checked(difference(theirs["regressor"], mine["regressor"]), SAME)
-            if "torque" in theirs:
-                row["rank"] = Check(
-                    str(theirs["rank"]), theirs["rank"] == mine["rank"], f"ours {mine['rank']}"
-                )
-                for key, title in (("torque", "torque"), ("torque_sd", "σ of the torque")):
-                    row[title] = checked(difference(theirs[key], mine[key]), SAME)
-                gap = difference(theirs["variance"], mine["variance"])
-                row["noise variance"] = checked(gap, SAME)
+        row: dict[str, Any] = {"contender": r.name, "samples": r.samples}
+        row["regressor"] = checked(difference(theirs["regressor"], mine["regressor"]), SAME)
+        if "torque" in theirs:
+            same = theirs["rank"] == mine["rank"]
+            row["rank"] = Check(str(theirs["rank"]), same, f"ours {mine['rank']}")
+            for key, title in COMPARED.items():
+                row[title] = checked(difference(theirs[key], mine[key]), SAME)
         rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def agreement_physical(runs: Sequence[Measured]) -> pd.DataFrame:
+    """Return the difference between every physical fit and ours, by samples."""
+    rows = []
+    for r in runs:
+        ours = find(runs, "ours, physical", r.samples)
+        if r.ran and r.name in PHYSICAL and ours is not None and r is not ours:
+            gap = difference(r.evidence["rss"], ours.evidence["rss"])
+            rows.append(
+                {
+                    "contender": r.name,
+                    "samples": r.samples,
+                    "residual sum of squares": checked(gap, SAME_PHYSICAL),
+                    "its solver says": r.evidence["status"],
+                }
+            )
     return pd.DataFrame(rows)
 
 
@@ -66,52 +82,45 @@ def checked(gap: float, most: float) -> Check:
     return Check(f"{gap:.1e}", gap <= most, f"at most {most:.0e}")
 
 
-def all_agree(frame: pd.DataFrame) -> bool:
+def all_agree(runs: Sequence[Measured]) -> bool:
     """Return whether no answer differs."""
-    cells = [c for c in frame.to_numpy().ravel() if isinstance(c, Check)]
+    frames = agreement(runs), agreement_physical(runs)
+    cells = [c for f in frames for c in f.to_numpy().ravel() if isinstance(c, Check)]
     return all(c.passed for c in cells)
-
-
-def after_regressor(run: Measured) -> float:
-    """Return the processor time of a physical fit without its regressor [s].
-
-    Ours compresses while it makes the regressor; that is counted in full.
-    """
-    spent = {k: v[0] for k, v in run.phases.items()}
-    return run.seconds if run.name.startswith("ours") else run.seconds - spent["regressor"]
 
 
 def targets(runs: Sequence[Measured], at: int) -> pd.DataFrame:
     """Return what is asked for beside what was measured."""
     rows = []
 
-    def add(what: str, value: float, text: str, passed: bool, asked: str) -> None:
+    def add(what: str, text: str, passed: bool | None, asked: str) -> None:
         rows.append({"what": what, "measured": Check(text, passed, asked)})
+
+    def faster(what: str, ratio: float, least: float) -> None:
+        add(what, f"{times_faster(ratio)} ×", ratio >= least, f"at least {least:g} ×")
 
     ours, bare = find(runs, "ours", at), find(runs, "bare loop", at)
     for name in ("FIGAROH, pivoting", "FIGAROH"):
         other = find(runs, name, at)
         if ours and other:
             ratio = other.seconds / ours.seconds
-            what = f"base parameters and σ, times faster than {name}"
-            add(what, ratio, f"{ratio:.1f} ×", ratio >= FASTER, f"at least {FASTER:g} ×")
+            faster(f"base parameters and σ, times faster than {name}", ratio, FASTER)
     if ours:
-        text = f"{ours.peak:.0f} MB"
-        add("memory at most", ours.peak, text, ours.peak <= MEGABYTES, f"at most {MEGABYTES:g} MB")
+        passed = ours.peak <= MEGABYTES
+        add("memory at most", f"{ours.peak:.0f} MB", passed, f"at most {MEGABYTES:g} MB")
     mine = find(runs, "ours, physical", at)
-    for name in ("FIGAROH, physical", "cvxpy, all rows"):
+    for name in ("cvxpy, all rows", "FIGAROH, physical"):
         other = find(runs, name, at)
-        if mine and other:
-            ratio = after_regressor(other) / mine.phases["semidefinite program"][0]
-            what = f"semidefinite program, times faster than {name} with its compression"
-            add(what, ratio, f"{ratio:.0f} ×", ratio >= PHYSICAL_FASTER,
-                f"at least {PHYSICAL_FASTER:g} ×")  # fmt: skip
+        if mine and other and bare:
+            alone = other.spent("semidefinite program") / mine.spent("semidefinite program")
+            faster(f"semidefinite program, times faster than {name}", alone, PHYSICAL_FASTER)
+            ratio = (other.seconds - other.spent("regressor")) / (mine.seconds - bare.seconds)
+            what = f"all after the regressor, compression included, times faster than {name}"
+            add(what, f"{times_faster(ratio)} ×", None, "nothing asked")
     if ours and bare:
-        ratio = ours.phases["regressor"][0] / bare.seconds
-        rows.append({
-            "what": "regressor with its compression, over the bare loop",
-            "measured": f"{ratio:.2f} ×",
-        })  # fmt: skip
+        ratio = ours.spent("regressor") / bare.seconds
+        add("regressor with its compression, over the bare loop", f"{ratio:.2f} ×", None,
+            "nothing asked")  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -124,7 +133,8 @@ def reason(runs: Sequence[Measured], name: str, samples: int) -> str:
 def versions() -> dict[str, str]:
     """Return the versions that were measured."""
     out = {"python": platform.python_version(), "machine": processor()}
-    for package in ("identifiability", "figaroh", "pin", "numpy", "scipy", "cvxpy", "clarabel",
+    out["identifiability"] = __version__
+    for package in ("figaroh", "pin", "numpy", "scipy", "cvxpy", "clarabel",
                     "picos", "cvxopt"):  # fmt: skip
         try:
             out[package] = metadata.version(package)

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 from peers.running import STUDIES, make_samples, run_contender
-from peers.tables import agreement, all_agree
+from peers.tables import all_agree
 
 #: Heavy packages that a fit needs none of.
 NEEDLESS = ("pandas", "pyarrow", "scipy.signal", "scipy.spatial", "scipy.stats", "matplotlib",
@@ -42,10 +42,10 @@ def test_contenders_agree_and_a_wrong_answer_is_seen():
     with make_samples(300, 0) as folder:
         runs = [run_contender(name, folder, 300, 1, 120.0) for name in names]
     assert all(r.ran for r in runs), [r.why for r in runs]
-    assert all_agree(agreement(runs))
+    assert all_agree(runs)
     regressor = np.array(runs[1].evidence["regressor"])
     runs[1].evidence["regressor"] = (regressor * (1 + 1e-6)).tolist()
-    assert not all_agree(agreement(runs))
+    assert not all_agree(runs)
 
 
 def test_what_does_not_fit_in_memory_is_not_run_and_said_so(monkeypatch):
