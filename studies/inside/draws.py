@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 
 import emcee
 import numpy as np
@@ -38,7 +39,7 @@ def measure(analysis: Analysis, draws: int, budget: float, seed: int) -> Pair:
     rows = all_rows(analysis, full.rung, information)
     W, tau = rows.weighted(full.estimate.weights)
     slow, others = _stretch(target, chains[:, -1], W, tau, budget, rngs[1])
-    first, second = _summary(chains), _summary(others)
+    first, second = _summarise(chains), _summarise(others)
     apart = np.abs(first.mean - second.mean) / np.hypot(first.error, second.error)
     return Pair(
         "posterior", "emcee's default stretch move with a likelihood that reads all rows",
@@ -48,13 +49,22 @@ def measure(analysis: Analysis, draws: int, budget: float, seed: int) -> Pair:
     )  # fmt: skip
 
 
-class _summary:  # noqa: N801 - three numbers of chains (C, N, p)
-    def __init__(self, chains: Array) -> None:
-        axes = {"chain_axis": 0, "draw_axis": 1}
-        ess = np.asarray(array_stats.ess(chains, method="mean", **axes))
-        flat = chains.reshape(-1, chains.shape[-1])
-        self.ess = float(np.asarray(array_stats.ess(chains, method="bulk", **axes)).min())
-        self.mean, self.error = flat.mean(0), flat.std(0) / np.sqrt(ess)
+@dataclass(frozen=True)
+class Summary:
+    """Chains in numbers: least effective draws in the bulk; means (p,) and their errors (p,)."""
+
+    ess: float
+    mean: Array
+    error: Array
+
+
+def _summarise(chains: Array) -> Summary:
+    """Return the summary of chains (C, N, p)."""
+    axes = {"chain_axis": 0, "draw_axis": 1}
+    least = np.asarray(array_stats.ess(chains, method="bulk", **axes)).min()
+    ess = np.asarray(array_stats.ess(chains, method="mean", **axes))
+    flat = chains.reshape(-1, chains.shape[-1])
+    return Summary(float(least), flat.mean(0), flat.std(0) / np.sqrt(ess))
 
 
 def _stretch(

@@ -1,7 +1,7 @@
 """One contender, alone in a process: load the samples, run it, print what was measured.
 
-``python -m peers.process NAME FOLDER SECONDS``. Each contender is a function of a module of its
-own, so that only what it needs is imported; that happens before the clock starts.
+``python -m peers.process NAME FOLDER``. Each contender is a function of a module of its own, so
+that only what it needs is imported; that happens before the clock starts.
 """
 
 from __future__ import annotations
@@ -109,12 +109,8 @@ def memory() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def main(name: str, folder: str, most: str) -> None:
-    """Run one contender on the samples of a folder and print what was measured.
-
-    After `most` seconds of the processor the system ends it.
-    """
-    resource.setrlimit(resource.RLIMIT_CPU, (int(most), int(most) + 5))
+def main(name: str, folder: str) -> None:
+    """Run one contender on the samples of a folder and print what was measured."""
     module, function = CONTENDERS[name]
     contender = getattr(import_module(module), function)
     imports = memory()
