@@ -47,6 +47,7 @@ from identifiability.stages import (
     fit_ladder,
     prepare_logs,
 )
+from identifiability.torque_check import find_mix_up
 from identifiability.verdict import Class, Thresholds
 
 if TYPE_CHECKING:
@@ -82,6 +83,8 @@ class Analysis:
         Posteriors of the selected model, where they were asked for.
     method, seed, thresholds
         As asked for.
+    hints : tuple of str
+        What seems to be wrong with the logs, for the user to check.
     """
 
     robot: Robot
@@ -98,6 +101,7 @@ class Analysis:
     seed: int
     belief: Belief | None = None
     thresholds: Thresholds = field(default_factory=Thresholds)
+    hints: tuple[str, ...] = ()
 
     @property
     def chosen(self) -> RungResult:
@@ -164,6 +168,7 @@ class Analysis:
                 "groupings": dict(zip(self.base.names, self.base.labels, strict=True)),
                 "without_effect": list(self.base.without_effect),
             },
+            "hints": list(self.hints),
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
             "method": self.method,
             "provenance": self.provenance,
@@ -216,10 +221,11 @@ class Analysis:
         total = len(self.base.parameters)
         why = self._why_nothing()
         if why:
-            return (
+            text = (
                 f"Nothing is identifiable, because {why}. The robot has {total} parameters, "
                 f"{self.base.rank} of them independent in principle."
             )
+            return " ".join((text, *self.hints))
         held = 100 * chosen.error_ra_validation
         text = (
             f"Of {total} parameters {self.base.rank} can be told apart in principle; these logs "
@@ -228,7 +234,7 @@ class Analysis:
             f"identifiable, and it predicts motion that it has not seen with an error of "
             f"{held:.3g} %."
         )
-        return f"{text} {self.physical_statement}"
+        return " ".join((text, self.physical_statement, *self.hints))
 
     @property
     def physical_statement(self) -> str:
@@ -331,6 +337,7 @@ def analyze(
         say("building the regression", 0.3)
         regression = Regression(robot, model, train, base.kept)
         information = gather_information(regression)
+        hint = find_mix_up(regression, base.nonnegative)
         say("fitting models", 0.6)
         fits, physical, values = fit_ladder(robot, base, rungs, information, method, cad_weight)
         fitted = predict(regression, values)
@@ -360,7 +367,7 @@ def analyze(
         return Analysis(
             robot, base, train, held, information, results, at,
             fitted.first(len(rungs)), out.first(len(rungs)), model.names, method, seed, belief,
-            thresholds,
+            thresholds, (hint,) if hint else (),
         )  # fmt: skip
 
 

@@ -188,7 +188,8 @@ def refine_verdicts(
                 f"With the prior around the robot file {low:.3g} … {high:.3g} (95 %) is believed; "
                 "it is the prior that narrows it, and another prior would say otherwise."
             )
-        out.append(replace(v, verdict=kind, reason=f"{v.reason} {text}"))
+        believed = (float(low), float(high))
+        out.append(replace(v, verdict=kind, reason=f"{v.reason} {text}", believed=believed))
     return tuple(out)
 
 

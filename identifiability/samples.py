@@ -10,6 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from identifiability import signals
+from identifiability.contradictions import find_contradictions
 from identifiability.errors import LogError, near_match
 from identifiability.log import Log
 from identifiability.names import Array
@@ -175,6 +176,7 @@ def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> S
         )
     q, dq, ddq, note, cutoff = _derivatives(log, how)
     notes.append(note)
+    notes += find_contradictions(log)
     motion = complete_motion(robot, log.t, q, dq, ddq)
     notes += _closure_notes(motion, len(log))
     if not how.keep_rest:

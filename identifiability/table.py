@@ -57,6 +57,7 @@ def _read_csv(path: Path) -> pd.DataFrame:
     """Read a CSV by its own header; pandas would rename repeated columns and shift long rows."""
     import pandas as pd  # noqa: PLC0415 - heavy; only files need it
 
+    check_separator(path)
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
         warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
@@ -64,6 +65,26 @@ def _read_csv(path: Path) -> pd.DataFrame:
     with path.open(encoding="utf-8-sig", newline="") as stream:
         header = next((row for row in csv.reader(stream, skipinitialspace=True) if row), [])
     return frame.set_axis(header, axis=1) if len(header) == frame.shape[1] else frame
+
+
+def check_separator(path: Path) -> None:
+    """Refuse a table whose header is separated by something else than commas.
+
+    Raises
+    ------
+    LogError
+    """
+    with path.open(encoding="utf-8-sig", errors="replace") as stream:
+        header = stream.readline(1 << 16).strip()
+    if "," in header:
+        return
+    for mark, name in ((";", "';'"), ("\t", "tabs"), ("|", "'|'"), (" ", "spaces")):
+        if "t" in (word.strip(' "') for word in header.split(mark)[:-1]):
+            decimal = " and numbers with a decimal point" if mark == ";" else ""
+            raise LogError(
+                f"{path} is separated by {name}, not by commas; write it as CSV with "
+                f"commas{decimal}."
+            )
 
 
 def check_columns(columns: list[str], source: str) -> None:
@@ -74,8 +95,6 @@ def check_columns(columns: list[str], source: str) -> None:
     LogError
     """
     if "t" not in columns:
-        if len(columns) == 1 and any(mark in columns[0] for mark in ";\t"):
-            raise LogError(f"{source} is not separated by commas; write it as CSV with commas.")
         likely = [c for c in columns if c == "T" or c.casefold().startswith("time")]
         guess = f", did you mean '{likely[0]}'?" if likely else "."
         raise LogError(

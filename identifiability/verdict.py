@@ -65,7 +65,7 @@ class Verdict:
     value, sigma, sigma_robust : float
         Estimate and its standard deviations under white and under autocorrelated noise.
     interval95 : tuple of float
-        ``value ± 1.96 σ_robust``.
+        ``value ± 1.96 σ_robust``, or the physical posterior's where that decided the verdict.
     share : float
         Torque that the parameter makes, rms, relative to the measured torque's.
     paper_rule : bool
@@ -74,6 +74,8 @@ class Verdict:
     reason : str
     nominal : float or None
         Value that the robot file states.
+    believed : tuple of float or None
+        Central 95 % of the physical posterior, where constraints or prior decided the verdict.
     """
 
     name: str
@@ -87,10 +89,16 @@ class Verdict:
     verdict: Class
     reason: str
     nominal: float | None = None
+    believed: tuple[float, float] | None = None
 
     @property
     def interval95(self) -> tuple[float, float]:
-        """The 95 % interval."""
+        """The 95 % interval that the verdict rests on."""
+        return self.data_interval95 if self.believed is None else self.believed
+
+    @property
+    def data_interval95(self) -> tuple[float, float]:
+        """The 95 % interval that the data alone leave."""
         half = 1.96 * self.sigma_robust
         return self.value - half, self.value + half
 
@@ -115,6 +123,7 @@ class Verdict:
             "sigma_percent": self.sigma_percent,
             "sigma_robust_percent": self.sigma_robust_percent,
             "interval95": list(self.interval95),
+            "data_interval95": list(self.data_interval95),
             "paper_rule": self.paper_rule,
             "verdict": self.verdict.value,
             "reason": self.reason,

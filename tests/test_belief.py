@@ -154,6 +154,10 @@ def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analys
         if after.verdict in (Class.CONSTRAINT, Class.PRIOR):
             assert after.reason.startswith(before.reason)
             assert "prior around the robot file" in after.reason
+            row = after.to_row()
+            assert row["interval95"] == unpruned.physical.interval[k].tolist()
+            assert row["data_interval95"] == list(before.interval95)
+            assert f"{row['interval95'][0]:.3g} … {row['interval95'][1]:.3g}" in after.reason
         if after.verdict is Class.CONSTRAINT:  # like with like: data and prior without bodies
             assert unpruned.physical.sd[k] ** 2 < 0.5 * unpruned.model_data_sd[k] ** 2
             assert unpruned.physical.sd[k] ** 2 < 0.5 * after.sigma_robust**2

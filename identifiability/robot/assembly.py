@@ -22,6 +22,9 @@ from identifiability.robot.transmission import Transmission
 #: Model, loops, couplings and actuated joints as a robot file states them.
 Closures = tuple[Any, list[Loop], list[Coupling], list[str] | None]
 
+#: A home position further than this from closing the loops is no rounded one [m or rad].
+OPEN = 1e-3
+
 
 def assemble(
     path: Path,
@@ -190,6 +193,8 @@ def _choose_joints(robot: Robot, extra: Sidecar, actuated: list[str] | None) -> 
     robot = replace(robot, loop_rows=np.arange(equations))
     rows = closure.independent_rows(robot) if equations else np.empty(0, int)
     if len(rows) < len(dependent):
+        if equations:
+            _check_closed_home(robot)
         raise RobotError(
             f"{robot.path}: {len(dependent)} joints have no actuator ({listing(robot.passive)}) "
             f"but the loops give only {len(rows)} independent equations; name the missing "
@@ -208,6 +213,18 @@ def _choose_joints(robot: Robot, extra: Sidecar, actuated: list[str] | None) -> 
     except ClosureError as error:
         raise RobotError(str(error)) from None
     return robot
+
+
+def _check_closed_home(robot: Robot) -> None:
+    """Refuse a home position far from closing the loops: their equations mean nothing there."""
+    gap = float(closure.loop_error(robot, robot.home[None])[0])
+    if gap > OPEN:
+        raise RobotError(
+            f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
+            f"({robot.describe_home()}), so the passive joints cannot be determined; give a "
+            'position of every joint that closes them: <keyframe><key name="home" qpos="…"/>'
+            "</keyframe> in MJCF, or a table [home] in the sidecar."
+        )
 
 
 def _nominal(robot: Robot, extra: Sidecar) -> dict[str, float]:

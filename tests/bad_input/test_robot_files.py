@@ -1,5 +1,6 @@
 """A robot file that cannot be read is refused with one sentence, by our checks, never by C++."""
 
+import math
 import re
 import subprocess
 import sys
@@ -170,8 +171,8 @@ CLOSED = {
         (KEY, '<keyframe><key name="home" qpos="3.1 0 0 0"/></keyframe>'),
         r"do not close at its home position left_shoulder = 3.1, .*error is 1.8 m; give a home",
     ),
-    "home at a singularity": (
-        (KEY, ""),
+    "home at a singularity": (  # everything on one line
+        (KEY, f'<keyframe><key name="home" qpos="{math.pi} {-math.pi} 0 {math.pi}"/></keyframe>'),
         "only 1 independent equations; .* a home position away from singularities",
     ),
     "short home": (
@@ -226,6 +227,19 @@ def test_a_bad_closed_chain_is_refused(case, write):
     side = locate_robot("five-bar").with_suffix(".toml")
     with pytest.raises(RobotError, match=sentence):
         Robot.load(write("robot.xml", changed(FIVE, *change)), side)
+
+
+@pytest.mark.parametrize("name", ["five-bar", "3-rps"])
+def test_a_closed_chain_without_a_home_is_told_how_to_give_one(name, write):
+    text = locate_robot(name).read_text()
+    side = locate_robot(name).with_suffix(".toml")
+    path = write("robot.xml", re.sub(r"(?s)<keyframe>.*?</keyframe>", "", text))
+    sentence = (
+        r"robot.xml: the loops are open by 0\.\d+ m at the home position \(.* = 0, .* = 0\), so .* "
+        r'<keyframe><key name="home" qpos="…"/></keyframe> in MJCF, or a table \[home\] in the side'
+    )
+    with pytest.raises(RobotError, match=sentence):
+        Robot.load(path, side)
 
 
 def test_bodies_without_names_are_not_lost_in_silence(write):

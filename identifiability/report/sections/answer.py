@@ -81,6 +81,7 @@ def answer_terms(analysis: Analysis) -> Terms:
 def answer_notes(analysis: Analysis) -> Notes:
     """Return the caveats, gravest first."""
     notes = [
+        *(Note("warning", "Check the logs.", hint) for hint in analysis.hints),
         *_physics_notes(analysis),
         *_excitation_notes(analysis),
         *_sample_notes(analysis),
