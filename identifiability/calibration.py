@@ -2,7 +2,7 @@
 
 How often do nominal 95 % intervals hold the truth under autocorrelated noise? How often is a
 parameter that is called identifiable wrong by more than half? Truth is planted at the fitted
-values, noise has the size and the correlation of the residual.
+values, noise has the size and the correlation of the residual, of any order at each actuator.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.analysis import Analysis
+from identifiability.diagnosis.autoregression import Runs
 from identifiability.engine import Engine, Serial
 from identifiability.errors import ModelError, near_match
 from identifiability.estimation import Method
@@ -28,10 +29,14 @@ from identifiability.names import Array
 from identifiability.outcome import Cell, Outcome, count_outcomes, judge_outcome
 from identifiability.output import write_json
 from identifiability.ranks import RankCheck, check_ranks
-from identifiability.replicates import Experiment, correlated_noise, spawn_seeds
+from identifiability.replicates import Experiment, spawn_seeds
+from identifiability.residual_noise import ResidualNoise, find_runs, fit_residual_noise
 from identifiability.verdict import Thresholds
 
 SCHEMA = "identifiability/calibration/1"
+
+#: How many times more repetitions the first cell has, by which single parameters are judged.
+FIRST = 4
 
 #: Repetitions that one item of an engine does, some tenths of a second.
 BATCH = 10
@@ -49,6 +54,10 @@ class Calibration:
     seed : int
     ranks : RankCheck or None
         Simulation-based calibration of the posterior, where it was asked for.
+    joints : tuple of str
+        The actuators, for `own`.
+    own : ResidualNoise or None
+        The noise like the residual, which the first cell simulates.
     """
 
     robot: str
@@ -57,10 +66,18 @@ class Calibration:
     cells: tuple[Cell, ...]
     seed: int
     ranks: RankCheck | None = None
+    joints: tuple[str, ...] = ()
+    own: ResidualNoise | None = None
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a cell."""
-        return pd.DataFrame([vars(c) for c in self.cells])
+        return pd.DataFrame([c.to_row() for c in self.cells])
+
+    def parameters_frame(self) -> pd.DataFrame:
+        """Return one row a parameter: coverage under the first cell's noise, with its interval."""
+        first = self.cells[0]
+        rows = [{"parameter": n, **vars(s)} for n, s in zip(first.names, first.each, strict=True)]
+        return pd.DataFrame(rows)
 
     @property
     def statement(self) -> str:
@@ -69,13 +86,31 @@ class Calibration:
         worst = max(self.cells, key=lambda c: c.wrong)
         return (
             f"On this motion the robust 95 % intervals of {self.model} hold the truth in "
-            f"{100 * own.coverage_robust:.0f} % of simulated repetitions with noise like the "
-            f"residual (white-noise intervals: {100 * own.coverage_white:.0f} %). Of the "
+            f"{100 * own.coverage_robust:.1f} ± {100 * own.coverage_se:.1f} % of {own.trials} "
+            f"simulated repetitions with {_noise_words(own)} (white-noise intervals: "
+            f"{100 * own.coverage_white:.0f} %). {self.worst_statement} Of the "
             f"parameters called identifiable at most {100 * worst.wrong:.2g} % are wrong by more "
-            f"than half, at any noise tried; of those that pass the 10× rule up to "
+            f"than half, at any noise tried (within the Monte-Carlo error up to "
+            f"{100 * float(np.nanmax([0.0, *(c.wrong_high for c in self.cells)])):.2g} %); of "
+            f"those that pass the 10× rule up to "
             f"{100 * max(c.paper_wrong for c in self.cells):.2g} %."
             + ("" if self.ranks is None else f" {self.ranks.statement}")
         )
+
+    @property
+    def worst_statement(self) -> str:
+        """What the pooled coverage hides, in plain words."""
+        own = self.cells[0]
+        name, share = own.names[own.worst], own.each[own.worst]
+        text = (
+            f"Of single parameters {name} fares worst: {100 * share.value:.0f} % (between "
+            f"{100 * share.low:.0f} and {100 * share.high:.0f} %, allowing for the choice among "
+            f"{len(own.each)})"
+        )
+        if not own.below:
+            return f"{text}, which chance explains."
+        many = f"{len(own.below)} parameters" if len(own.below) > 1 else "it"
+        return f"{text}; the intervals of {many} are too narrow beyond chance."
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
@@ -85,10 +120,21 @@ class Calibration:
             "model": self.model,
             "parameters": self.parameters,
             "statement": self.statement,
-            "cells": [vars(c) for c in self.cells],
+            "cells": [c.to_dict() for c in self.cells],
+            "noise": self._noise_rows(),
             "posterior": None if self.ranks is None else self.ranks.to_dict(),
             "seed": self.seed,
         }
+
+    def _noise_rows(self) -> list[dict[str, Any]]:
+        """Return the noise like the residual, one row a joint."""
+        own = self.own
+        if own is None:
+            return []
+        columns = zip(self.joints, own.orders, own.sd, own.times, strict=True)
+        return [
+            {"joint": j, "order": p, "sd": s, "autocorrelation_time": t} for j, p, s, t in columns
+        ]
 
     def to_json(self, path: str | Path) -> Path:
         """Write the result as JSON, whole or not at all."""
@@ -130,9 +176,11 @@ def calibrate(
     noise : sequence of float
         Multiples of the residual's standard deviation.
     rho : sequence of float
-        Correlations from sample to sample; NaN for the residual's own.
+        Correlations from sample to sample of AR(1) noise; NaN for noise like the residual,
+        autoregressive of the order that suits each actuator.
     trials : int
-        Simulated repetitions a cell.
+        Simulated repetitions a cell; the first cell has `FIRST` times as many, because single
+        parameters are judged by it.
     replicates : int
         Of the bootstrap in each.
     sbc : int
@@ -155,19 +203,23 @@ def calibrate(
         )
     at = 0 if model is None else names.index(model)
     result = analysis.models[at]
-    experiment = _experiment(analysis, at)
+    regression = _regression(analysis)
+    experiment = Experiment.of(regression, result.rung.M, result.rung.columns)
     truth = result.estimate.value
-    sd = np.sqrt(result.estimate.variance)
-    own = _lag_one(analysis.fitted.residual[:, :, at])
+    tau = np.concatenate([t for *_, t in regression.chunks()])
+    runs = find_runs(analysis.samples)
+    own = fit_residual_noise(tau, experiment.W, runs)
     pairs = [(level, r) for r in rho for level in noise]
     *streams, last = np.random.default_rng(seed).spawn(len(pairs) + 1)
     judged = _Judged(
-        experiment, result.rung, truth, replicates, analysis.method, analysis.thresholds
+        experiment, runs, result.rung, truth, replicates, analysis.method, analysis.thresholds
     )
+    noises = [own if np.isnan(r) else ResidualNoise.first_order(own.sd, r) for _, r in pairs]
+    counts = [FIRST * trials, *[trials] * (len(pairs) - 1)]
     items = [
-        _Repetitions(level * sd, own if np.isnan(r) else np.full(len(sd), r), part)
-        for (level, r), rng in zip(pairs, streams, strict=True)
-        for part in _parts(spawn_seeds(rng, trials))
+        _Repetitions(like.scaled(level), part)
+        for (level, _), like, count, rng in zip(pairs, noises, counts, streams, strict=True)
+        for part in _parts(spawn_seeds(rng, count))
     ]
     runner, say = engine or Serial(), progress or (lambda _text, _share: None)
     found = runner.map(
@@ -175,7 +227,10 @@ def calibrate(
         progress=lambda done, total: say("simulating repetitions", 0.9 * done / total),
     )  # fmt: skip
     outcomes = iter([outcome for part in found for outcome in part])
-    cells = [count_outcomes(list(islice(outcomes, trials)), truth, *pair) for pair in pairs]
+    cells = [
+        count_outcomes(list(islice(outcomes, count)), experiment.columns, truth, *pair)
+        for count, pair in zip(counts, pairs, strict=True)
+    ]
     ranks = None
     if sbc:
         information = result.rung.reduce(analysis.information)
@@ -183,7 +238,10 @@ def calibrate(
             result, information, last, replicates=sbc, engine=runner,
             progress=lambda done, total: say("ranking planted values", 0.9 + 0.1 * done / total),
         )  # fmt: skip
-    return Calibration(analysis.robot.name, result.name, len(truth), tuple(cells), seed, ranks)
+    return Calibration(
+        analysis.robot.name, result.name, len(truth), tuple(cells), seed, ranks,
+        analysis.robot.joints, own,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -191,6 +249,7 @@ class _Judged:
     """What every repetition has in common."""
 
     experiment: Experiment
+    runs: Runs
     rung: Rung
     truth: Array
     replicates: int
@@ -200,10 +259,9 @@ class _Judged:
 
 @dataclass(frozen=True)
 class _Repetitions:
-    """Standard deviation and correlation of the noise (n,), and the seed of each repetition."""
+    """The noise, and the seed of each repetition."""
 
-    sd: Array
-    rho: Array
+    noise: ResidualNoise
     seeds: tuple[np.random.SeedSequence, ...]
 
 
@@ -215,7 +273,7 @@ def _judge(judged: _Judged, item: _Repetitions) -> list[Outcome]:
     """Simulate and judge some repetitions."""
     outcomes = []
     for rng in map(np.random.default_rng, item.seeds):
-        noise = correlated_noise(judged.experiment.log, item.sd, item.rho, rng)
+        noise = item.noise.simulate(judged.runs, rng)
         information, tau = judged.experiment.outcome(judged.truth, noise)
         outcomes.append(
             judge_outcome(
@@ -226,18 +284,14 @@ def _judge(judged: _Judged, item: _Repetitions) -> list[Outcome]:
     return outcomes
 
 
-def _experiment(analysis: Analysis, at: int) -> Experiment:
-    regression = Regression(
+def _regression(analysis: Analysis) -> Regression:
+    return Regression(
         analysis.robot, Model.of(*analysis.effects), analysis.samples, analysis.base.kept
     )
-    rung = analysis.models[at].rung
-    return Experiment.of(regression, rung.M, rung.columns)
 
 
-def _lag_one(residual: Array) -> Array:
-    """Return the correlation of neighbouring residuals at each actuator, (n,)."""
-    centred = residual - residual.mean(0)
-    square = np.sum(centred**2, 0)
-    lagged = np.sum(centred[1:] * centred[:-1], 0)
-    rho: Array = np.clip(lagged / np.where(square > 0, square, 1.0), 0.0, 0.995)
-    return rho
+def _noise_words(cell: Cell) -> str:
+    """Return what a cell simulates, for the middle of a sentence."""
+    size = "" if cell.noise == 1 else f"{cell.noise:g} times "
+    like = "noise like the residual" if np.isnan(cell.rho) else f"AR(1) noise, ρ = {cell.rho:g}"
+    return size + like

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.names import Array
 from identifiability.replicates import Experiment
+from identifiability.shares import LEVEL, Share, clustered_share, each_share
 from identifiability.verdict import Class, Evidence, Thresholds, judge
 
 #: A parameter is wrong if it is off by more than this share of its true value.
@@ -45,6 +47,12 @@ class Cell:
         Monte-Carlo standard error of the robust coverage, by trials.
     coverage_white_se : float
         The same of the coverage of white-noise intervals.
+    wrong_high, paper_wrong_high : float
+        Upper ends of 95 % intervals of the shares that are off, by Monte-Carlo error.
+    names : tuple of str
+        Of the parameters.
+    each : tuple of Share
+        Coverage of every parameter's robust intervals, all right together at 95 %.
     """
 
     noise: float
@@ -58,6 +66,34 @@ class Cell:
     paper_called: float
     paper_wrong: float
     coverage_white_se: float = float("nan")
+    wrong_high: float = float("nan")
+    paper_wrong_high: float = float("nan")
+    names: tuple[str, ...] = ()
+    each: tuple[Share, ...] = ()
+
+    @property
+    def worst(self) -> int:
+        """The parameter whose intervals hold the truth least often."""
+        return int(np.argmin([s.value for s in self.each]))
+
+    @property
+    def below(self) -> tuple[str, ...]:
+        """Parameters whose coverage is below 95 % beyond Monte-Carlo error."""
+        pairs = zip(self.names, self.each, strict=True)
+        return tuple(name for name, share in pairs if share.high < LEVEL)
+
+    def to_row(self) -> dict[str, Any]:
+        """Return the numbers of the cell as one row of a table."""
+        row = {k: v for k, v in vars(self).items() if k not in ("names", "each")}
+        if self.each:
+            row |= {"worst": self.names[self.worst], "worst_coverage": self.each[self.worst].value}
+        return row
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the cell for JSON, with every parameter's coverage and its interval."""
+        pairs = zip(self.names, self.each, strict=True)
+        each = [{"name": n, "coverage": s.value, "interval95": [s.low, s.high]} for n, s in pairs]
+        return self.to_row() | {"each": each, "below": list(self.below)}
 
 
 @dataclass(frozen=True)
@@ -117,8 +153,20 @@ def judge_outcome(
     return Outcome(fit.value, spread.white, spread.robust, called, fit.paper_rule)
 
 
-def count_outcomes(trials: Sequence[Outcome], truth: Array, noise: float, rho: float) -> Cell:
-    """Return how often intervals held the truth and verdicts were wrong."""
+def count_outcomes(
+    trials: Sequence[Outcome], names: Sequence[str], truth: Array, noise: float, rho: float
+) -> Cell:
+    """Return how often intervals held the truth and verdicts were wrong.
+
+    Parameters
+    ----------
+    trials : sequence of Outcome
+    names : sequence of str
+        Of the k parameters.
+    truth : (k,)
+    noise, rho : float
+        What was simulated.
+    """
     value = np.array([t.value for t in trials])
     off = np.abs(value - truth)
     white = off <= 1.96 * np.array([t.white for t in trials])
@@ -138,6 +186,10 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, noise: float, rho: f
         float(paper.sum(1).mean()),
         _share(wrong, paper),
         _error(white),
+        clustered_share(wrong, called, ~robust).high,
+        clustered_share(wrong, paper, ~robust).high,
+        tuple(names),
+        each_share(robust),
     )
 
 

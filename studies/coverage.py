@@ -87,7 +87,7 @@ def measure_paper(
             for at, outcome in enumerate(judge_log(clean, rungs, level, rng)):
                 found[at].append(outcome)
         for rung, outcomes, true in zip(rungs, found, truth, strict=True):
-            cells[rung.name].append(count_outcomes(outcomes, true, level, 0.0))
+            cells[rung.name].append(count_outcomes(outcomes, rung.columns, true, level, 0.0))
     return {name: tuple(c) for name, c in cells.items()}
 
 
@@ -181,7 +181,10 @@ def paper_section(cells_of: dict[str, tuple[Cell, ...]]) -> Section:
     labels = [f"{name}, × {c.noise:g}" for name, cells in cells_of.items() for c in cells]
     flat = [c for cells in cells_of.values() for c in cells]
     figure = draw_wrong(
-        labels, np.array([c.wrong for c in flat]), np.array([c.paper_wrong for c in flat])
+        labels,
+        np.array([c.wrong for c in flat]),
+        np.array([c.paper_wrong for c in flat]),
+        np.array([c.wrong_high for c in flat]),
     )
     lead = (
         "δ = 4 % on the motion and η = 5 % on the forces, per sample, times 0.3, 1 and 3, through "
@@ -229,8 +232,8 @@ def write(result: Result, out: Path, trials: int, seed: int) -> None:
         "statement": state(result),
         "trials": trials,
         "seed": seed,
-        "ar1": {m: [vars(c) for c in cells] for m, cells in result.red.items()},
-        "paper": {m: [vars(c) for c in cells] for m, cells in result.paper.items()},
+        "ar1": {m: [c.to_dict() for c in cells] for m, cells in result.red.items()},
+        "paper": {m: [c.to_dict() for c in cells] for m, cells in result.paper.items()},
     }
     print(state(result))
     print(write_json(out, data))

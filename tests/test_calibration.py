@@ -1,5 +1,6 @@
 """Intervals hold the truth under autocorrelated noise, and verdicts are seldom wrong."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,14 +9,17 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from identifiability import analyze
-from identifiability.calibration import calibrate
+from identifiability.calibration import Calibration, _regression, calibrate
 from identifiability.cli import app
 from identifiability.errors import ModelError
 from identifiability.estimation import estimate
 from identifiability.grouping import find_base_parameters
 from identifiability.model import Model, Regression
+from identifiability.outcome import Outcome, count_outcomes
 from identifiability.ranks import RankCheck, build_target, check_ranks
 from identifiability.replicates import Experiment, correlated_noise
+from identifiability.residual_noise import ResidualNoise, find_runs, fit_residual_noise
+from identifiability.shares import clustered_share, exact_share
 
 
 @pytest.fixture(scope="module")
@@ -26,11 +30,11 @@ def analysis(simulated_session):
 @pytest.fixture(scope="module")
 def red(analysis):
     """Model 1, AR(1) noise with ρ = 0.9 of the size of the residual."""
-    return calibrate(analysis, noise=(1.0,), rho=(0.9,), trials=30, replicates=150).cells[0]
+    return calibrate(analysis, noise=(1.0,), rho=(0.9,), trials=8, replicates=150).cells[0]
 
 
 def test_robust_intervals_hold_the_truth_where_white_ones_do_not(red):
-    # Thirty trials; their spread is measured, and the bounds leave three standard errors.
+    # Thirty-two trials; their spread is measured, and the bounds leave three standard errors.
     assert red.coverage_robust > 0.90 - 3 * red.coverage_se
     assert red.coverage_white < 0.62
     assert red.coverage_robust - red.coverage_white > 0.25
@@ -42,7 +46,7 @@ def test_what_is_called_identifiable_is_seldom_wrong_by_half(red):
 
 
 def test_at_low_noise_as_many_are_found_as_by_the_10x_rule(analysis):
-    cell = calibrate(analysis, noise=(0.3,), rho=(0.0,), trials=12, replicates=100).cells[0]
+    cell = calibrate(analysis, noise=(0.3,), rho=(0.0,), trials=3, replicates=100).cells[0]
     assert cell.called >= cell.paper_called
     assert cell.wrong < 0.02
 
@@ -72,15 +76,32 @@ def test_correlated_noise_has_the_size_and_correlation_asked_for():
 
 def test_the_command_writes_a_report(simulated_session, tmp_path):
     log = simulated_session("two-link", "a", 0).write(tmp_path / "log.csv")
-    report = tmp_path / "calibration.html"
+    report, data = tmp_path / "calibration.html", tmp_path / "calibration.json"
     run = CliRunner().invoke(
-        app, ["calibrate", "two-link", str(log), "--quick", "--report", str(report)]
+        app,
+        [
+            "calibrate",
+            "two-link",
+            str(log),
+            "--quick",
+            "--report",
+            str(report),
+            "--json",
+            str(data),
+        ],
     )
     assert run.exit_code == 0, run.output
     assert "intervals of full model hold the truth" in run.output
+    assert "Of single parameters" in run.output
+    assert "within the Monte-Carlo error up to" in run.output
     assert "posterior is calibrated" in " ".join(run.output.split())
     html = report.read_text().replace("\u00a0", " ")
     assert "Coverage of 95 % intervals" in html
+    assert "Coverage of every parameter" in html
+    assert "Noise like the residual" in html
+    (row,) = [r for r in json.loads(data.read_text())["noise"] if r["joint"] == "elbow"]
+    assert row["order"] >= 0
+    assert row["autocorrelation_time"] > 0
     assert "rank of the planted value" in html
     run = CliRunner().invoke(app, ["calibrate", "two-link", str(log), "--quick", "--no-sbc"])
     assert "posterior" not in run.output
@@ -125,3 +146,104 @@ def test_parameters_that_the_motion_leaves_open_can_be_ranked(analysis):
 def test_an_unknown_model_is_named(analysis):
     with pytest.raises(ModelError, match="'Model 5', did you mean 'Model"):
         calibrate(analysis, model="Model 5")
+
+
+def outcome(value, sd, called):
+    """An outcome of two parameters with truth one."""
+    return Outcome(value, sd, sd, called, called)
+
+
+def test_the_worst_parameter_is_named_with_its_monte_carlo_error(analysis):
+    """Twenty parameters: intervals of one are half as wide as they should be (coverage 67 %)."""
+    rng, k = np.random.default_rng(0), 20
+    sd = np.full(k, 0.1)
+    sd[7] = 0.05
+    yes = np.ones(k, bool)
+    trials = [outcome(1 + 0.1 * rng.standard_normal(k), sd, yes) for _ in range(240)]
+    names = [f"p{j}" for j in range(k)]
+    cell = count_outcomes(trials, names, np.ones(k), 1.0, 0.9)
+    assert cell.names[cell.worst] == "p7"
+    assert cell.below == ("p7",)
+    share = cell.each[7]
+    assert share.low < 2 * stats.norm.cdf(0.98) - 1 < share.high < 0.95
+    said = Calibration("r", "m", k, (cell,), 0).worst_statement
+    assert "p7 fares worst" in said
+    assert "the intervals of it are too narrow beyond chance" in said
+    right = [replace(t, robust=np.full(k, 0.1)) for t in trials]
+    cell = count_outcomes(right, names, np.ones(k), 1.0, 0.9)
+    assert cell.below == ()
+    assert "which chance explains" in Calibration("r", "m", k, (cell,), 0).worst_statement
+    assert cell.to_dict()["each"][0]["interval95"][0] < cell.to_dict()["each"][0]["coverage"]
+
+
+def test_exact_shares_are_those_of_clopper_and_pearson():
+    for count, total in ((0, 30), (3, 30), (30, 30)):
+        known = stats.binomtest(count, total).proportion_ci(0.95, method="exact")
+        share = exact_share(count, total)
+        assert (share.low, share.high) == pytest.approx((known.low, known.high))
+    assert np.isnan(exact_share(0, 0).high)
+
+
+def test_shares_of_events_that_come_together_allow_for_it():
+    """All ten parameters of a trial are wrong together: it is one event, not ten."""
+    rng, truth, held, naive = np.random.default_rng(0), 0.1, 0, 0
+    among = np.ones((60, 10), bool)
+    for _ in range(400):
+        events = np.repeat(rng.random((60, 1)) < truth, 10, axis=1)
+        share = clustered_share(events, among, events)
+        alone = exact_share(events.sum(), events.size)
+        held += share.low <= truth <= share.high
+        naive += alone.low <= truth <= alone.high
+    assert held / 400 > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 400)
+    assert naive / 400 < 0.6
+    never = clustered_share(np.zeros((60, 10), bool), among, events)
+    assert 0.03 < never.high < 0.1  # sixty trials, not six hundred
+    assert np.isnan(clustered_share(events, ~among, events).value)
+
+
+def test_noise_is_seen_through_what_the_fit_swallows(analysis):
+    """Of ρ = 0.97 the residual of 37 parameters shows 0.75; likelihood beside them shows it."""
+    regression = _regression(analysis)
+    W = Experiment.of(regression, analysis.full.rung.M, analysis.full.rung.columns).W
+    log, rho, naive, seen, sizes = np.zeros(len(W), int), 0.97, [], [], []
+    for seed in range(4):
+        noise = correlated_noise(log, np.full(3, 50.0), rho, np.random.default_rng(seed))
+        found = fit_residual_noise(noise, W, [(0, len(W))])
+        seen += [p[0] if len(p) else 0.0 for p in found.pacf]
+        sizes += found.sd.tolist()
+        left = noise[:, 0] - W[:, 0] @ np.linalg.lstsq(W[:, 0], noise[:, 0], rcond=None)[0]
+        naive.append(np.corrcoef(left[1:], left[:-1])[0, 1])
+    # The standard error of ρ from 750 samples is √((1 − ρ²)/750) = 0.009, of the median less.
+    assert np.median(seen) == pytest.approx(rho, abs=0.015)
+    assert np.median(naive) < 0.9
+    # An autocorrelation time of 66 leaves 750/33 independent squares: 30 % a size, 12 in all.
+    assert np.median(sizes) == pytest.approx(50, rel=0.25)
+
+
+def test_noise_of_higher_order_and_gaps_between_stretches_are_kept():
+    truth = ResidualNoise((np.array([0.6, -0.5]), np.empty(0)), np.array([2.0, 1.0]))
+    runs = [(0, 2000), (2000, 6000)]
+    noise = truth.simulate(runs, np.random.default_rng(0))
+    found = fit_residual_noise(noise, np.ones((6000, 2, 1)), runs)
+    assert found.orders == (2, 0)
+    np.testing.assert_allclose(found.pacf[0], truth.pacf[0], atol=4 * 6000**-0.5)
+    np.testing.assert_allclose(found.sd, truth.sd, rtol=0.1)
+    np.testing.assert_allclose(noise.std(0), truth.sd, rtol=0.1)
+    assert found.times[0] == pytest.approx(truth.times[0], rel=0.2)
+    # An edge between stretches is no neighbourhood: offsets of opposite sign on either side.
+    many = [(k, k + 2) for k in range(0, 4000, 2)]
+    pairs = ResidualNoise.first_order(np.ones(1), 0.9).simulate(many, np.random.default_rng(1))
+    inside = np.corrcoef(pairs[::2, 0], pairs[1::2, 0])[0, 1]
+    across = np.corrcoef(pairs[1:-1:2, 0], pairs[2::2, 0])[0, 1]
+    assert inside == pytest.approx(0.9, abs=0.02)
+    assert abs(across) < 4 * 2000**-0.5
+    assert fit_residual_noise(pairs, np.ones((4000, 1, 1)), many).pacf[0][0] > 0.85
+
+
+def test_stretches_end_at_gaps_and_at_the_ends_of_logs(analysis):
+    samples = analysis.samples[0]
+    cut = samples.motion[np.r_[0:100, 200 : len(samples.motion)]]
+    gapped = replace(samples, motion=cut, tau=samples.tau[: len(cut)])
+    n = len(samples.motion)
+    assert find_runs([samples]) == [(0, n)]
+    assert find_runs([gapped, samples]) == [(0, 100), (100, n - 100), (n - 100, 2 * n - 100)]

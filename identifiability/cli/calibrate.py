@@ -26,7 +26,10 @@ def calibrate(
     model: Annotated[
         str | None, typer.Option(help="Model of the ladder; default: the unpruned one.")
     ] = None,
-    trials: Annotated[int, typer.Option(min=4, help="Simulated repetitions a row.")] = 60,
+    trials: Annotated[
+        int,
+        typer.Option(min=4, help="Simulated repetitions a row; four times as many in the first."),
+    ] = 60,
     sbc: Annotated[
         bool, typer.Option(help="Also check the posterior by simulation (some seconds).")
     ] = True,
@@ -44,9 +47,10 @@ def calibrate(
 ) -> None:
     """Measure how far intervals and verdicts can be trusted on this robot and motion.
 
-    The experiment is repeated with planted parameters and autocorrelated noise: how often do 95 %
-    intervals hold the truth, how often is a parameter called identifiable wrong by more than half?
-    And are planted values ranked uniformly among the draws of their posterior?
+    The experiment is repeated with planted parameters and noise like the residual: how often do
+    95 % intervals hold the truth, of all parameters and of the worst one; how often is a parameter
+    called identifiable wrong by more than half? Shares come with their Monte-Carlo error. And are
+    planted values ranked uniformly among the draws of their posterior?
 
     ```
     identifiability calibrate 3-rps run.csv --report calibration.html

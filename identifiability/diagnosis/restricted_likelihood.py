@@ -17,14 +17,14 @@ FLOOR = 0.05
 class RestrictedLikelihood:
     """Restricted likelihood of autoregressive noise from lagged Gram matrices."""
 
-    def __init__(self, y: Array, basis: Array, runs: Runs) -> None:
+    def __init__(self, y: Array, basis: Array, runs: Runs, floor: float = FLOOR) -> None:
         Z = np.column_stack([basis, y / (np.linalg.norm(y) or 1.0)])
         self.scale = float(np.linalg.norm(y)) or 1.0
         self.rows, self.k = len(y), basis.shape[1]
         self.dof = max(self.rows - self.k, 1)
         self.parts = [Z[a:b] for a, b in runs]
         left = Z[:, -1] - basis @ (basis.T @ Z[:, -1])
-        self.floor = FLOOR * float(left @ left) / self.rows
+        self.floor = floor * float(left @ left) / self.rows
         self.left = float(left @ left) * self.scale**2 / self.dof
         P = HIGHEST_ORDER
         self.gram = np.zeros((P + 1, P + 1, P + 1, Z.shape[1], Z.shape[1]))

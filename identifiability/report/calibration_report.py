@@ -10,11 +10,19 @@ from identifiability.calibration import Calibration
 from identifiability.outcome import Cell
 from identifiability.ranks import PRIOR_WIDTH
 from identifiability.report.blocks import Fold, Picture, Prose, Section, Tile
-from identifiability.report.figures.calibration import draw_coverage, draw_ranks, draw_wrong
+from identifiability.report.figures.calibration import (
+    draw_coverage,
+    draw_each,
+    draw_ranks,
+    draw_wrong,
+)
 from identifiability.report.numbers import format_number
 from identifiability.report.page import write_page
 from identifiability.report.tables import Cell as TableCell
 from identifiability.report.tables import Column, Table
+
+#: What is shown of a `Share`.
+_SHARE = ("value", "low", "high")
 
 
 def write_calibration_report(calibration: Calibration, path: str | Path) -> Path:
@@ -23,6 +31,11 @@ def write_calibration_report(calibration: Calibration, path: str | Path) -> Path
     worst = max(c.wrong for c in calibration.cells)
     tiles = (
         Tile(f"{100 * own.coverage_robust:.0f} %", "robust coverage", "of nominal 95 % intervals"),
+        Tile(
+            f"{100 * own.each[own.worst].value:.0f} %",
+            "worst parameter",
+            f"{own.names[own.worst]}: robust coverage",
+        ),
         Tile(f"{100 * own.coverage_white:.0f} %", "white-noise coverage", "of the same intervals"),
         Tile(f"{100 * worst:.2g} %", "wrong verdicts", "identifiable, but off by more than half"),
     )
@@ -31,6 +44,7 @@ def write_calibration_report(calibration: Calibration, path: str | Path) -> Path
         calibration.statement,
         (
             _coverage(calibration),
+            _each(calibration),
             _verdicts(calibration),
             *_ranks(calibration),
             _method(calibration),
@@ -68,17 +82,57 @@ def _coverage(calibration: Calibration) -> Section:
     )
 
 
+def _each(calibration: Calibration) -> Section:
+    """Show what the pooled coverage hides: the coverage of every single parameter."""
+    cell = calibration.cells[0]
+    share, low, high = (np.array([getattr(s, k) for s in cell.each]) for k in _SHARE)
+    order = np.argsort(share, kind="stable")
+    names = [cell.names[k] for k in order]
+    figure = draw_each(names, share[order], low[order], high[order])
+    columns = (
+        Column("parameter"),
+        Column("coverage", "number", f"Of {cell.trials} repetitions, {label(cell)}."),
+        Column("at least", "number", "Lower end of the Monte-Carlo interval."),
+        Column("at most", "number", "Upper end of the Monte-Carlo interval."),
+        Column("fewest in any row", "number", "Lowest coverage under any of the noises tried."),
+    )
+    least = np.min([[s.value for s in c.each] for c in calibration.cells], axis=0)
+    rows = tuple(
+        (
+            TableCell(cell.names[k]),
+            *(TableCell(f"{100 * x:.1f} %", float(x)) for x in (share[k], low[k], high[k])),
+            TableCell(f"{100 * least[k]:.0f} %", float(least[k])),
+        )
+        for k in order
+    )
+    caption = (
+        "Monte-Carlo intervals that hold together for all parameters at 95 %. Red: too narrow "
+        "beyond chance."
+    )
+    return Section(
+        "parameters",
+        "Coverage of every parameter",
+        calibration.worst_statement,
+        (
+            Picture(figure, caption),
+            Fold(f"All {len(rows)} parameters", (Table("", columns, rows),)),
+        ),
+    )
+
+
 def _verdicts(calibration: Calibration) -> Section:
     cells = calibration.cells
     figure = draw_wrong(
         [label(c) for c in cells],
         np.array([c.wrong for c in cells]),
         np.array([c.paper_wrong for c in cells]),
+        np.array([c.wrong_high for c in cells]),
     )
     columns = (
         Column("simulated noise"),
         Column("called identifiable", "number", "Parameters a repetition."),
         Column("of these wrong", "number", "Off by more than half of the true value."),
+        Column("at most", "number", "Upper end of its 95 % Monte-Carlo interval."),
         Column("pass the 10× rule", "number", "Parameters a repetition."),
         Column("of these wrong", "number", "Off by more than half of the true value."),
     )
@@ -87,6 +141,9 @@ def _verdicts(calibration: Calibration) -> Section:
             TableCell(label(c)),
             TableCell(f"{c.called:.1f}", c.called),
             TableCell(f"{100 * c.wrong:.2g} %", c.wrong),
+            TableCell(
+                "—" if np.isnan(c.wrong_high) else f"{100 * c.wrong_high:.2g} %", c.wrong_high
+            ),
             TableCell(f"{c.paper_called:.1f}", c.paper_called),
             TableCell(f"{100 * c.paper_wrong:.2g} %", c.paper_wrong),
         )
@@ -133,12 +190,17 @@ def _ranks(calibration: Calibration) -> tuple[Section, ...]:
 
 
 def _method(calibration: Calibration) -> Section:
-    trials = calibration.cells[0].trials
+    counts = [c.trials for c in calibration.cells]
     text = (
-        f"Each row repeats the experiment {trials} times: the regressor of this motion, the fitted "
-        "values as truth, and AR(1) noise at each actuator with the size of its residual. Every "
-        "repetition is fitted, resampled and judged as analyze does. Errors of the motion are not "
-        f"simulated. Seed {calibration.seed}."
+        f"Each row repeats the experiment {counts[-1]} times, the first {counts[0]} times: the "
+        "regressor of this motion, the fitted values as truth, and noise at each actuator. Noise "
+        "like the residual is autoregressive, each actuator by itself; order (0 to 4, by BIC), "
+        "size and coefficients are fitted beside the columns of the model by restricted "
+        "likelihood, because the residual itself looks whiter than the noise was. Rows with a "
+        "stated ρ have AR(1) noise of the same size. Every repetition is fitted, resampled and "
+        "judged as analyze does. Errors of the motion are not simulated. Shares with Monte-Carlo "
+        "intervals: Clopper & Pearson, with the effective number of Korn & Graubard [1998] where "
+        f"parameters of one repetition are counted together. Seed {calibration.seed}."
     )
     if calibration.ranks is not None:
         text += (
@@ -147,4 +209,28 @@ def _method(calibration: Calibration) -> Section:
             "negative, each with data of this motion and this residual; the posterior knows the "
             "prior that they came from [Talts et al. 2018; Gandy & Scott 2020]."
         )
-    return Section("method", "How it was measured", "", (Prose((text,)),))
+    return Section("method", "How it was measured", "", (Prose((text,)), *_noise(calibration)))
+
+
+def _noise(calibration: Calibration) -> tuple[Table, ...]:
+    own = calibration.own
+    if own is None:
+        return ()
+    columns = (
+        Column("actuator"),
+        Column("order", "number", "Of the autoregression; 0 is white noise."),
+        Column("size", "number", "Standard deviation [N·m or N]."),
+        Column("autocorrelation time", "number", "[samples]; 1 for white noise."),
+    )
+    rows = tuple(
+        (
+            TableCell(j),
+            TableCell(str(p), p),
+            TableCell(format_number(s, 3), s),
+            TableCell(format_number(t, 3), t),
+        )
+        for j, p, s, t in zip(
+            calibration.joints, own.orders, own.sd.tolist(), own.times.tolist(), strict=True
+        )
+    )
+    return (Table("Noise like the residual", columns, rows),)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from identifiability.names import Array
 from identifiability.report.drawing import COLOURS, INK, MUTED, canvas, drawn, plain
@@ -42,7 +43,7 @@ def draw_coverage(labels: Sequence[str], white: Array, robust: Array, spread: Ar
 
 
 @drawn
-def draw_wrong(labels: Sequence[str], ours: Array, paper: Array) -> Figure:
+def draw_wrong(labels: Sequence[str], ours: Array, paper: Array, high: Array) -> Figure:
     """Draw the share of believed parameters that are off by more than half.
 
     Parameters
@@ -51,14 +52,47 @@ def draw_wrong(labels: Sequence[str], ours: Array, paper: Array) -> Figure:
         Simulated noise.
     ours, paper : (c,)
         Shares among the parameters called identifiable and those that pass the 10× rule.
+    high : (c,)
+        Upper ends of the intervals of `ours`.
     """
     figure, axes = row_canvas(labels, _ROW)
     rows = np.arange(len(labels))
     axes.plot(100 * paper, rows, "x", color=COLOURS["vermilion"], markersize=7, label="10× rule")
-    axes.plot(100 * ours, rows, "o", color=COLOURS["blue"], markersize=7, label="identifiable")
-    axes.set_xlim(-2, max(10.0, 105 * float(np.max(np.append(paper, ours), initial=0.0))))
+    reach = 100 * np.nan_to_num(np.maximum(high - ours, 0.0))
+    axes.errorbar(
+        100 * ours, rows, xerr=[np.zeros(len(rows)), reach], fmt="o", color=COLOURS["blue"],
+        markersize=7, elinewidth=2, capsize=3, label="identifiable",
+    )  # fmt: skip
+    most = float(np.nanmax(np.concatenate([paper, ours, high, [0.0]])))
+    axes.set_xlim(-2, max(10.0, 105 * most))
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, handletextpad=0.3)
-    axes.set_xlabel("believed, but wrong by more than half [%]")
+    axes.set_xlabel("off by more than half [%]")
+    return figure
+
+
+@drawn
+def draw_each(names: Sequence[str], share: Array, low: Array, high: Array) -> Figure:
+    """Draw the coverage of every parameter's robust 95 % intervals, the worst on top.
+
+    Parameters
+    ----------
+    names : sequence of str
+    share, low, high : (k,)
+        Shares of intervals that hold the truth, with Monte-Carlo intervals.
+    """
+    figure, axes = row_canvas(names)
+    rows = np.arange(len(names))
+    axes.axvline(95, color=INK, linewidth=1)
+    bad = high < 0.95
+    for chosen, colour in ((~bad, COLOURS["blue"]), (bad, COLOURS["vermilion"])):
+        reach = [100 * (share - low)[chosen], 100 * (high - share)[chosen]]
+        axes.errorbar(
+            100 * share[chosen], rows[chosen], xerr=np.maximum(reach, 0.0), fmt="o", color=colour,
+            markersize=4, elinewidth=1.4,
+        )  # fmt: skip
+    axes.set_xlim(min(80.0, 100 * float(low.min()) - 2), 102)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    axes.set_xlabel("intervals that hold the truth [%]")
     return figure
 
 
