@@ -50,7 +50,7 @@ def prepare_logs(
     return tuple(out)
 
 
-def check_held_out(train: Sequence[Samples], held: Sequence[Samples]) -> None:
+def check_held_out(train: Sequence[Samples | Log], held: Sequence[Samples | Log]) -> None:
     """Refuse a log that is given twice: its repetition would pass for new evidence."""
     seen: dict[str, str] = {}
     for s in train:

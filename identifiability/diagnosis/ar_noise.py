@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from identifiability.diagnosis.autoregression import (
     Runs,
     autocovariance,
-    colour,
+    colour_many,
     durbin,
     whiten,
 )
@@ -108,12 +108,15 @@ class ARNoise:
     def simulate(self, count: int, draws: int, rng: np.random.Generator, runs: Runs) -> Array:
         """Return noise (count, n, draws) with coefficients as uncertain as the data leave them."""
         out = np.empty((count, len(self.joints), draws))
+        if not draws:
+            return out
         for j, noise in enumerate(self.joints):
-            for b in range(draws):
-                pacf, sigma = noise.draw(rng)
-                for start, stop in runs:
-                    e = rng.standard_normal(stop - start)
-                    out[start:stop, j, b] = sigma * colour(e, pacf)
+            drawn = [noise.draw(rng) for _ in range(draws)]
+            pacf = np.array([p for p, _ in drawn]).T
+            e = rng.standard_normal((count, draws))
+            for start, stop in runs:
+                out[start:stop, j] = colour_many(e[start:stop], pacf)
+            out[:, j] *= np.array([sigma for _, sigma in drawn])
         return out
 
 

@@ -46,6 +46,26 @@ def colour(e: Array, pacf: Array) -> Array:
     return x
 
 
+def colour_many(e: Array, pacf: Array) -> Array:
+    """Return series (N, B) with innovations e (N, B), each with partials of its own, (p, B)."""
+    p, count = len(pacf), len(e)
+    predictors = [np.empty((0, e.shape[1]))]
+    for r in pacf:
+        before = predictors[-1]
+        predictors.append(np.concatenate([before - r * before[::-1], r[None]]))
+    ones = np.ones((1, e.shape[1]))
+    shrink = np.concatenate([ones, np.cumprod(1 - pacf**2, axis=0)])
+    start = np.sqrt(shrink / shrink[-1])
+    x = np.array(e, float)
+    for k in range(count):
+        m = min(k, p)
+        if k < p:
+            x[k] *= start[k]
+        if m:
+            x[k] += np.einsum("kb,kb->b", predictors[m], x[k - m : k][::-1])
+    return x
+
+
 def autocovariance(pacf: Array, most: int) -> Array:
     """Return autocovariances at lags 0 … most for unit innovations, (most + 1,)."""
     predictors, variances = levinson(pacf)

@@ -16,6 +16,7 @@ from identifiability.diagnosis.named_effect import Curve, NamedEffect, Placement
 from identifiability.diagnosis.naming import Naming
 from identifiability.diagnosis.remainder import find_remainder
 from identifiability.diagnosis.result import Diagnosis
+from identifiability.diagnosis.roles import Roles
 from identifiability.diagnosis.rows import Rows, build_rows, thin
 from identifiability.diagnosis.rules import Rules
 from identifiability.diagnosis.stress import (
@@ -71,7 +72,8 @@ def conclude(
     naming: Naming,
     stress: list[list[Survival]] | None,
     train: Sequence[Samples],
-    held: Sequence[Samples],
+    verify: Sequence[Samples],
+    roles: Roles,
     rules: Rules,
     fixed: bool,
     seed: int,
@@ -106,11 +108,11 @@ def conclude(
         error_before=float(fitted.relative_error()[0]),
         error_after=float(fitted.relative_error()[-1]),
         held_before=float(errors[0]), held_after=float(errors[-1]),
-        interval=gap.interval(0, len(rungs) - 1, rng), held_kind=m.held.kind,
+        interval=gap.interval(0, len(rungs) - 1, rng), held_kind=f"on {roles.verified_on}",
         discrepancies=tuple(find_discrepancies(m.train, residual[:, :, 0], joints)),
         discrepancies_after=tuple(find_discrepancies(m.train, residual[:, :, -1], joints)),
         aliases=m.aliases, refusals=m.refusals, steps=naming.steps, remainder=remainder,
-        model=Model((*m.model.effects, *parts)), samples=tuple(train), validation=tuple(held),
+        model=Model((*m.model.effects, *parts)), samples=tuple(train), validation=tuple(verify),
         gap=gap, curves=tuple(_curves(m, naming, residual[:, :, -1])), rules=rules, seed=seed,
     )  # fmt: skip
 

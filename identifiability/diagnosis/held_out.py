@@ -1,13 +1,15 @@
-"""Errors on motion that was not fitted: held-out logs, or one log or stretch left out at a time."""
+"""Errors on motion that was not fitted: while choosing, and on the motion that verifies."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from identifiability.diagnosis.rows import Candidate, Rows
+from identifiability.diagnosis.real_robot import RealRobot
+from identifiability.diagnosis.rows import Candidate, Rows, fit_weighted
 from identifiability.names import Array
 
 #: Stretches that one log is divided into when there is no other.
@@ -61,60 +63,88 @@ class Gap:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Fits on some rows, predicts others.
+    """Fits on some rows, judges on others, verifies on yet others.
 
     Attributes
     ----------
     train : Rows
-    validation : Rows or None
-        Rows of held-out logs; None for cross-validation.
+    choosing : Rows or None
+        Rows that judge during the search; None to leave out fitted motion in turn.
+    verifying : Rows or None
+        Rows that take no part in fitting or choosing; None to leave out fitted motion in turn.
+    real : RealRobot or None
+        Fits that a real robot can have; None where the model has no bodies or is not refitted.
     """
 
     train: Rows
-    validation: Rows | None
+    choosing: Rows | None
+    verifying: Rows | None = None
+    real: RealRobot | None = None
 
-    @property
-    def kind(self) -> str:
-        """In words."""
-        if self.validation is not None:
-            return "on motion that was not fitted, though it helped to choose the name,"
-        if self.train.log.max(initial=0) > 0:
-            return "by leaving out one log at a time"
-        return "by leaving out one stretch of the log at a time"
+    def error(self, chosen: Sequence[Candidate], *, real: bool = False) -> float:
+        """Return the mean absolute error while choosing, every joint in units of its own."""
+        return float(np.mean(self.errors(chosen, real=real)))
 
-    def error(self, chosen: Sequence[Candidate]) -> float:
-        """Return the mean absolute error, every joint in units of its own noise."""
-        residual = self.residual(chosen)
-        scale = np.sqrt(np.mean(self.residual(()) ** 2, axis=0)) if chosen else None
-        scale = np.sqrt(np.mean(residual**2, axis=0)) if scale is None else scale
-        return float(np.mean(np.abs(residual) / np.where(scale > 0, scale, 1.0)))
+    def errors(self, chosen: Sequence[Candidate], *, real: bool = False) -> Array:
+        """Return the absolute error of every row while choosing, averaged over joints, (N,).
 
-    def residual(self, chosen: Sequence[Candidate]) -> Array:
-        """Return the errors of the model with some candidates on unseen rows, (N, n)."""
-        if self.validation is not None:
-            value = fit_weighted(self.train, chosen)
-            left: Array = self.validation.tau - self.validation.columns(chosen) @ value
+        With `real`, fits are those of a real robot, where the model has bodies.
+        """
+        real = real and self.real is not None
+        key = real, tuple(sorted(k for c in chosen for k in c.columns))
+        if key not in self._known:
+            residual = self._predict(self.choosing, chosen, real=real)
+            self._known[key] = np.mean(np.abs(residual) / self._scale, axis=1)
+        return self._known[key]
+
+    @cached_property
+    def _known(self) -> dict[tuple[bool, tuple[int, ...]], Array]:
+        return {}
+
+    @cached_property
+    def _scale(self) -> Array:
+        scale = np.sqrt(np.mean(self._predict(self.choosing, (), real=False) ** 2, axis=0))
+        positive: Array = np.where(scale > 0, scale, 1.0)
+        return positive
+
+    def gain(
+        self, rest: Sequence[Candidate], whole: Sequence[Candidate], *, real: bool = False
+    ) -> Gain:
+        """Return what some candidates gain over fewer of them while choosing."""
+        before, after = self.errors(rest, real=real), self.errors(whole, real=real)
+        parts = [p.mean() for p in np.array_split(before - after, STRETCHES) if len(p)]
+        level = float(before.mean()) or 1.0
+        error = float(np.std(parts, ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.inf
+        return Gain(float(np.mean(before - after)) / level, error / level)
+
+    def gap(self, models: Sequence[Sequence[Candidate]], *, real: bool = False) -> Gap:
+        """Return the errors of several models on the motion that verifies, side by side."""
+        parts = [self._predict(self.verifying, m, real=real) for m in models]
+        where = self.verifying if self.verifying is not None else self.train
+        return Gap(where.measured, np.stack(parts, axis=2), where)
+
+    def _predict(self, where: Rows | None, chosen: Sequence[Candidate], *, real: bool) -> Array:
+        if where is not None:
+            left: Array = where.tau - where.columns(chosen) @ self._fit(chosen, None, real=real)
             return left
         folds = self.folds()
         columns = self.train.columns(chosen)
         out = np.array(self.train.tau)
         for fold in np.unique(folds):
             test = folds == fold
-            value = fit_weighted(self.train, chosen, ~test)
-            out[test] -= columns[test] @ value
+            out[test] -= columns[test] @ self._fit(chosen, ~test, real=real)
         return out
+
+    def _fit(self, chosen: Sequence[Candidate], mask: np.ndarray | None, *, real: bool) -> Array:
+        # Where the solver finds no real robot, which is rare, the least-squares fit stands in.
+        found = self.real.fit(self.train, chosen, mask) if real and self.real else None
+        return fit_weighted(self.train, chosen, mask) if found is None else found
 
     def folds(self) -> np.ndarray:
         """Return the fold of every training row."""
         if self.train.log.max(initial=0) > 0:
             return self.train.log
         return (np.arange(len(self.train)) * FOLDS) // len(self.train)
-
-    def gap(self, models: Sequence[Sequence[Candidate]]) -> Gap:
-        """Return the errors of several models side by side."""
-        residual = np.stack([self.residual(m) for m in models], axis=2)
-        where = self.validation if self.validation is not None else self.train
-        return Gap(where.measured, residual, where)
 
     def fitted_residual(self, chosen: Sequence[Candidate]) -> Array:
         """Return the errors on the rows that were fitted, (N, n)."""
@@ -128,22 +158,20 @@ class HeldOut:
         return Gap(self.train.measured, np.stack(parts, axis=2), self.train)
 
 
-def fit_weighted(rows: Rows, chosen: Sequence[Candidate], mask: np.ndarray | None = None) -> Array:
-    """Return least-squares values, joints weighted by their own residual variance, (m,)."""
-    W, tau = rows.columns(chosen), rows.tau
-    if mask is not None:
-        W, tau = W[mask], tau[mask]
-    m = W.shape[2]
-    if not m:
-        return np.empty(0)
-    length = np.sqrt(np.einsum("ijk,ijk->k", W, W))
-    W = W / np.where(length > 0, length, 1.0)
-    weight: Array = np.ones(tau.shape[1])
-    value: Array = np.zeros(m)
-    for _ in range(2):
-        A = (W * weight[:, None]).reshape(-1, m)
-        value = np.linalg.lstsq(A, (tau * weight).ravel(), rcond=1e-8)[0]
-        rms = np.sqrt(np.mean((tau - W @ value) ** 2, axis=0))
-        weight = 1.0 / np.maximum(rms, 1e-9 * (rms.max() or 1.0))
-    scaled: Array = value / np.where(length > 0, length, 1.0)
-    return scaled
+@dataclass(frozen=True)
+class Gain:
+    """Relative fall of the error while choosing.
+
+    Attributes
+    ----------
+    share, error : float
+        With its standard error from means over stretches of time.
+    """
+
+    share: float
+    error: float
+
+    @property
+    def least(self) -> float:
+        """Lower end of the one-sided 95 % interval."""
+        return self.share - 1.645 * self.error

@@ -11,6 +11,7 @@ from identifiability.diagnosis.aliases import Alias, find_aliases
 from identifiability.diagnosis.ar_noise import ARNoise, fit_noise
 from identifiability.diagnosis.evidence import Bench, Whitened
 from identifiability.diagnosis.held_out import HeldOut
+from identifiability.diagnosis.real_robot import RealRobot
 from identifiability.diagnosis.rows import (
     Candidate,
     Refusal,
@@ -73,15 +74,32 @@ def gather(
     robot: Robot,
     model: Model,
     train: Sequence[Samples],
-    held: Sequence[Samples],
+    choose: Sequence[Samples],
     rng: np.random.Generator,
     *,
     effects: Iterable[str] | None = None,
     fixed: bool = False,
     rules: Rules | None = None,
     draws: int = DRAWS,
+    verify: Sequence[Samples] = (),
 ) -> Material:
-    """Return rows, candidates, aliases and noise: all that naming reads."""
+    """Return rows, candidates, aliases and noise: all that naming reads.
+
+    Parameters
+    ----------
+    robot : Robot
+    model : Model
+        The base model.
+    train : sequence of Samples
+        What is fitted.
+    choose : sequence of Samples
+        What judges while names are chosen; none to leave out fitted motion in turn.
+    rng : numpy.random.Generator
+    effects, fixed, rules, draws
+        As for `diagnose`.
+    verify : sequence of Samples
+        What takes no part in fitting or choosing.
+    """
     rules = rules or Rules()
     base = find_base_parameters(robot, model)
     values = nominal_base(robot, base) if fixed else None
@@ -89,15 +107,20 @@ def gather(
     listed, refused = list_candidates(robot, find_families(effects), model.names, motions,
                                       fixed=fixed)  # fmt: skip
     rows = build_rows(robot, model, base.kept, listed, train, values)
-    validation = build_rows(robot, model, base.kept, listed, held, values) if held else None
+    choosing, verifying = (
+        build_rows(robot, model, base.kept, listed, part, values) if part else None
+        for part in (choose, verify)
+    )
+    bodies = "rigid_body" in model.names and not fixed
+    real = RealRobot.of(robot, base) if bodies else None
     aliases = find_aliases(rows, listed, base.names, rules.alias)
     hidden = {(a.family, a.place) for a in aliases if a.structural}
     candidates = tuple(c for c in listed if c.group not in hidden)
     noise = fit_noise(rows.tau, family_blocks(rows, candidates), rows.runs())
     bench = Bench.of(rows, noise, draws, rng)
     return Material(
-        robot, model, base, rows, HeldOut(rows, validation), candidates, tuple(aliases),
-        tuple(refused), bench, bench.whiten(),
+        robot, model, base, rows, HeldOut(rows, choosing, verifying, real), candidates,
+        tuple(aliases), tuple(refused), bench, bench.whiten(),
     )  # fmt: skip
 
 

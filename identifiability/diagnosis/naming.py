@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from identifiability.diagnosis.evidence import Bench, Whitened, score_candidates
+from identifiability.diagnosis.gates import keep_possible, keep_useful
 from identifiability.diagnosis.held_out import HeldOut
 from identifiability.diagnosis.rows import Candidate
 from identifiability.diagnosis.rules import Rules, Step
@@ -183,25 +184,6 @@ class _Search:
             if score < self.needed.get(c.group, 0.0) or c not in self.eligible(rest):
                 self.chosen = rest
 
-    def prune(self) -> None:
-        """Take out, one after the other, what does not predict unseen motion better."""
-        while self.chosen:
-            whole = self.held.error(self.chosen)
-            gains = []
-            for units in self.units():
-                rest = [c for c in self.chosen if c not in units]
-                gains.append((1 - whole / self.held.error(rest), rest))
-            least, rest = min(gains, key=lambda x: x[0])
-            if least > self.rules.gain:
-                return
-            self.chosen = rest
-
-    def units(self) -> list[list[Candidate]]:
-        """Return what can be taken out: each candidate, and each family."""
-        families = dict.fromkeys(c.family.name for c in self.chosen)
-        whole = [[c for c in self.chosen if c.family.name == name] for name in families]
-        return [[c] for c in self.chosen] + [w for w in whole if len(w) > 1]
-
 
 def signature(chosen: Sequence[Candidate]) -> set[tuple[str, str, tuple[str, ...]]]:
     """Return what is in a set of candidates, whatever the shapes."""
@@ -239,13 +221,13 @@ def name_effects(
     say : callable, optional
     """
     search = _Search(bench, bench.whiten(), candidates, held, rules, frozenset(present))
-    best, least, waited = list(search.chosen), held.error(()), 0
+    best, least, waited = list(search.chosen), held.error((), real=True), 0
     seen = [signature(search.chosen)]
     for k in range(rules.most):
         if say is not None:
             say(f"naming, step {k + 1}", 0.4 + 0.4 * k / (k + 3))
         go_on = search.step()
-        error = held.error(search.chosen)
+        error = held.error(search.chosen, real=True)
         waited = 0 if error < least else waited + 1
         if error < least:
             best, least = list(search.chosen), error
@@ -256,12 +238,16 @@ def name_effects(
     search.chosen = best
     search.white = bench.whiten(bench.misfit(held.fitted_residual(best)))
     for _ in range(ROUNDS):
-        search.prune()
+        search.chosen = keep_useful(held, search.chosen, rules)
         search.tidy()
-    return Naming(tuple(search.chosen), dict(search.p_values), _judged(search))
+    useful = search.chosen
+    search.chosen = keep_possible(held, useful, candidates, rules)
+    search.tidy()
+    withdrawn = tuple(c for c in useful if c not in search.chosen)
+    return Naming(tuple(search.chosen), dict(search.p_values), _judged(search, withdrawn))
 
 
-def _judged(search: _Search) -> tuple[Step, ...]:
+def _judged(search: _Search, withdrawn: Sequence[Candidate]) -> tuple[Step, ...]:
     """Return the steps with what became of their effect."""
     there = {c.group for c in search.chosen}
     families = {c.family.name for c in search.chosen}
@@ -272,5 +258,7 @@ def _judged(search: _Search) -> tuple[Step, ...]:
         reason = step.reason
         if not reason:
             reason = "named" if kept else "it does not predict unseen motion better"
+            if not kept and name in {c.family.name for c in withdrawn}:
+                reason = "its gain vanishes once bodies must be possible"
         out.append(replace(step, accepted=kept and step.reason == "", reason=reason))
     return tuple(out)

@@ -269,3 +269,29 @@ def thin(samples: Samples) -> Samples:
     return replace(
         samples, motion=samples.motion[rows], tau=samples.tau[rows], notes=(*samples.notes, note)
     )
+
+
+def fit_weighted(rows: Rows, chosen: Sequence[Candidate], mask: np.ndarray | None = None) -> Array:
+    """Return least-squares values, joints weighted by their own residual variance, (m,)."""
+    W, tau = rows.columns(chosen), rows.tau
+    if mask is not None:
+        W, tau = W[mask], tau[mask]
+    return _solve(W, tau, joint_weights(W, tau))
+
+
+def joint_weights(W: Array, tau: Array) -> Array:
+    """Return one over the rms residual of every joint beside columns W (N, n, m), (n,)."""
+    rms = np.sqrt(np.mean((tau - W @ _solve(W, tau, np.ones(tau.shape[1]))) ** 2, axis=0))
+    weight: Array = 1.0 / np.maximum(rms, 1e-9 * (rms.max() or 1.0))
+    return weight
+
+
+def _solve(W: Array, tau: Array, weight: Array) -> Array:
+    m = W.shape[2]
+    if not m:
+        return np.empty(0)
+    length = np.sqrt(np.einsum("ijk,ijk->k", W, W))
+    length = np.where(length > 0, length, 1.0)
+    A = (W / length * weight[:, None]).reshape(-1, m)
+    value: Array = np.linalg.lstsq(A, (tau * weight).ravel(), rcond=1e-8)[0] / length
+    return value

@@ -14,6 +14,7 @@ from identifiability.diagnosis.conclude import conclude, stress_named
 from identifiability.diagnosis.material import DRAWS, gather
 from identifiability.diagnosis.naming import name_effects
 from identifiability.diagnosis.result import Diagnosis
+from identifiability.diagnosis.roles import assign_roles
 from identifiability.diagnosis.rows import thin
 from identifiability.diagnosis.rules import Rules
 from identifiability.errors import LogError
@@ -86,23 +87,28 @@ def diagnose(
         train_logs, held_logs = read_logs(logs), read_logs(validate)
         if not train_logs:
             raise LogError("No log was given; give at least one.")
-        train = [prepare_rows(robot, log, preparation) for log in train_logs]
-        held = [prepare_rows(robot, log, preparation) for log in held_logs]
-        check_held_out(train, held)
+        check_held_out(train_logs, held_logs)
+        roles = assign_roles(train_logs, held_logs)
+        train, choose, verify = (
+            [prepare_rows(robot, log, preparation) for log in part]
+            for part in (roles.fit, roles.choose, roles.verify)
+        )
         say("building columns", 0.1)
         material = gather(
-            robot, choose_model(model), train, held, streams[0], effects=effects, fixed=fixed,
-            rules=rules, draws=draws // 2 if quick else draws,
+            robot, choose_model(model), train, choose, streams[0], effects=effects, fixed=fixed,
+            rules=rules, draws=draws // 2 if quick else draws, verify=verify,
         )  # fmt: skip
         say("naming effects", 0.4)
         naming = name_effects(
             material.bench, material.candidates, material.held, rules, material.model.names, say
         )
         say("changing the preparation", 0.8)
-        stress = None if quick else stress_named(material, naming, train_logs, train, preparation,
+        stress = None if quick else stress_named(material, naming, roles.fit, train, preparation,
                                             fixed, streams[1])  # fmt: skip
         say("verifying", 0.9)
-        return conclude(material, naming, stress, train, held, rules, fixed, seed, streams[2])
+        return conclude(
+            material, naming, stress, train, verify, roles, rules, fixed, seed, streams[2]
+        )
 
 
 def read_logs(logs: Sequence[LogLike] | LogLike) -> list[Log]:

@@ -1,0 +1,74 @@
+"""Gates that a name must pass after the search: it predicts better, and so in a real robot.
+
+Both look only at motion that chooses, never at the motion that verifies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from identifiability.diagnosis.held_out import Gain, HeldOut
+from identifiability.diagnosis.rows import Candidate
+from identifiability.diagnosis.rules import Rules
+
+Chosen = list[Candidate]
+
+
+def list_units(chosen: Sequence[Candidate]) -> list[Chosen]:
+    """Return what can be taken out: each candidate, and each family."""
+    families = dict.fromkeys(c.family.name for c in chosen)
+    whole = [[c for c in chosen if c.family.name == name] for name in families]
+    return [[c] for c in chosen] + [w for w in whole if len(w) > 1]
+
+
+def keep_useful(held: HeldOut, chosen: Sequence[Candidate], rules: Rules) -> Chosen:
+    """Return the choices without what does not surely predict motion that did not fit it better."""
+    return _take_out(list(chosen), rules, lambda rest, whole: held.gain(rest, whole))
+
+
+def keep_possible(
+    held: HeldOut, chosen: Sequence[Candidate], candidates: Sequence[Candidate], rules: Rules
+) -> Chosen:
+    """Return the choices without what gains nothing once every fit must be a real robot.
+
+    Only what some joints have must prove itself, and beside what every joint has at every place: a
+    spring that stands in for friction nobody looked for in its joint is no spring. Friction,
+    rotors and offsets themselves are not refused: without them it is the bodies that give way.
+    """
+    if held.real is None:
+        return list(chosen)
+    basic = [c for c in chosen if c.family.basic]
+    around = add_places(basic, candidates)
+    special = [c for c in chosen if not c.family.basic]
+
+    def gain(rest: Chosen, whole: Chosen) -> Gain:
+        return held.gain([*around, *rest], [*around, *whole], real=True)
+
+    kept = _take_out(special, rules, gain)
+    return [c for c in chosen if c.family.basic or c in kept]
+
+
+def add_places(chosen: Sequence[Candidate], candidates: Sequence[Candidate]) -> Chosen:
+    """Return some candidates with their families at every other place."""
+    families, out = {c.family.name for c in chosen}, list(chosen)
+    groups = {c.group for c in out}
+    for c in candidates:
+        if c.family.name in families and c.group not in groups:
+            out.append(c)
+            groups.add(c.group)
+    return out
+
+
+def _take_out(chosen: Chosen, rules: Rules, gain: Callable[[Chosen, Chosen], Gain]) -> Chosen:
+    """Take out one unit after the other, the one that does least first."""
+    while chosen:
+        weak = []
+        for unit in list_units(chosen):
+            rest = [c for c in chosen if c not in unit]
+            found = gain(rest, chosen)
+            if found.share <= rules.gain or found.least <= 0:
+                weak.append((found.share, rest))
+        if not weak:
+            break
+        chosen = min(weak, key=lambda x: x[0])[1]
+    return chosen
