@@ -45,7 +45,7 @@ def errors_together(data: Any, train: int, test: int) -> dict[str, float]:
     robot = kuka_lwr4.load_robot(data)
     rows = [[prepare_rows(robot, kuka_lwr4.load_log(data, robot, k), None)] for k in (train, test)]
     m = gather(robot, Model.of("rigid_body"), *rows, np.random.default_rng(0), draws=2)
-    held = HeldOut(m.train, m.held.validation)
+    held = HeldOut(m.train, m.held.choosing)
     sets = [(), *JOINTLY, *((*JOINTLY[-1], name) for name in BESIDE)]
     out = {}
     for names in sets:

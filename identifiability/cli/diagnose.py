@@ -41,7 +41,7 @@ def diagnose(
     report: options.Report = None,
     json: options.Json = None,
     seed: options.Seed = 0,
-    quick: Annotated[bool, typer.Option(help="Half the draws and no stress test.")] = False,
+    quick: Annotated[bool, typer.Option(help="Half the draws: coarser p-values.")] = False,
 ) -> None:
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink.
 

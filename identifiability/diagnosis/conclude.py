@@ -13,7 +13,7 @@ from identifiability.diagnosis.evidence import solve_values
 from identifiability.diagnosis.find import find_discrepancies
 from identifiability.diagnosis.material import Material
 from identifiability.diagnosis.named_effect import Curve, NamedEffect, Placement
-from identifiability.diagnosis.naming import Naming
+from identifiability.diagnosis.naming import Naming, keep_surviving
 from identifiability.diagnosis.remainder import find_remainder
 from identifiability.diagnosis.result import Diagnosis
 from identifiability.diagnosis.roles import Roles
@@ -41,36 +41,42 @@ def stress_named(
     preparation: Preparation | None,
     fixed: bool,
     rng: np.random.Generator,
-) -> list[list[Survival]]:
-    """Return how the named effects fare when the motion is made anew."""
+) -> tuple[Naming, list[list[Survival]]]:
+    """Make the motion anew; return what survives, and how each of it fares."""
     if not naming.chosen:
-        return []
+        return naming, []
     robot, m = material.robot, material
     values = nominal_base(robot, m.base) if fixed else None
     how = preparation or Preparation()
     computed = train[0].decimation is not None and logs[0].dq is None
     cutoff = signals.choose_cutoff(logs[0].t, logs[0].q) if computed else None
-    factor = train[0].decimation.factor if train[0].decimation is not None else None
+    d = train[0].decimation
+    factor = None if d is None else d.factor
+
+    def prepare(log: Log, limit: float | None) -> Samples:
+        changed = how if limit is None else replace(how, cutoff=limit)
+        return thin(prepare_samples(robot, log, replace(changed, decimate=factor)))
 
     def build(variation: Variation) -> Rows:
-        _, change_log, change_how = variation
-        changed = [
-            thin(prepare_samples(robot, change_log(log), change_how(replace(how, decimate=factor))))
-            for log in logs
-        ]
+        changed = [variation.build(log, s) for log, s in zip(logs, train, strict=True)]
         return build_rows(robot, m.model, m.base.kept, naming.chosen, changed, values)
 
     found = solve_values(m.white, m.white.columns(naming.chosen))[0][m.train.X.shape[2] :]
     first = np.cumsum([0, *(len(c.columns) for c in naming.chosen)])[:-1]
-    return stress_effects(
-        build, list_variations(cutoff), m.noise, naming.chosen, [found[k] for k in first], rng
-    )
+    survivals = stress_effects(
+        build, list_variations(cutoff, prepare, rng), m.noise, naming.chosen,
+        [found[k] for k in first], rng,
+    )  # fmt: skip
+    pairs = list(zip(naming.chosen, survivals, strict=True))
+    refuted = [c for c, fares in pairs if any(s.refutes for s in fares)]
+    kept = keep_surviving(naming, refuted, m.model.names)
+    return kept, [fares for c, fares in pairs if c in kept.chosen]
 
 
 def conclude(
     m: Material,
     naming: Naming,
-    stress: list[list[Survival]] | None,
+    stress: list[list[Survival]],
     train: Sequence[Samples],
     verify: Sequence[Samples],
     roles: Roles,
@@ -86,6 +92,9 @@ def conclude(
              for k in range(len(order) + 1)]  # fmt: skip
     gap, fitted = m.held.gap(rungs), m.held.fitted_gap(rungs)
     errors = gap.relative_error()
+    real = np.full(len(rungs), np.nan)
+    if m.held.real is not None:
+        real = m.held.gap(rungs, real=True).relative_error()
     placements = _place(m, naming, stress, rules)
     effects = tuple(
         NamedEffect(
@@ -93,6 +102,7 @@ def conclude(
             tuple(p for c, p in zip(naming.chosen, placements, strict=True)
                   if c.family.name == name),
             float(errors[k]), float(errors[k + 1]), gap.interval(k, k + 1, rng),
+            (float(real[k]), float(real[k + 1])),
         )
         for k, name in enumerate(order)
     )  # fmt: skip
@@ -108,7 +118,8 @@ def conclude(
         error_before=float(fitted.relative_error()[0]),
         error_after=float(fitted.relative_error()[-1]),
         held_before=float(errors[0]), held_after=float(errors[-1]),
-        interval=gap.interval(0, len(rungs) - 1, rng), held_kind=f"on {roles.verified_on}",
+        interval=gap.interval(0, len(rungs) - 1, rng), real_before=float(real[0]),
+        real_after=float(real[-1]), chosen_by=roles.chosen_by, verified_on=roles.verified_on,
         discrepancies=tuple(find_discrepancies(m.train, residual[:, :, 0], joints)),
         discrepancies_after=tuple(find_discrepancies(m.train, residual[:, :, -1], joints)),
         aliases=m.aliases, refusals=m.refusals, steps=naming.steps, remainder=remainder,
@@ -118,7 +129,7 @@ def conclude(
 
 
 def _place(
-    m: Material, naming: Naming, stress: list[list[Survival]] | None, rules: Rules
+    m: Material, naming: Naming, stress: list[list[Survival]], rules: Rules
 ) -> list[Placement]:
     """Return what is known of every named candidate."""
     chosen = naming.chosen
@@ -137,7 +148,7 @@ def _place(
                 c.place, c.shape, naming.p_values.get(c.group, float("nan")),
                 tuple(p.name for p in parameters), tuple(p.unit for p in parameters),
                 value[at], error[at], float(np.sqrt(np.mean(added**2, axis=0)).max()),
-                tuple(rivals), tuple(stress[k]) if stress else (),
+                tuple(rivals), tuple(stress[k]),
             )
         )  # fmt: skip
     return out

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from identifiability.diagnosis.held_out import Gain, HeldOut
+import numpy as np
+
+from identifiability.diagnosis.held_out import HeldOut
 from identifiability.diagnosis.rows import Candidate
 from identifiability.diagnosis.rules import Rules
 
@@ -22,8 +24,8 @@ def list_units(chosen: Sequence[Candidate]) -> list[Chosen]:
 
 
 def keep_useful(held: HeldOut, chosen: Sequence[Candidate], rules: Rules) -> Chosen:
-    """Return the choices without what does not surely predict motion that did not fit it better."""
-    return _take_out(list(chosen), rules, lambda rest, whole: held.gain(rest, whole))
+    """Return the choices without what does not predict motion that did not fit it better."""
+    return _take_out(list(chosen), lambda rest, whole: held.gain(rest, whole).share - rules.gain)
 
 
 def keep_possible(
@@ -34,6 +36,7 @@ def keep_possible(
     Only what some joints have must prove itself, and beside what every joint has at every place: a
     spring that stands in for friction nobody looked for in its joint is no spring. Friction,
     rotors and offsets themselves are not refused: without them it is the bodies that give way.
+    The gain must exceed its standard error [Breiman 1984].
     """
     if held.real is None:
         return list(chosen)
@@ -41,10 +44,11 @@ def keep_possible(
     around = add_places(basic, candidates)
     special = [c for c in chosen if not c.family.basic]
 
-    def gain(rest: Chosen, whole: Chosen) -> Gain:
-        return held.gain([*around, *rest], [*around, *whole], real=True)
+    def margin(rest: Chosen, whole: Chosen) -> float:
+        gain = held.gain([*around, *rest], [*around, *whole], real=True)
+        return min(gain.share - rules.gain, gain.share - gain.error)
 
-    kept = _take_out(special, rules, gain)
+    kept = _take_out(special, margin)
     return [c for c in chosen if c.family.basic or c in kept]
 
 
@@ -59,16 +63,12 @@ def add_places(chosen: Sequence[Candidate], candidates: Sequence[Candidate]) -> 
     return out
 
 
-def _take_out(chosen: Chosen, rules: Rules, gain: Callable[[Chosen, Chosen], Gain]) -> Chosen:
-    """Take out one unit after the other, the one that does least first."""
+def _take_out(chosen: Chosen, margin: Callable[[Chosen, Chosen], float]) -> Chosen:
+    """Take out one unit after the other, the one with the least margin first."""
     while chosen:
-        weak = []
-        for unit in list_units(chosen):
-            rest = [c for c in chosen if c not in unit]
-            found = gain(rest, chosen)
-            if found.share <= rules.gain or found.least <= 0:
-                weak.append((found.share, rest))
-        if not weak:
+        rests = [[c for c in chosen if c not in unit] for unit in list_units(chosen)]
+        margins = [margin(rest, chosen) for rest in rests]
+        if min(margins) > 0:
             break
-        chosen = min(weak, key=lambda x: x[0])[1]
+        chosen = rests[int(np.argmin(margins))]
     return chosen

@@ -170,8 +170,3 @@ class Gain:
 
     share: float
     error: float
-
-    @property
-    def least(self) -> float:
-        """Lower end of the one-sided 95 % interval."""
-        return self.share - 1.645 * self.error

@@ -83,6 +83,9 @@ class NamedEffect:
         Held-out ε_RA of the model without and with it.
     interval : (float, float)
         95 % of the change.
+    real : (float, float)
+        The same errors where every fit is a real robot; nan where the model has no bodies or
+        keeps its values.
     """
 
     name: str
@@ -91,6 +94,12 @@ class NamedEffect:
     before: float
     after: float
     interval: tuple[float, float]
+    real: tuple[float, float] = (float("nan"), float("nan"))
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the motion that verifies surely has less error with it."""
+        return self.interval[1] < 0
 
     @property
     def joints(self) -> tuple[str, ...]:

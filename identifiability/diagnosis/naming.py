@@ -247,6 +247,33 @@ def name_effects(
     return Naming(tuple(search.chosen), dict(search.p_values), _judged(search, withdrawn))
 
 
+def keep_surviving(naming: Naming, refuted: Sequence[Candidate], present: Iterable[str]) -> Naming:
+    """Return a naming without candidates that another preparation of the motion refutes.
+
+    Parameters
+    ----------
+    naming : Naming
+    refuted : sequence of Candidate
+    present : iterable of str
+        Families that the base model has at every place.
+    """
+    kept = [c for c in naming.chosen if c not in refuted]
+    there = {c.group for c in kept}
+    kept = [
+        c
+        for c in kept
+        if not c.family.needs or c.family.needs in present or (c.family.needs, c.place) in there
+    ]
+    lost = {c.family.name for c in naming.chosen} - {c.family.name for c in kept}
+    steps = tuple(
+        replace(s, accepted=False, reason="it does not survive another preparation of the motion")
+        if s.accepted and s.best[0] in lost
+        else s
+        for s in naming.steps
+    )
+    return Naming(tuple(kept), naming.p_values, steps)
+
+
 def _judged(search: _Search, withdrawn: Sequence[Candidate]) -> tuple[Step, ...]:
     """Return the steps with what became of their effect."""
     there = {c.group for c in search.chosen}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -24,6 +24,17 @@ from identifiability.robot import Robot
 from identifiability.samples import Samples
 
 SCHEMA = "identifiability/diagnosis/1"
+
+
+class ForwardGap(Protocol):
+    """Motion simulated forward from the measured torque, before and after the named effects."""
+
+    @property
+    def statement(self) -> str:
+        """The gap in plain words."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +56,13 @@ class Diagnosis:
         ε_RA on unseen motion.
     interval : (float, float)
         95 % of the change on unseen motion.
-    held_kind : str
-        How unseen motion was had.
+    real_before, real_after : float
+        ε_RA on unseen motion where every fit is a real robot; nan where the model has no bodies
+        or keeps its values.
+    chosen_by : str
+        What judged while names were chosen, in words.
+    verified_on : str
+        Unseen motion, in words: neither fitted nor used to choose.
     discrepancies, discrepancies_after : tuple of Discrepancy
     aliases : tuple of Alias
     refusals : tuple of Refusal
@@ -55,12 +71,15 @@ class Diagnosis:
     model : Model
         The base model with the named effects.
     samples, validation : tuple of Samples
+        Fitted, and unseen.
     gap : Gap
         Unseen rows: residual of the base model, then after each effect.
     curves : tuple of Curve
         One for each named effect and place.
     rules : Rules
     seed : int
+    forward : ForwardGap or None
+        Forward simulation before and after, where it was made.
     """
 
     robot: Robot
@@ -72,7 +91,10 @@ class Diagnosis:
     held_before: float
     held_after: float
     interval: tuple[float, float]
-    held_kind: str
+    real_before: float
+    real_after: float
+    chosen_by: str
+    verified_on: str
     discrepancies: tuple[Discrepancy, ...]
     discrepancies_after: tuple[Discrepancy, ...]
     aliases: tuple[Alias, ...]
@@ -86,6 +108,7 @@ class Diagnosis:
     curves: tuple[Curve, ...]
     rules: Rules
     seed: int
+    forward: ForwardGap | None = None
 
     @property
     def base_effects(self) -> tuple[Effect, ...]:
@@ -107,12 +130,16 @@ class Diagnosis:
         return state_remainder(self)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row for every named effect and place."""
+        """Return one row for every named effect and place.
+
+        `before` and `after` are ε_RA on unseen motion without and with the whole effect.
+        """
         rows = [
             {
                 "effect": e.name, "joint": p.place, "shape": p.shape, "p_value": p.p_value,
                 "parameter": parameter, "value": float(value), "error": float(error),
-                "unit": unit, "or": ", ".join(e.alternatives),
+                "unit": unit, "or": ", ".join(e.alternatives), "before": e.before,
+                "after": e.after,
             }
             for e in self.effects
             for p in e.placements
@@ -121,7 +148,7 @@ class Diagnosis:
             )
         ]  # fmt: skip
         columns = ["effect", "joint", "shape", "p_value", "parameter", "value", "error", "unit",
-                   "or"]  # fmt: skip
+                   "or", "before", "after"]  # fmt: skip
         return pd.DataFrame(rows, columns=columns)
 
     def evidence_frame(self) -> pd.DataFrame:
@@ -147,7 +174,13 @@ class Diagnosis:
             "before": {"error_ra": self.error_before, "error_ra_validation": self.held_before},
             "effects": [_effect_row(e) for e in self.effects],
             "after": {"error_ra": self.error_after, "error_ra_validation": self.held_after},
-            "change": {"interval95": list(self.interval), "measured": self.held_kind},
+            "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
+            "roles": {
+                "fitted": [s.name for s in self.samples], "chosen": self.chosen_by,
+                "verified": self.verified_on, "verified_logs": [s.name for s in self.validation],
+            },
+            "real_robot": {"error_ra_before": self.real_before, "error_ra_after": self.real_after},
+            "forward": None if self.forward is None else self.forward.to_dict(),
             "unexplained": {
                 "statement": self.unexplained,
                 "rms": dict(zip(self.robot.joints, self.remainder.rms.tolist(), strict=True)),
@@ -194,6 +227,9 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "error_ra_validation_before": e.before,
         "error_ra_validation_after": e.after,
         "change_interval95": list(e.interval),
+        "confirmed": e.confirmed,
+        "error_ra_real_before": e.real[0],
+        "error_ra_real_after": e.real[1],
         "or": list(e.alternatives),
         "confusable_with": [
             {"effect": name, "similarity": similarity}

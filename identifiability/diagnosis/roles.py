@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -116,7 +117,7 @@ def divide(log: Log, edges: Sequence[float] | np.ndarray) -> list[Log]:
     """
     n, out = len(log), []
     cuts = np.asarray(edges, float) * n
-    for k, (low, high) in enumerate(zip(cuts[:-1], cuts[1:], strict=True)):
+    for k, (low, high) in enumerate(pairwise(cuts.tolist())):
         pause = PAUSE * (high - low)
         first = int(np.ceil(low + (pause if low > 0 else 0)))
         last = int(high - (pause if high < n else 0))

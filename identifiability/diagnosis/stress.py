@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import comb
 
 import numpy as np
 
@@ -16,7 +17,8 @@ from identifiability.diagnosis.ar_noise import ARNoise
 from identifiability.diagnosis.evidence import Bench, score_candidates, solve_values
 from identifiability.diagnosis.rows import Candidate, Rows
 from identifiability.log import Log
-from identifiability.samples import Preparation
+from identifiability.names import Array
+from identifiability.samples import Samples
 
 #: Score below which an effect has not survived: a one-sided p-value of one per cent.
 SURVIVES = 4.6
@@ -42,42 +44,101 @@ class Survival:
         """Whether the effect would still be believed."""
         return self.score > SURVIVES and self.same_sign
 
+    @property
+    def refutes(self) -> bool:
+        """Whether the name must go: it hangs on how the motion was made from the log."""
+        return not self.survived and self.variation not in CLOCK
 
-Variation = tuple[str, Callable[[Log], Log], Callable[[Preparation], Preparation]]
+
+#: Variations that shift the clock; they warn and do not refuse. A sample more or less moves the
+#: reversal of every friction law, so that true friction of half the noise often fails them.
+CLOCK = ("torque one sample earlier", "torque one sample later")
+#: Differences of this order leave white noise of smooth motion.
+ORDER = 8
 
 
-def list_variations(cutoff: float | None) -> list[Variation]:
+@dataclass(frozen=True)
+class Variation:
+    """A way in which the motion is made anew.
+
+    Attributes
+    ----------
+    name : str
+    build : callable(Log, Samples) -> Samples
+        From a log and its samples as they were.
+    """
+
+    name: str
+    build: Callable[[Log, Samples], Samples]
+
+
+def list_variations(
+    cutoff: float | None,
+    prepare: Callable[[Log, float | None], Samples],
+    rng: np.random.Generator,
+) -> list[Variation]:
     """Return the ways in which the motion is made anew.
 
     Parameters
     ----------
     cutoff : float or None [Hz]
         Low-pass of computed derivatives; None for measured ones.
+    prepare : callable(Log, cutoff or None) -> Samples
+    rng : numpy.random.Generator
     """
-    out: list[Variation] = [
-        ("torque one sample earlier", lambda log: shift_torque(log, 1), lambda how: how),
-        ("torque one sample later", lambda log: shift_torque(log, -1), lambda how: how),
+    out = [
+        Variation(name, partial(_shifted, by=by)) for name, by in zip(CLOCK, (1, -1), strict=True)
     ]
+    out.append(
+        Variation(
+            "twice the noise in the motion", lambda log, _: prepare(blur_motion(log, rng), None)
+        )
+    )
     if cutoff is not None:
         for name, factor in (("filter 20 % lower", 0.8), ("filter 20 % higher", 1.2)):
-            chosen = cutoff * factor
-            out.append((name, lambda log: log, partial(_with_cutoff, cutoff=chosen)))
+            out.append(Variation(name, partial(_filtered, prepare=prepare, cutoff=cutoff * factor)))
     return out
 
 
-def _with_cutoff(how: Preparation, cutoff: float) -> Preparation:
-    return replace(how, cutoff=cutoff)
+def _shifted(_: Log, samples: Samples, by: int) -> Samples:
+    return replace(samples, tau=shift_torque(samples.tau, by))
 
 
-def shift_torque(log: Log, samples: int) -> Log:
-    """Return a log whose torque is taken from some samples later, the motion as it is."""
-    keep = slice(0, len(log) - samples) if samples > 0 else slice(-samples, None)
-    move = slice(samples, None) if samples > 0 else slice(0, len(log) + samples)
+def _filtered(
+    log: Log, _: Samples, prepare: Callable[[Log, float | None], Samples], cutoff: float
+) -> Samples:
+    return prepare(log, cutoff)
+
+
+def shift_torque(tau: Array, samples: int) -> Array:
+    """Return torque (N, n) that is taken from some samples later; the ends are repeated."""
+    at = np.clip(np.arange(len(tau)) + samples, 0, len(tau) - 1)
+    shifted: Array = tau[at]
+    return shifted
+
+
+def blur_motion(log: Log, rng: np.random.Generator) -> Log:
+    """Return a log with as much white noise again as its motion has [Cook & Stefanski 1994]."""
+
+    def blur(x: Array) -> Array:
+        noisy: Array = x + white_noise(x) * rng.standard_normal(x.shape)
+        return noisy
+
     return replace(
-        log, t=log.t[keep], q=log.q[keep], tau=log.tau[move],
-        dq=None if log.dq is None else log.dq[keep],
-        ddq=None if log.ddq is None else log.ddq[keep],
+        log, q=blur(log.q), dq=None if log.dq is None else blur(log.dq),
+        ddq=None if log.ddq is None else blur(log.ddq),
     )  # fmt: skip
+
+
+def white_noise(x: Array) -> Array:
+    """Return the standard deviation of the white noise in smooth series (N, n), (n,)."""
+    weight = sum(comb(ORDER, k) ** 2 for k in range(ORDER + 1))
+    left = np.diff(x, ORDER, axis=0)
+    if not len(left):
+        return np.zeros(x.shape[1])
+    # The median does not see the gaps of a log, across which series are not smooth.
+    sd: Array = np.median(np.abs(left), axis=0) / (0.6745 * np.sqrt(weight))
+    return sd
 
 
 def stress_effects(
@@ -114,5 +175,5 @@ def stress_effects(
             score = float(score_candidates(white, rest, [free], null=False).fit[0])
             value = solve_values(white, np.column_stack([rest, white.D[:, list(c.columns)]]))[0]
             sign = np.sign(value[rest.shape[1]]) == np.sign(values[k]) or len(c.columns) > 1
-            out[k].append(Survival(variation[0], score, bool(sign)))
+            out[k].append(Survival(variation.name, score, bool(sign)))
     return out

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from identifiability.diagnosis.named_effect import NamedEffect
     from identifiability.diagnosis.result import Diagnosis
@@ -26,18 +28,24 @@ def state(d: Diagnosis) -> str:
     start = "the robot file's own values" if d.fixed else "the refitted model"
     if not d.effects:
         return (
-            f"No effect can be named: {start} predict{'' if d.fixed else 's'} unseen motion with "
-            f"an error of {_percent(d.held_before)}. {d.unexplained}"
+            f"No effect can be named: {start} predict{'' if d.fixed else 's'} unseen motion "
+            f"({d.verified_on}) with an error of {_percent(d.held_before)}. {d.unexplained}"
         )
     named = ". ".join(_state_effect(e) for e in d.effects)
     low, high = d.interval
     verb = "falls" if d.held_after < d.held_before else "goes"
     change = (
-        f"{d.held_kind[0].upper()}{d.held_kind[1:]} the error {verb} from "
+        f"On {d.verified_on}, which took no part in fitting or choosing, the error {verb} from "
         f"{_percent(d.held_before)} to {_percent(d.held_after)} (95 %: {_points(low)} … "
         f"{_points(high)} points)."
     )
-    return " ".join([f"{named}.", change, *_caveats(d), d.unexplained])
+    if np.isfinite(d.real_after):
+        change += (
+            f" With bodies that can exist it goes from {_percent(d.real_before)} to "
+            f"{_percent(d.real_after)}."
+        )
+    forward = [] if d.forward is None else [d.forward.statement]
+    return " ".join([f"{named}.", change, *forward, *_caveats(d), d.unexplained])
 
 
 def _state_effect(e: NamedEffect) -> str:
@@ -60,6 +68,11 @@ def _caveats(d: Diagnosis) -> list[str]:
             text = name.replace("_", " ")
             out.append(f"{e.title[0].upper() + e.title[1:]} resembles {text} in this motion "
                        f"(similarity {similarity:.2f}); the data prefer the former.")  # fmt: skip
+        if not e.confirmed:
+            out.append(
+                f"{e.title[0].upper() + e.title[1:]} by itself does not surely lower the error "
+                "there: treat it with caution."
+            )
         fragile = list(dict.fromkeys(x for p in e.placements for x in p.fragile))
         if fragile:
             out.append(

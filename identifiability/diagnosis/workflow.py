@@ -71,7 +71,7 @@ def diagnose(
         Simulated noises; the smallest p-value is 1 / (draws + 1).
     seed : int
     quick : bool
-        Half the draws and no stress test.
+        Half the draws.
     progress : callable(str, float), optional
 
     Raises
@@ -103,8 +103,9 @@ def diagnose(
             material.bench, material.candidates, material.held, rules, material.model.names, say
         )
         say("changing the preparation", 0.8)
-        stress = None if quick else stress_named(material, naming, roles.fit, train, preparation,
-                                            fixed, streams[1])  # fmt: skip
+        naming, stress = stress_named(
+            material, naming, roles.fit, train, preparation, fixed, streams[1]
+        )
         say("verifying", 0.9)
         return conclude(
             material, naming, stress, train, verify, roles, rules, fixed, seed, streams[2]

@@ -75,7 +75,7 @@ def _tiles(d: Diagnosis) -> tuple[Tile, ...]:
     low, high = (format_number(100 * x, 2) for x in d.interval)
     return (
         Tile(str(len(d.effects)), "effects named", ", ".join(e.title for e in d.effects)),
-        Tile(_percent(d.held_before), "error before", d.held_kind),
+        Tile(_percent(d.held_before), "error before", f"on {d.verified_on}"),
         Tile(_percent(d.held_after), "error after", f"95 %: {low} … {high} points"),
         Tile(_percent(d.remainder.smooth_limit, 2), "of the rest may still be smooth",
              "upper bound, in position and velocity"),
@@ -92,9 +92,9 @@ def _caveats(d: Diagnosis) -> tuple[Block, ...]:
             if p.fragile:
                 text = f"{e.title} in {p.place} would not be believed with: {', '.join(p.fragile)}."
                 notes.append(Note("note", "Fragile", text))
-    if not d.validation:
-        text = "Errors come from cross-validation on the logs that named the effects."
-        notes.append(Note("note", "No held-out log", text))
+        if not e.confirmed:
+            text = f"{e.title} by itself does not surely lower the error on unseen motion."
+            notes.append(Note("warning", "Not confirmed", text))
     return (Notes(tuple(notes)),) if notes else ()
 
 
@@ -125,7 +125,7 @@ def _section_effects(d: Diagnosis) -> Section:
         blocks.append(Table("Effects that were added", columns, tuple(rows)))
         labels = ["model as it was", *(f"+ {e.title}" for e in d.effects)]
         errors = np.array([d.held_before, *(e.after for e in d.effects)])
-        blocks.append(Picture(draw_shrink(labels, errors), f"Error {d.held_kind}."))
+        blocks.append(Picture(draw_shrink(labels, errors), f"Error on {d.verified_on}."))
         blocks.append(_curves(d))
     else:
         blocks.append(Prose(("No effect stands out from the noise and helps on unseen motion.",)))

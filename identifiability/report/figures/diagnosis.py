@@ -103,7 +103,7 @@ def draw_evidence(names: Sequence[str], scores: Array, critical: Array) -> Figur
     axes.set_xscale("log")
     axes.set_yticks(range(len(names)), [plain(n) for n in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_xlabel("evidence over what noise alone reaches in one log of twenty [–]")
+    axes.set_xlabel("evidence / limit of noise [–]")
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=min(scores.shape[1], 6),
                 handlelength=1, borderaxespad=0.2)  # fmt: skip
     return figure
