@@ -19,9 +19,10 @@ import numpy as np
 import pandas as pd
 
 from identifiability.analysis import Analysis
+from identifiability.diagnosis import FalseNames, measure_false_names
 from identifiability.diagnosis.autoregression import Runs
 from identifiability.engine import Engine, Serial
-from identifiability.errors import ModelError, near_match
+from identifiability.errors import LogError, ModelError, near_match
 from identifiability.estimation import Method
 from identifiability.ladder import Rung
 from identifiability.model import Model, Regression
@@ -31,6 +32,7 @@ from identifiability.output import write_json
 from identifiability.ranks import RankCheck, check_ranks
 from identifiability.replicates import Experiment, spawn_seeds
 from identifiability.residual_noise import ResidualNoise, find_runs, fit_residual_noise
+from identifiability.stages import LogLike
 from identifiability.verdict import Thresholds
 
 SCHEMA = "identifiability/calibration/1"
@@ -58,6 +60,10 @@ class Calibration:
         The actuators, for `own`.
     own : ResidualNoise or None
         The noise like the residual, which the first cell simulates.
+    false_names : FalseNames or None
+        Names that a diagnosis gives where nothing is missing, where that was asked for.
+    unmeasured : str
+        Why that could not be measured.
     """
 
     robot: str
@@ -68,6 +74,8 @@ class Calibration:
     ranks: RankCheck | None = None
     joints: tuple[str, ...] = ()
     own: ResidualNoise | None = None
+    false_names: FalseNames | None = None
+    unmeasured: str = ""
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a cell."""
@@ -95,6 +103,8 @@ class Calibration:
             f"those that pass the 10× rule up to "
             f"{100 * max(c.paper_wrong for c in self.cells):.2g} %."
             + ("" if self.ranks is None else f" {self.ranks.statement}")
+            + ("" if self.false_names is None else f" {self.false_names.statement}")
+            + (f" {self.unmeasured}" if self.unmeasured else "")
         )
 
     @property
@@ -123,6 +133,7 @@ class Calibration:
             "cells": [c.to_dict() for c in self.cells],
             "noise": self._noise_rows(),
             "posterior": None if self.ranks is None else self.ranks.to_dict(),
+            "diagnosis": None if self.false_names is None else self.false_names.to_dict(),
             "seed": self.seed,
         }
 
@@ -161,6 +172,8 @@ def calibrate(
     trials: int = 60,
     replicates: int = 200,
     sbc: int = 0,
+    logs: Sequence[LogLike] | LogLike = (),
+    diagnoses: int = 0,
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
     engine: Engine | None = None,
@@ -185,6 +198,10 @@ def calibrate(
         Of the bootstrap in each.
     sbc : int
         Simulated experiments for the simulation-based calibration of the posterior; 0 for none.
+    logs : log, path, DataFrame, or several
+        The raw logs of the analysis; needed for `diagnoses`.
+    diagnoses : int
+        Simulated repetitions of the logs that are diagnosed with nothing missing; 0 for none.
     seed : int
     progress : callable(str, float), optional
     engine : Engine, optional
@@ -238,9 +255,18 @@ def calibrate(
             result, information, last, replicates=sbc, engine=runner,
             progress=lambda done, total: say("ranking planted values", 0.9 + 0.1 * done / total),
         )  # fmt: skip
+    named, reason = None, ""
+    if diagnoses:
+        try:
+            named = measure_false_names(
+                analysis.robot, logs, model=analysis.effects, trials=diagnoses, seed=seed,
+                progress=progress,
+            )  # fmt: skip
+        except LogError as error:  # too short a log has no part to verify names on
+            reason = f"How often a name is false was not measured: {error}"
     return Calibration(
         analysis.robot.name, result.name, len(truth), tuple(cells), seed, ranks,
-        analysis.robot.joints, own,
+        analysis.robot.joints, own, named, reason,
     )  # fmt: skip
 
 

@@ -33,6 +33,10 @@ def calibrate(
     sbc: Annotated[
         bool, typer.Option(help="Also check the posterior by simulation (some seconds).")
     ] = True,
+    names: Annotated[
+        int,
+        typer.Option(min=0, help="Repetitions with nothing missing that are diagnosed; 0: none."),
+    ] = 40,
     sidecar: options.Sidecar = None,
     report: options.Report = None,
     json: options.Json = None,
@@ -50,7 +54,8 @@ def calibrate(
     The experiment is repeated with planted parameters and noise like the residual: how often do
     95 % intervals hold the truth, of all parameters and of the worst one; how often is a parameter
     called identifiable wrong by more than half? Shares come with their Monte-Carlo error. And are
-    planted values ranked uniformly among the draws of their posterior?
+    planted values ranked uniformly among the draws of their posterior? How often does diagnose name
+    an effect when nothing is missing, and how small an effect would it see?
 
     ```
     identifiability calibrate 3-rps run.csv --report calibration.html
@@ -68,8 +73,8 @@ def calibrate(
         analysis = analyze(load_robot(robot, sidecar), logs, (), ladder, replicates=0, seed=seed)
         result = run(
             analysis, model=model, trials=8 if quick else trials,
-            sbc=(200 if quick else 1000) * sbc, seed=seed, progress=say,
-            engine=runner,
+            sbc=(200 if quick else 1000) * sbc, logs=logs,
+            diagnoses=min(names, 4) if quick else names, seed=seed, progress=say, engine=runner,
         )  # fmt: skip
         written = write_results(result, report, json, say)
     from rich.console import Console  # noqa: PLC0415

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from scipy import stats
 
 from identifiability.diagnosis.autoregression import colour, durbin
 from identifiability.diagnosis.result import Diagnosis
@@ -34,13 +37,14 @@ class FalseNames:
     trials : int
     named : tuple of str
         One entry for every trial that was given a name.
-    detectable : mapping of family to float
-        Median over trials of the smallest effect that would be named, as a share of the residual.
+    sizes : mapping of family to (k,)
+        Smallest effect that would stand out, as a share of the residual's rms, in each trial where
+        the motion shows the family.
     """
 
     trials: int
     named: tuple[str, ...]
-    detectable: dict[str, float]
+    sizes: dict[str, Array]
 
     @property
     def rate(self) -> float:
@@ -48,25 +52,58 @@ class FalseNames:
         return len(self.named) / self.trials
 
     @property
-    def error(self) -> float:
-        """Monte-Carlo standard error of the rate, that of one more trial of each kind."""
-        p = (len(self.named) + 1) / (self.trials + 2)
-        return float(np.sqrt(p * (1 - p) / self.trials))
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the rate from the number of trials [Clopper & Pearson 1934]."""
+        ci = stats.binomtest(len(self.named), self.trials).proportion_ci()
+        return float(ci.low), float(ci.high)
+
+    @property
+    def detectable(self) -> dict[str, float]:
+        """Median over trials of the smallest effect of each family that stands out."""
+        return {f: float(np.median(x)) for f, x in self.sizes.items()}
+
+    def detectable_interval(self, family: str) -> tuple[float, float]:
+        """Return the 95 % interval of that median from order statistics, as far as trials allow."""
+        x = np.sort(self.sizes[family])
+        low = int(stats.binom.ppf(0.025, len(x), 0.5))
+        return float(x[max(low - 1, 0)]), float(x[min(len(x) - low, len(x) - 1)])
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a family: the smallest effect that stands out over the residual."""
+        rows = [(f, size, *self.detectable_interval(f)) for f, size in self.detectable.items()]
+        frame = pd.DataFrame(rows, columns=["effect", "size", "low", "high"])
+        return frame.sort_values("size", ignore_index=True)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON."""
+        return {
+            "trials": self.trials, "false_names": len(self.named), "rate": self.rate,
+            "interval95": list(self.interval), "named": list(self.named),
+            "detectable": self.to_frame().to_dict("records"), "statement": self.statement,
+        }  # fmt: skip
 
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        return (
+        low, high = self.interval
+        text = (
             f"In {self.trials} simulated repetitions of these logs with nothing missing, "
-            f"{len(self.named)} were given a name ({100 * self.rate:.0f} ± "
-            f"{100 * self.error:.0f} %)."
+            f"{len(self.named)} {'was' if len(self.named) == 1 else 'were'} given a name "
+            f"({100 * self.rate:.0f} %, 95 %: {100 * low:.0f} … {100 * high:.0f} %)."
         )
+        if self.sizes:
+            name, size = min(self.detectable.items(), key=lambda x: x[1])
+            text += (
+                f" The smallest effect that stands out here is {name.replace('_', ' ')} of "
+                f"{100 * size:.2g} % of the residual."
+            )
+        return text
 
 
 def measure_false_names(
     robot: Robot,
-    logs: Sequence[LogLike],
-    validate: Sequence[LogLike] = (),
+    logs: Sequence[LogLike] | LogLike,
+    validate: Sequence[LogLike] | LogLike = (),
     *,
     model: Model | Sequence[str] | None = None,
     trials: int = 40,
@@ -100,8 +137,8 @@ def measure_false_names(
             named.append("; ".join(f"{e.name} in {', '.join(e.joints)}" for e in d.effects))
         sizes.append(d.remainder.detectable)
     families = dict.fromkeys(name for s in sizes for name in s)
-    detectable = {f: float(np.median([s[f] for s in sizes if f in s])) for f in families}
-    return FalseNames(trials, tuple(named), detectable)
+    per_family = {f: np.array([s[f] for s in sizes if f in s]) for f in families}
+    return FalseNames(trials, tuple(named), per_family)
 
 
 def null_maker(found: Diagnosis, logs: Sequence[Log]) -> Callable[[np.random.Generator], list[Log]]:

@@ -47,6 +47,7 @@ def write_calibration_report(calibration: Calibration, path: str | Path) -> Path
             _each(calibration),
             _verdicts(calibration),
             *_ranks(calibration),
+            *_names(calibration),
             _method(calibration),
         ),
         path,
@@ -185,6 +186,43 @@ def _ranks(calibration: Calibration) -> tuple[Section, ...]:
             "Is the posterior right?",
             found.statement,
             (Picture(figure, caption), fold),
+        ),
+    )
+
+
+def _names(calibration: Calibration) -> tuple[Section, ...]:
+    found = calibration.false_names
+    if found is None:
+        return ()
+    columns = (
+        Column("effect"),
+        Column("smallest that stands out", "number", "Its rms over the residual's."),
+        Column("95 %", "text", "Monte-Carlo interval of the median over repetitions."),
+    )
+    rows = []
+    for family, size in sorted(found.detectable.items(), key=lambda x: x[1]):
+        least, most = found.detectable_interval(family)
+        rows.append(
+            (
+                TableCell(family.replace("_", " ")),
+                TableCell(f"{100 * size:.2g} %", size),
+                TableCell(f"{100 * least:.2g} … {100 * most:.2g} %"),
+            )
+        )
+    low, high = found.interval
+    given = "; ".join(found.named)
+    text = (
+        f"Every repetition is made from the raw logs on: {len(found.named)} of {found.trials} were "
+        f"given a name (95 %: {100 * low:.0f} … {100 * high:.0f} %)"
+        + (f": {given}." if given else ".")
+    )
+    caption = "Sizes that stand out from the noise in four of five logs, at the best place"
+    return (
+        Section(
+            "names",
+            "Is a name given when nothing is missing?",
+            found.statement,
+            (Prose((text,)), Table(caption, columns, tuple(rows))),
         ),
     )
 
