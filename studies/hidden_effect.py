@@ -1,48 +1,34 @@
 """Hide an effect in simulated logs and see whether the diagnosis names it.
 
 For every family, robot, size and seed the independent simulator makes five logs (four to fit, one
-held out) with autocorrelated torque noise and quantised encoders; the diagnosis gets the robot
-and the logs, nothing else. Prints and writes: what was named, nulls, pairs, effects outside the
-dictionary, and the paper's three cases.
+to verify) with autocorrelated torque noise and quantised encoders; the diagnosis gets the robot
+and the logs, nothing else. Also nulls, pairs, effects outside the dictionary, the paper's cases.
 
     python studies/hidden_effect.py --quick
-    python studies/hidden_effect.py --seeds 10 --nulls 200 --out studies/results
+    python studies/hidden_effect.py --seeds 10 --nulls 67 --out studies/results
+
+Every trial is written as soon as it is there, to `hidden_effect.jsonl` in the folder `--out`; the
+same command goes on where it was stopped. Tables and the list of what must hold stand beside it.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
-from functools import cache
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pandas as pd
+from hidden_effect_trials import FAMILIES, PAPER, RHO, Job, run
+from joblib import Parallel, delayed
+from scipy import stats
 
-from identifiability.diagnosis import BASE_EFFECTS, Diagnosis, diagnose
-from identifiability.grouping import find_base_parameters
-from identifiability.model import Model
-from identifiability.robot import Robot
-from identifiability.samples import Preparation, prepare_samples
-from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
+from identifiability.output import write_json, write_text
 
 ROBOTS = ("3-rps", "five-bar", "six-dof-arm")
-#: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
-LEVEL, RHO = 0.012, 0.9
-ENCODER = {"3-rps": 1e-6, "five-bar": 2e-5, "six-dof-arm": 2e-5}
-FAMILIES = (
-    "stribeck_friction",
-    "coulomb_asymmetry",
-    "torque_offset",
-    "quadratic_friction",
-    "joint_stiffness",
-    "load_dependent_friction",
-    "position_ripple",
-    "passive_joint_friction",
-    "time_delay",
-    "gravity_tilt",
-)
+SIZES = ("0.5", "1", "realistic")
 OUTSIDE = ("torque_leak", "thermal_drift")
 PAIRS = (
     ("stribeck_friction", "position_ripple"),
@@ -50,243 +36,157 @@ PAIRS = (
     ("load_dependent_friction", "torque_offset"),
     ("stribeck_friction", "passive_joint_friction"),
 )
-#: Share of an effect outside the base model below which this motion cannot name it.
-ALIASED = 0.03
-#: Effects that are hidden in the whole robot.
-WHOLE = ("gravity_tilt",)
+PARTS = ("single", "null", "pair", "outside", "paper")
+#: Outcomes that are right; "A or B" has the truth among two names that cannot be told apart.
+RIGHT = ("exact", "A or B")
+#: Trials after which the tables are written again.
+OFTEN = 50
 
 
-@dataclass(frozen=True)
-class Trial:
-    """What was hidden and what was named."""
-
-    study: str
-    robot: str
-    hidden: str
-    joint: str
-    size: float
-    visible: float
-    seed: int
-    named: str
-    outcome: str
-    joints_right: bool
-    before: float
-    after: float
-    oracle: float
-
-
-@cache
-def campaign(name: str) -> Campaign:
-    """Return five random motions of a robot."""
-    robot = Robot.load(name)
-    rng = np.random.default_rng(2024)
-    return Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
+def list_jobs(seeds: int, nulls: int, robots: Sequence[str], parts: Sequence[str]) -> Iterator[Job]:
+    """Yield all jobs, seed by seed, so that a stopped run has some of every kind."""
+    for seed in range(max(seeds, nulls)):
+        for robot in robots:
+            if "null" in parts and seed < nulls:
+                for motion in (0.0, 0.01):
+                    for rho in (0.0, 0.9, 0.98):
+                        yield Job("null", robot, (), "0", rho, motion, 5000 + seed)
+            if seed >= seeds:
+                continue
+            jobs = [("single", (f,), size) for f in FAMILIES for size in SIZES]
+            jobs += [("pair", p, "1") for p in PAIRS] + [("outside", (f,), "1") for f in OUTSIDE]
+            for study, hidden, size in jobs:
+                if study in parts:
+                    yield Job(study, robot, hidden, size, RHO, 0.0, seed)
+        if "paper" in parts and seed < seeds and "3-rps" in robots:
+            for truth in PAPER:
+                yield Job("paper", "3-rps", (truth,), "paper", RHO, 0.0, seed)
 
 
-@cache
-def base_columns(name: str) -> np.ndarray:
-    """Return an orthonormal basis of the base model's columns along the noiseless motion."""
-    c = campaign(name)
-    parts = []
-    for log in c.logs(derivatives=True):
-        samples = prepare_samples(c.robot, log, Preparation(keep_rest=True))
-        parts.append(Model.of(*BASE_EFFECTS).regressor(c.robot, samples.motion))
-    W = np.concatenate(parts)[:, :, find_base_parameters(c.robot, Model.of(*BASE_EFFECTS)).kept]
-    flat = W.reshape(-1, W.shape[2])
-    return np.linalg.qr(flat / np.linalg.norm(flat, axis=0))[0]
-
-
-def place(name: str, family: str, seed: int) -> str:
-    """Return where an effect is hidden: another joint for every seed."""
-    robot = campaign(name).robot
-    if family in WHOLE:
-        return ""
-    if family == "passive_joint_friction":
-        joints = [a.name for a in robot.passive_axes if "ball" not in a.name]
-    else:
-        joints = list(robot.joints)
-    return joints[seed % len(joints)] if joints else "none"
-
-
-def hidden_torque(name: str, family: str, joint: str, size: float) -> tuple[np.ndarray, float]:
-    """Return a hidden torque whose part outside the base model is `size` × the noise, and it.
-
-    Returns
-    -------
-    torque : (N, n)
-    visible : float
-        Share of its rms that is outside the base model.
-    """
-    c = campaign(name)
-    unit = c.hidden([f"{family}{'@' if joint else ''}{joint}=1"])
-    flat = unit.reshape(-1)
-    Q = base_columns(name)
-    left = (flat - Q @ (Q.T @ flat)).reshape(unit.shape)
-    k = int(np.argmax(np.abs(unit).sum(0)))
-    visible = float(np.linalg.norm(left[:, k]) / np.linalg.norm(unit[:, k]))
-    noise = LEVEL * np.sqrt(np.mean(c.torque[:, k] ** 2))
-    scale = size * noise / max(np.sqrt(np.mean(left[:, k] ** 2)), 1e-12)
-    return unit * scale, visible
-
-
-def simulated(name: str, torque: np.ndarray, seed: int, rho: float = RHO, motion: float = 0.0):
-    """Return five noisy logs; errors in the motion come with measured derivatives."""
-    noise = Noise(
-        motion=motion, additive=LEVEL, correlation=rho, encoder=0 if motion else ENCODER[name]
+def run_rest(jobs: Sequence[Job], path: Path | None, workers: int) -> pd.DataFrame:
+    """Run the jobs that a file does not have yet, and append each as soon as it is there."""
+    rows = read_rows(path)
+    done = {r["key"] for r in rows}
+    rest = [j for j in jobs if j.key not in done]
+    print(f"{len(rows)} trials are there, {len(rest)} to go", flush=True)
+    results = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)(
+        delayed(_row)(job) for job in rest
     )
-    rng = np.random.default_rng([seed, 77])
-    return campaign(name).logs(torque, noise, rng, derivatives=bool(motion))
+    for row in results:
+        rows.append(row)
+        if path is not None:
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+        if row["outcome"] != "no place":
+            print(f"{row['key']}: {row['outcome']} [{row['named']}]", flush=True)
+        if path is not None and len(rows) % OFTEN == 0:
+            write_tables(pd.DataFrame(rows), path.parent)
+    return pd.DataFrame(rows)
 
 
-def run(name: str, torque: np.ndarray, seed: int, **noise: float) -> Diagnosis:
-    """Return the diagnosis of simulated logs."""
-    logs = simulated(name, torque, seed, **noise)
-    return diagnose(name, logs[:4], logs[4:], quick=True, draws=398, seed=seed)
+def _row(job: Job) -> dict[str, Any]:
+    trial = run(job)
+    if trial is None:
+        return {**asdict(job), "key": job.key, "hidden": "+".join(job.hidden), "named": "",
+                "outcome": "no place"}  # fmt: skip
+    return asdict(trial)
 
 
-def judge(d: Diagnosis, truth: set[str], joints: set[str]) -> tuple[str, bool]:
-    """Return the outcome in one word, and whether the joints are the true ones."""
-    named = {e.name for e in d.effects}
-    alternatives = {a for e in d.effects for a in e.alternatives}
-    found = {j for e in d.effects for j in e.joints} - {"base"}
-    if named == truth:
-        return "exact" if not alternatives else "exact, or another", found == joints
-    if not named:
-        return "none", False
-    if len(named) == len(truth) and truth <= named | alternatives:
-        return "A or B", found == joints
-    return ("truth and more" if truth < named else "wrong"), False
-
-
-@cache
-def oracle(name: str, seed: int) -> float:
-    """Return the held-out error of the true model: of the same noise with nothing hidden."""
-    logs = simulated(name, np.zeros_like(campaign(name).torque), seed)
-    return diagnose(name, logs[:4], logs[4:], effects=("payload",), quick=True).held_before
-
-
-def hide(study: str, name: str, families: tuple[str, ...], size: float, seed: int) -> Trial | None:
-    """Run one trial; None where the robot has no place for the effect."""
-    joints = [place(name, f, seed + k) for k, f in enumerate(families)]
-    if "none" in joints:
-        return None
-    made = [hidden_torque(name, f, j, size) for f, j in zip(families, joints, strict=True)]
-    visible = min(v for _, v in made)
-    label, where = "+".join(families), "+".join(joints)
-    if visible < ALIASED:
-        return Trial(study, name, label, where, size, visible, seed, "", "aliased", True,
-                     np.nan, np.nan, np.nan)  # fmt: skip
-    d = run(name, np.sum([t for t, _ in made], axis=0), seed)
-    outcome, right = judge(d, set(families), set(joints) - {""})
-    if study == "outside":
-        outcome = "no name" if not d.effects else "wrong"
-    named = "; ".join(f"{e.names} in {'+'.join(e.joints)}" for e in d.effects)
-    return Trial(study, name, label, where, size, visible, seed, named, outcome, right,
-                 d.held_before, d.held_after, oracle(name, seed))  # fmt: skip
-
-
-def null_trials(robots: tuple[str, ...], count: int) -> Iterator[Trial]:
-    """Yield trials in which nothing is hidden."""
-    for name in robots:
-        nothing = np.zeros_like(campaign(name).torque)
-        for motion in (0.0, 0.01):
-            for rho in (0.0, 0.9, 0.98):
-                for seed in range(count):
-                    d = run(name, nothing, 5000 + seed, rho=rho, motion=motion)
-                    named = "; ".join(f"{e.names} in {'+'.join(e.joints)}" for e in d.effects)
-                    yield Trial("null", name, f"ρ = {rho:g}, motion {100 * motion:g} %", "", 0.0,
-                                0.0, seed, named, "false name" if named else "no name", True,
-                                d.held_before, d.held_after, np.nan)  # fmt: skip
-
-
-def paper_cases(seeds: int) -> Iterator[Trial]:
-    """Yield the paper's three cases on the 3-RPS: Stribeck, rotational friction, no rotor."""
-    robot = Robot.load("3-rps")
-    motions = [shipped_trajectory(robot, k) for k in ("571", "595", "601")]
-    rng = np.random.default_rng(3)
-    motions += [random_trajectory(robot, rng) for _ in range(2)]
-    excess = {f"slider{k}.Fs": 372.0 for k in (1, 2, 3)}
-    hinges = {f"hinge{k}.{kind}": v for k in (1, 2, 3) for kind, v in (("Fv", 490.8), ("Fc", 34.2))}
-    plain = Campaign.of(robot, motions)
-    rotating = Campaign.of(robot, motions, hinges)
-    stribeck = (
-        sum(excess.values()) / 3 * np.exp(-np.abs(plain.move.dq) / 0.08) * np.sign(plain.move.dq)
-    )
-    cases = (
-        ("stribeck_friction", plain, stribeck, BASE_EFFECTS),
-        ("passive_joint_friction", rotating, np.zeros_like(plain.torque), BASE_EFFECTS),
-        ("actuator_inertia", plain, np.zeros_like(plain.torque), BASE_EFFECTS[:3]),
-    )
-    for truth, source, added, model in cases:
-        for seed in range(seeds):
-            noise = Noise(additive=LEVEL, correlation=RHO, encoder=1e-6)
-            logs = source.logs(added, noise, np.random.default_rng([seed, 5]))
-            d = diagnose(robot, logs[:4], logs[4:], model=model, quick=True, draws=398, seed=seed)
-            joints = set(robot.joints) if truth != "passive_joint_friction" else {
-                "hinge1", "hinge2", "hinge3"
-            }  # fmt: skip
-            outcome, right = judge(d, {truth}, joints)
-            named = "; ".join(f"{e.names} in {'+'.join(e.joints)}" for e in d.effects)
-            yield Trial("paper", "3-rps", truth, "all", np.nan, np.nan, seed, named, outcome,
-                        right, d.held_before, d.held_after, np.nan)  # fmt: skip
-
-
-def trials(seeds: int, nulls: int, robots: tuple[str, ...], parts: set[str]) -> Iterator[Trial]:
-    """Yield all trials."""
-    if "paper" in parts:
-        yield from paper_cases(seeds)
-    jobs = [("single", (f,), s) for f in FAMILIES for s in (0.5, 1.0, 4.0)]
-    jobs += [("pair", p, 1.0) for p in PAIRS] + [("outside", (f,), 1.0) for f in OUTSIDE]
-    for study, families, size in jobs:
-        if study not in parts:
+def read_rows(path: Path | None) -> list[dict[str, Any]]:
+    """Return the trials of a file; a last line that was cut off is left out."""
+    if path is None or not path.is_file():
+        return []
+    rows = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            rows.append(json.loads(line))
+        except json.JSONDecodeError:
             continue
-        for name in robots:
-            for seed in range(seeds):
-                trial = hide(study, name, families, size, seed)
-                if trial is None:
-                    break
-                yield trial
-                if trial.outcome == "aliased":
-                    yield replace(trial, seed=-1)
-                    break
-    if "null" in parts:
-        yield from null_trials(robots, nulls)
+    path.write_text("".join(json.dumps(r) + "\n" for r in rows), encoding="utf-8")
+    return rows
 
 
 def summarise(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return counts of outcomes and the right joints for each kind of trial."""
-    frame = frame[frame.seed >= 0]
-    keys = ["study", "robot", "hidden", "size"]
+    """Return counts of outcomes, right joints and errors for each kind of trial."""
+    keys = ["study", "robot", "hidden", "size", "rho", "motion"]
+    frame = frame[frame.outcome != "no place"]
     table = frame.groupby([*keys, "outcome"], dropna=False).size().unstack(fill_value=0)
-    good = frame[frame.outcome.isin(["exact", "exact, or another", "A or B"])]
-    table["joints right"] = good.groupby(keys, dropna=False).joints_right.mean()
-    ratio = good.assign(ratio=good.after / good.oracle)
-    table["after / true model"] = ratio.groupby(keys, dropna=False).ratio.median()
-    return table
+    good = frame[frame.outcome.isin(RIGHT)]
+    table["joints right"] = good.groupby(keys).joints_right.mean()
+    table["after / true model"] = (
+        (good.after / good.truth).groupby([good[k] for k in keys]).median()
+    )
+    return table.reset_index()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="two seeds, ten nulls")
+def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return what must hold: counts, shares with 95 % intervals, bounds."""
+    seen = frame[~frame.outcome.isin(["no place", "aliased"])]
+    out = []
+
+    def add(what: str, good: pd.Series, least: float, **more: Any) -> None:
+        n, k = len(good), int(good.sum())
+        if not n:
+            return
+        ci = stats.binomtest(k, n).proportion_ci()
+        out.append({"what": what, "trials": n, "good": k, "share": k / n, "low": ci.low,
+                    "high": ci.high, "must": least, "holds": k / n >= least, **more})  # fmt: skip
+
+    for size, least in (("0.5", 0.7), ("1", 0.85), ("realistic", 0.85)):
+        part = seen[(seen.study == "single") & (seen["size"] == size)]
+        counts = part.outcome.value_counts().to_dict()
+        add(f"true family named at {size} ×", part.outcome.isin(RIGHT), least, outcomes=counts)
+        add(f"right joints at {size} ×", part[part.outcome.isin(RIGHT)].joints_right, 0.9)
+    for (rho, motion), part in seen[seen.study == "null"].groupby(["rho", "motion"]):
+        add(f"no false name at ρ = {rho:g}, motion errors {100 * motion:g} %",
+            part.outcome == "no name", 0.9)  # fmt: skip
+    pairs = seen[seen.study == "pair"]
+    add("two effects both named", pairs.outcome.isin(RIGHT), 0.7,
+        outcomes=pairs.outcome.value_counts().to_dict())  # fmt: skip
+    for hidden, part in seen[seen.study == "outside"].groupby("hidden"):
+        add(f"no wrong name for {hidden}", part.outcome == "no name", 0.9)
+    right = seen[seen.study.isin(["single", "pair"]) & seen.outcome.isin(RIGHT)]
+    add("error after within 10 % of the true model's", right.after <= 1.1 * right.truth, 0.9)
+    for hidden, part in seen[seen.study == "paper"].groupby("hidden"):
+        add(f"paper: {hidden}", part.outcome.isin(RIGHT), 0.85,
+            outcomes=part.outcome.value_counts().to_dict())  # fmt: skip
+    return out
+
+
+def write_tables(frame: pd.DataFrame, folder: Path) -> None:
+    """Write the tables beside the trials, whole or not at all."""
+    write_text(folder / "hidden_effect_summary.csv", summarise(frame).to_csv(index=False))
+    result = {"schema": "identifiability/hidden-effect/1", "trials": len(frame),
+              "checks": check(frame)}  # fmt: skip
+    write_json(folder / "hidden_effect.json", result)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the trials that are missing and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="one seed, two nulls")
     parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--nulls", type=int, default=200)
-    parser.add_argument("--robots", nargs="*", default=list(ROBOTS))
-    parser.add_argument("--parts", nargs="*",
-                        default=["paper", "single", "pair", "outside", "null"])  # fmt: skip
-    parser.add_argument("--out", type=Path, default=None)
-    options = parser.parse_args()
-    seeds, nulls = (2, 10) if options.quick else (options.seeds, options.nulls)
-    rows = []
-    for trial in trials(seeds, nulls, tuple(options.robots), set(options.parts)):
-        rows.append(asdict(trial))
-        print(f"{trial.study} {trial.robot} {trial.hidden}@{trial.joint} ×{trial.size:g}: "
-              f"{trial.outcome} [{trial.named}]", flush=True)  # fmt: skip
-    frame = pd.DataFrame(rows)
-    print(summarise(frame).to_string())
+    parser.add_argument("--nulls", type=int, default=67, help="seeds a cell and robot")
+    parser.add_argument("--robots", nargs="*", default=list(ROBOTS), choices=ROBOTS)
+    parser.add_argument("--parts", nargs="*", default=list(PARTS), choices=PARTS)
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--out", type=Path, default=None, help="folder; goes on where it stopped")
+    options = parser.parse_args(argv)
+    seeds, nulls = (1, 2) if options.quick else (options.seeds, options.nulls)
+    path = None
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
-        frame.to_csv(options.out / "hidden_effect.csv", index=False)
-        summarise(frame).to_csv(options.out / "hidden_effect_summary.csv")
+        path = options.out / "hidden_effect.jsonl"
+    jobs = list(list_jobs(seeds, nulls, options.robots, options.parts))
+    frame = run_rest(jobs, path, options.jobs)
+    print(summarise(frame).to_string())
+    for row in check(frame):
+        print(f"{'holds' if row['holds'] else 'FAILS'}  {row['good']:4d} of {row['trials']:4d} "
+              f"({100 * row['share']:5.1f} %, must be ≥ {100 * row['must']:.0f} %)  {row['what']} "
+              f"{row.get('outcomes', '')}")  # fmt: skip
+    if path is not None:
+        write_tables(frame, path.parent)
+        print(path.with_suffix(".json"))
 
 
 if __name__ == "__main__":
