@@ -73,12 +73,6 @@ def _caveats(d: Diagnosis) -> list[str]:
                 f"{e.title[0].upper() + e.title[1:]} by itself does not surely lower the error "
                 "there: treat it with caution."
             )
-        fragile = list(dict.fromkeys(x for p in e.placements for x in p.fragile))
-        if fragile:
-            out.append(
-                f"{e.title[0].upper() + e.title[1:]} does not survive every change of the "
-                f"motion's preparation ({join(fragile)}): treat it with caution."
-            )
     return out
 
 

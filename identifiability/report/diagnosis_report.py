@@ -174,6 +174,11 @@ def _section_gap(d: Diagnosis) -> Section:
             figure = draw_against(x, *pair, joint, (unit, units[k]), what)
             against.append(Picture(figure, alt=f"Residual of {joint} over {what}"))
     lead = "Measured less predicted torque on unseen motion, before and after adding the effects."
+    if np.isfinite(d.real_after):
+        lead += (
+            f" With bodies that can exist the error goes from {_percent(d.real_before)} to "
+            f"{_percent(d.real_after)}."
+        )
     blocks = (
         Gallery(tuple(over_time), f"The first {STRETCH:g} s of the first unseen log."),
         Gallery(tuple(against), "Dots: before. Lines join medians of equally filled bins."),
@@ -182,24 +187,26 @@ def _section_gap(d: Diagnosis) -> Section:
 
 
 def _section_where(d: Diagnosis) -> Section:
-    columns = (
+    sizes = (
         Column("joint"), Column("residual, rms", "number"), Column("of the torque", "number"),
         Column("near reversals", "number", "Mean square there over that elsewhere."),
-        *(Column(f"by {k}", "number", "Share of the variance that averages over it explain.")
-          for k in d.discrepancies[0].explained),
     )  # fmt: skip
-    rows = tuple(
+    size_rows = tuple(
         (
             Cell(x.joint), Cell(format_number(x.rms, 3), x.rms), Cell(_percent(x.share), x.share),
             Cell(f"{format_number(x.reversals, 2)} ×", x.reversals),
-            *(Cell(_percent(s, 2), s) for s in x.explained.values()),
         )
         for x in d.discrepancies
     )  # fmt: skip
-    lead = "Where the model as it was and the logs disagree, before anything was added."
-    return Section(
-        "where", "Where they disagree", lead, (Table("Residual by joint", columns, rows),)
+    goes = (Column("joint"), *(Column(k, "number") for k in d.discrepancies[0].explained))
+    go_rows = tuple(
+        (Cell(x.joint), *(Cell(_percent(s, 2), s) for s in x.explained.values()))
+        for x in d.discrepancies
     )
+    lead = "Where the model as it was and the logs disagree, before anything was added."
+    caption = "Share of the residual's variance that its averages over each of these explain"
+    blocks = (Table("Residual by joint", sizes, size_rows), Table(caption, goes, go_rows))
+    return Section("where", "Where they disagree", lead, blocks)
 
 
 def _section_evidence(d: Diagnosis) -> Section:
@@ -285,4 +292,8 @@ def _section_method(d: Diagnosis) -> Section:
         "p-values are family-wise: how often noise with the autocorrelation of these residuals "
         "reaches the largest evidence over all families, places and shapes."
     )
-    return Section("method", "Method", lead, (Terms(tuple(terms)), Prose(prepared)))
+    roles = (
+        f"Names were chosen {d.chosen_by} and verified on {d.verified_on}, which took no part in "
+        "fitting or choosing."
+    )
+    return Section("method", "Method", lead, (Terms(tuple(terms)), Prose((roles, *prepared))))

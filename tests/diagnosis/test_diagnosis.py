@@ -12,7 +12,6 @@ from identifiability.cli.diagnose import diagnose as command
 from identifiability.diagnosis import diagnose, measure_false_names
 from identifiability.diagnosis.find import explained_share
 from identifiability.diagnosis.rows import STRETCH, thin
-from identifiability.diagnosis.stress import shift_torque
 from identifiability.diagnosis.workflow import prepare_rows
 from identifiability.errors import LogError, ModelError
 from identifiability.information import gather_information
@@ -94,13 +93,22 @@ def test_the_same_seed_gives_the_same_answer(logs_of):
     assert plain(a.to_dict()) == plain(b.to_dict())
 
 
-def test_without_held_out_logs_one_log_is_left_out_at_a_time(logs_of):
+def test_without_held_out_logs_some_motion_is_set_aside_to_verify(logs_of):
     logs = logs_of("five-bar", "position_ripple@left_shoulder=0.05")
     d = diagnose("five-bar", logs[:3], quick=True)
     assert [e.name for e in d.effects] == ["position_ripple"]
-    assert "leaving out one log at a time" in d.statement
+    assert "On motion 3, which was set aside, which took no part" in d.statement
+    assert d.to_dict()["roles"]["fitted"] == ["motion 1", "motion 2"]
     one = diagnose("five-bar", logs[0], effects=["position_ripple"], quick=True)
-    assert "one stretch of the log" in one.held_kind
+    assert one.verified_on == "the last 25 % of motion 1, set aside"
+
+
+def test_the_frame_has_the_error_before_and_after(diagnosis):
+    frame = diagnosis.to_frame()
+    (effect,) = diagnosis.effects
+    assert (frame.before == effect.before).all()
+    assert (frame.after == effect.after).all()
+    assert (frame.after < frame.before).all()
 
 
 @pytest.mark.parametrize(
@@ -132,15 +140,6 @@ def test_only_the_families_that_are_asked_for_are_named(logs_of):
         diagnose("3-rps", [])
 
 
-def test_a_shifted_torque_is_the_torque_of_another_sample(logs_of):
-    log = logs_of("two-link")[0]
-    later, earlier = shift_torque(log, 1), shift_torque(log, -1)
-    assert len(later) == len(earlier) == len(log) - 1
-    np.testing.assert_array_equal(later.tau, log.tau[1:])
-    np.testing.assert_array_equal(later.q, log.q[:-1])
-    np.testing.assert_array_equal(earlier.tau, log.tau[:-1])
-
-
 def test_averages_explain_what_depends_on_the_variable_and_nothing_else():
     rng = np.random.default_rng(0)
     x, noise = rng.uniform(-1, 1, 3000), rng.standard_normal(3000)
@@ -156,7 +155,9 @@ def test_false_names_are_counted_on_the_users_own_motion(logs_of):
     # three of six happen once in 800.
     assert found.trials == 6
     assert len(found.named) <= 3
-    assert found.detectable["stribeck_friction"] > 0
+    low, high = found.detectable_interval("stribeck_friction")
+    assert 0 < low <= found.detectable["stribeck_friction"] <= high
+    assert found.interval[0] <= found.rate <= found.interval[1]
     assert "6 simulated repetitions" in found.statement
 
 

@@ -7,6 +7,7 @@ from identifiability.diagnosis.ar_noise import ARNoise, JointNoise, fit_joint
 from identifiability.diagnosis.autoregression import (
     autocovariance,
     colour,
+    colour_many,
     durbin,
     levinson,
     whiten,
@@ -22,6 +23,15 @@ def test_whitening_undoes_colouring_on_every_stretch():
     e = np.random.default_rng(0).standard_normal(92)
     x = np.concatenate([colour(e[a:b], PACF) for a, b in RUNS])
     np.testing.assert_allclose(whiten(x, RUNS, PACF), e, atol=1e-12)
+
+
+def test_many_series_are_coloured_as_each_by_itself():
+    rng = np.random.default_rng(0)
+    partials, e = np.tanh(rng.standard_normal((3, 5))), rng.standard_normal((40, 5))
+    alone = np.stack([colour(e[:, k], partials[:, k]) for k in range(5)], axis=1)
+    np.testing.assert_allclose(colour_many(e, partials), alone, atol=1e-12)
+    np.testing.assert_allclose(colour_many(e[:2], partials), alone[:2], atol=1e-12)
+    np.testing.assert_array_equal(colour_many(e, np.empty((0, 5))), e)
 
 
 def test_whitening_treats_columns_as_it_treats_the_torque():
