@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identifiability import signals
+from identifiability.diagnosis.forward_gap import HORIZON, ForwardGap
 from identifiability.effects import Effect
 from identifiability.errors import IdentifiabilityError
 from identifiability.estimation import estimate
@@ -26,9 +28,14 @@ from identifiability.robot import Robot, complete_motion
 from identifiability.samples import Samples
 from identifiability.simulation.forward import Extra, ForwardRobot
 
-#: Length of a simulated stretch [s], and how many there are.
-HORIZON = 0.25
+if TYPE_CHECKING:
+    from identifiability.diagnosis.result import Diagnosis
+
+#: Simulated stretches, at most.
 STRETCHES = 24
+
+#: Repetitions for intervals.
+DRAWS = 2000
 
 #: Effects that MuJoCo's joints and bodies hold themselves, or that shift the recorded torque.
 NATIVE = frozenset(
@@ -40,77 +47,13 @@ NATIVE = frozenset(
 DRY = frozenset({"stribeck_friction", "load_dependent_friction"})
 
 
-@dataclass(frozen=True)
-class ForwardGap:
-    """Position errors of simulated stretches of motion that was not fitted.
-
-    Attributes
-    ----------
-    horizon : float [s]
-    t : (S,) [s]
-        Time since the start of a stretch.
-    moved : (n,) [rad or m]
-        Mean distance that each joint moved in a stretch.
-    before, after : (K, S, n) [rad or m]
-        Simulated less measured position; nan once a stretch has diverged.
-    note : str
-        Why there is nothing, where there is nothing.
-    """
-
-    horizon: float
-    t: Array
-    moved: Array
-    before: Array
-    after: Array
-    note: str = ""
-
-    @staticmethod
-    def none(note: str) -> ForwardGap:
-        """Return the gap that was not measured, and why."""
-        empty = np.empty((0, 0, 0))
-        return ForwardGap(HORIZON, np.empty(0), np.empty(0), empty, empty, note)
-
-    @property
-    def measured(self) -> bool:
-        """Whether there is a gap at all."""
-        return len(self.before) > 0
-
-    def shares(self) -> tuple[Array, Array]:
-        """Return errors as a share of the distance moved, mean over joints, each (K, S).
-
-        A stretch that has diverged counts as wrong by all of the distance.
-        """
-        before, after = (self._share(x).mean(2) for x in (self.before, self.after))
-        return before, after
-
-    def joint_shares(self) -> tuple[Array, Array]:
-        """Return mean errors of each joint at the end of a stretch, each (n,)."""
-        before, after = (self._share(x)[:, -1].mean(0) for x in (self.before, self.after))
-        return before, after
-
-    def _share(self, error: Array) -> Array:
-        share: Array = np.nan_to_num(np.minimum(np.abs(error) / self.moved, 1.0), nan=1.0)
-        return share
-
-    @property
-    def error_before(self) -> float:
-        """Mean share at the end of a stretch, base model."""
-        return float(self.shares()[0][:, -1].mean()) if self.measured else float("nan")
-
-    @property
-    def error_after(self) -> float:
-        """The same with the named effects."""
-        return float(self.shares()[1][:, -1].mean()) if self.measured else float("nan")
-
-    def interval(self, rng: np.random.Generator, draws: int = 2000) -> tuple[float, float]:
-        """Return the 95 % interval of the change, stretches drawn again and again."""
-        if not self.measured:
-            return float("nan"), float("nan")
-        before, after = self.shares()
-        change = after[:, -1] - before[:, -1]
-        drawn = change[rng.integers(0, len(change), (draws, len(change)))].mean(1)
-        low, high = np.quantile(drawn, [0.025, 0.975])
-        return float(low), float(high)
+def _change(gap: ForwardGap, rng: np.random.Generator) -> tuple[float, float]:
+    """Return the 95 % interval of the change, stretches drawn again and again."""
+    before, after = gap.shares()
+    change = after[:, -1] - before[:, -1]
+    drawn = change[rng.integers(0, len(change), (DRAWS, len(change)))].mean(1)
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return float(low), float(high)
 
 
 @dataclass(frozen=True)
@@ -150,6 +93,7 @@ def compare_forward(
     before: Physical,
     after: Physical,
     unseen: Sequence[Samples],
+    rng: np.random.Generator,
     horizon: float = HORIZON,
     stretches: int = STRETCHES,
 ) -> ForwardGap:
@@ -161,6 +105,8 @@ def compare_forward(
     before, after : Physical
     unseen : sequence of Samples
         Logs that neither was fitted to.
+    rng : numpy.random.Generator
+        For the interval.
     horizon : float [s]
     stretches : int
         At most; evenly spaced over the logs.
@@ -200,7 +146,8 @@ def compare_forward(
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     t = dt * np.arange(1, steps + 1)
-    return ForwardGap(steps * dt, t, moved, errors[0], errors[1])
+    gap = ForwardGap(steps * dt, t, moved, errors[0], errors[1])
+    return replace(gap, interval=_change(gap, rng))
 
 
 def _starts(unseen: Sequence[Samples], horizon: float, most: int) -> list[tuple[int, int]]:
@@ -275,18 +222,25 @@ def _values_of(robot: Robot, effect: Effect, fit: Physical) -> Array:
     return np.array([fit.values.get(p.name, 0.0) for p in effect.parameters(robot)])
 
 
-def leave_unseen(
-    train: Sequence[Samples], held: Sequence[Samples]
-) -> tuple[Sequence[Samples], Sequence[Samples]]:
-    """Return logs to fit and logs to simulate: the held-out ones, else the last log or its end."""
-    if held:
-        return train, held
-    if len(train) > 1:
-        return train[:-1], train[-1:]
-    whole = train[0]
-    cut = int(0.8 * len(whole.tau))
-    first, last = (
-        replace(whole, motion=whole.motion[rows], tau=whole.tau[rows])
-        for rows in (slice(None, cut), slice(cut, None))
-    )
-    return [first], [last]
+def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
+    """Return the gap in motion of a diagnosis, on the motion that verified it."""
+    model = Model(d.base_effects)
+    try:
+        if d.fixed:
+            before = Physical(model, d.robot.nominal)
+            after = Physical(d.model, _with_named(d))
+        else:
+            before, after = (fit_physical(d.robot, m, d.samples) for m in (model, d.model))
+    except IdentifiabilityError as error:
+        return ForwardGap.none(str(error))
+    return compare_forward(d.robot, before, after, d.validation, rng)
+
+
+def _with_named(d: Diagnosis) -> dict[str, float]:
+    """Return the file's values with what the named effects add."""
+    stated = {p.name for e in d.base_effects for p in e.parameters(d.robot)}
+    values = dict(d.robot.nominal)
+    for placement in (p for e in d.effects for p in e.placements):
+        for name, value in zip(placement.parameters, placement.values, strict=True):
+            values[name] = float(value) + (values.get(name, 0.0) if name in stated else 0.0)
+    return values

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from identifiability.diagnosis.aliases import Alias
 from identifiability.diagnosis.find import Discrepancy, discrepancy_frame
+from identifiability.diagnosis.forward_gap import ForwardGap
 from identifiability.diagnosis.held_out import Gap
 from identifiability.diagnosis.named_effect import Curve, NamedEffect
 from identifiability.diagnosis.remainder import Remainder
@@ -24,17 +25,6 @@ from identifiability.robot import Robot
 from identifiability.samples import Samples
 
 SCHEMA = "identifiability/diagnosis/1"
-
-
-class ForwardGap(Protocol):
-    """Motion simulated forward from the measured torque, before and after the named effects."""
-
-    @property
-    def statement(self) -> str:
-        """The gap in plain words."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def state(d: Diagnosis) -> str:
             f" With bodies that can exist it goes from {_percent(d.real_before)} to "
             f"{_percent(d.real_after)}."
         )
-    forward = [] if d.forward is None else [d.forward.statement]
+    forward = [d.forward.statement] if d.forward is not None and d.forward.measured else []
     return " ".join([f"{named}.", change, *forward, *_caveats(d), d.unexplained])
 
 

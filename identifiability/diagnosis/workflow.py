@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability import signals
 from identifiability.diagnosis.conclude import conclude, stress_named
+from identifiability.diagnosis.forward import simulate_forward
 from identifiability.diagnosis.material import DRAWS, gather
 from identifiability.diagnosis.naming import name_effects
 from identifiability.diagnosis.result import Diagnosis
@@ -44,6 +46,7 @@ def diagnose(
     draws: int = DRAWS,
     seed: int = 0,
     quick: bool = False,
+    forward: bool = True,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find where model and data disagree, name what is missing, add it, verify.
@@ -72,6 +75,10 @@ def diagnose(
     seed : int
     quick : bool
         Half the draws.
+    forward : bool
+        Also simulate the motion that verifies, before and after what was named (half a second).
+    forward : bool
+        Also simulate the motion that verifies, before and after what was named (half a second).
     progress : callable(str, float), optional
 
     Raises
@@ -107,9 +114,13 @@ def diagnose(
             material, naming, roles.fit, train, preparation, fixed, streams[1]
         )
         say("verifying", 0.9)
-        return conclude(
+        found = conclude(
             material, naming, stress, train, verify, roles, rules, fixed, seed, streams[2]
         )
+        if not (forward and found.effects):
+            return found
+        say("simulating forward", 0.95)
+        return replace(found, forward=simulate_forward(found, streams[3]))
 
 
 def read_logs(logs: Sequence[LogLike] | LogLike) -> list[Log]:

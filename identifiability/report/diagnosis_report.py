@@ -32,6 +32,7 @@ from identifiability.report.figures.diagnosis import (
 from identifiability.report.numbers import format_number
 from identifiability.report.page import Page, render_page
 from identifiability.report.sections.facts import torque_units, velocity_units
+from identifiability.report.sections.forward import section_forward
 from identifiability.report.tables import Cell, Column, Table
 
 #: Joints whose gap is drawn.
@@ -47,8 +48,8 @@ def build_diagnosis_page(d: Diagnosis) -> Page:
         title=d.robot.title or d.robot.name,
         statement=d.statement,
         sections=(
-            _section_effects(d), _section_gap(d), _section_where(d), _section_evidence(d),
-            _section_aliases(d), _section_remainder(d), _section_method(d),
+            _section_effects(d), _section_gap(d), *_section_motion(d), _section_where(d),
+            _section_evidence(d), _section_aliases(d), _section_remainder(d), _section_method(d),
         ),
         overline="What the model misses",
         subtitle=f"{d.robot.path.name} · model: {names}{' · values fixed' if d.fixed else ''}",
@@ -184,6 +185,10 @@ def _section_gap(d: Diagnosis) -> Section:
         Gallery(tuple(against), "Dots: before. Lines join medians of equally filled bins."),
     )
     return Section("gap", "The gap before and after", lead, blocks)
+
+
+def _section_motion(d: Diagnosis) -> tuple[Section, ...]:
+    return () if d.forward is None else (section_forward(d.forward, d.robot.joints),)
 
 
 def _section_where(d: Diagnosis) -> Section:

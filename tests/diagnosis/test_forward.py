@@ -21,6 +21,7 @@ def two_link():
     return Robot.load("two-link")
 
 
+RNG = np.random.default_rng(0)
 BASE = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 
@@ -37,7 +38,7 @@ def test_the_torque_of_a_motion_leads_along_that_motion(name):
     robot = Robot.load(name)
     (samples,) = _samples(robot, 0)
     fit = forward.Physical(BASE, robot.nominal)
-    gap = forward.compare_forward(robot, fit, fit, [samples], stretches=8)
+    gap = forward.compare_forward(robot, fit, fit, [samples], RNG, stretches=8)
     assert gap.measured, gap.note
     assert gap.error_before < 0.006
     assert np.array_equal(gap.before, gap.after)
@@ -53,7 +54,7 @@ def test_smaller_steps_of_the_log_leave_smaller_errors(two_link):
         zero = {k: 0.0 for k in two_link.nominal if "Fc" in k}
         log = simulate(two_link, move, parameters=zero)
         samples = prepare_samples(two_link, log, Preparation(keep_rest=True))
-        errors.append(forward.compare_forward(two_link, fit, fit, [samples]).error_before)
+        errors.append(forward.compare_forward(two_link, fit, fit, [samples], RNG).error_before)
     assert errors[1] < errors[0] / 4
 
 
@@ -63,8 +64,8 @@ def test_a_missing_effect_opens_a_gap_in_motion_that_adding_it_closes():
     effect = find_effect("load_dependent_friction")
     fuller = Model((*BASE.effects, Placed([Part(effect, j, ("Fl",)) for j in robot.joints])))
     before, after = (forward.fit_physical(robot, m, train) for m in (BASE, fuller))
-    gap = forward.compare_forward(robot, before, after, [unseen])
-    low, high = gap.interval(np.random.default_rng(0))
+    gap = forward.compare_forward(robot, before, after, [unseen], RNG)
+    low, high = gap.interval
     assert gap.error_after < 0.5 * gap.error_before
     assert low < high < 0
 
@@ -74,7 +75,7 @@ def test_a_wrong_effect_does_not_close_it():
     *train, unseen = _samples(robot, 1, 3, ["load_dependent_friction=0.08"])
     wrong = Model((*BASE.effects, find_effect("quadratic_friction")))
     before, after = (forward.fit_physical(robot, m, train) for m in (BASE, wrong))
-    gap = forward.compare_forward(robot, before, after, [unseen])
+    gap = forward.compare_forward(robot, before, after, [unseen], RNG)
     assert gap.error_after > 0.8 * gap.error_before
 
 
@@ -87,7 +88,7 @@ def test_a_recorded_delay_is_taken_off_the_torque(two_link):
     recorded = replace(samples, tau=tau)
     known = {**two_link.nominal, **{f"{j}.delay": delay for j in two_link.joints}}
     before = forward.Physical(BASE, two_link.nominal)
-    gap = forward.compare_forward(two_link, before, forward.Physical(late, known), [recorded])
+    gap = forward.compare_forward(two_link, before, forward.Physical(late, known), [recorded], RNG)
     assert gap.error_after < 0.3 * gap.error_before
 
 
@@ -108,9 +109,9 @@ def test_a_model_that_runs_away_counts_as_wrong_by_all_of_the_distance(two_link)
     light = {k: (1e-4 * v if k.split(".")[0] in two_link.bodies else 0.0)
              for k, v in two_link.nominal.items()}  # fmt: skip
     fit = forward.Physical(BASE, two_link.nominal)
-    gap = forward.compare_forward(two_link, fit, forward.Physical(BASE, light), [samples])
+    gap = forward.compare_forward(two_link, fit, forward.Physical(BASE, light), [samples], RNG)
     assert gap.error_after > 0.9 > 0.1 > gap.error_before
-    assert np.isfinite(gap.interval(np.random.default_rng(0))).all()
+    assert np.isfinite(gap.interval).all()
 
 
 def test_no_log_file_is_left_behind(two_link, tmp_path, monkeypatch):
@@ -120,7 +121,7 @@ def test_no_log_file_is_left_behind(two_link, tmp_path, monkeypatch):
     light = {k: (1e-6 * v if k.split(".")[0] in two_link.bodies else 0.0)
              for k, v in two_link.nominal.items()}  # fmt: skip
     fit = forward.Physical(BASE, light)
-    forward.compare_forward(two_link, fit, fit, [samples])
+    forward.compare_forward(two_link, fit, fit, [samples], RNG)
     assert not list(tmp_path.iterdir())
 
 
@@ -129,7 +130,7 @@ def test_motion_full_of_gaps_says_why_there_is_nothing(two_link):
     rows = np.arange(0, len(samples.tau), 7)
     holes = replace(samples, motion=samples.motion[rows], tau=samples.tau[rows])
     fit = forward.Physical(BASE, two_link.nominal)
-    gap = forward.compare_forward(two_link, fit, fit, [holes])
+    gap = forward.compare_forward(two_link, fit, fit, [holes], RNG)
     assert not gap.measured
     assert "without gaps" in gap.note
     assert np.isnan(gap.error_before)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identifiability.diagnosis.forward import ForwardGap
+from identifiability.diagnosis.forward_gap import ForwardGap
 from identifiability.report.blocks import Block, Picture, Prose, Section
 from identifiability.report.figures.forward import draw_forward
 from identifiability.report.numbers import format_number
