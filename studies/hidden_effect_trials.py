@@ -80,7 +80,11 @@ class Job:
 
 @dataclass(frozen=True)
 class Trial:
-    """What was hidden, what was named, and the held-out error before, after and of the truth."""
+    """What was hidden, what was named, and the held-out error before, after and of the truth.
+
+    `visible` is the share of the hidden torque outside the base model, `sd` the rms of that part
+    over the noise's; of several hidden effects the least.
+    """
 
     key: str
     study: str
@@ -92,6 +96,7 @@ class Trial:
     seed: int
     joints: str
     visible: float
+    sd: float
     outcome: str
     named: str
     joints_right: bool
@@ -220,12 +225,14 @@ def run(job: Job) -> Trial | None:
     if "none" in places:
         return None
     torque = np.zeros_like(campaign(name).torque)
-    visible = 1.0
+    visible, sd = 1.0, np.inf if job.hidden else 0.0
     for family, joint in zip(job.hidden, places, strict=True):
         if job.study != "outside":
-            visible = min(visible, unit_torque(name, family, joint)[2])
+            _, _, seen, _ = unit_torque(name, family, joint)
+            visible = min(visible, seen)
+            sd = min(sd, _size(job.size, family, seen))
         if visible < ALIASED:
-            return _trial(job, places, visible, "aliased", None, right=True, truth=np.nan)
+            return _trial(job, places, (visible, sd), "aliased", None, right=True, truth=np.nan)
         torque = torque + hidden_torque(name, family, joint, job.size)
     logs = simulated(name, torque, seed, job.rho, job.motion)
     d = diagnose(campaign(name).robot, logs[:4], logs[4:], seed=seed)
@@ -233,7 +240,12 @@ def run(job: Job) -> Trial | None:
     if job.study in ("outside", "null"):
         outcome, right = ("false name" if d.effects else "no name"), True
     truth = true_error(name, seed) if job.study in ("single", "pair") else np.nan
-    return _trial(job, places, visible, outcome, d, right=right, truth=truth)
+    return _trial(job, places, (visible, sd), outcome, d, right=right, truth=truth)
+
+
+def _size(size: str, family: str, visible: float) -> float:
+    """Return the rms of the visible part of a hidden torque over that of the noise."""
+    return REALISTIC[family] * visible / LEVEL if size == "realistic" else float(size)
 
 
 def _run_paper(job: Job) -> Trial:
@@ -246,17 +258,17 @@ def _run_paper(job: Job) -> Trial:
     where = ("hinge1", "hinge2", "hinge3")
     joints = set(where if truth == "passive_joint_friction" else source.robot.joints)
     outcome, right = judge(d, {truth}, joints)
-    return _trial(job, sorted(joints), np.nan, outcome, d, right=right, truth=np.nan)
+    return _trial(job, sorted(joints), (np.nan, np.nan), outcome, d, right=right, truth=np.nan)
 
 
 def _trial(
-    job: Job, places: list[str], visible: float, outcome: str, d: Diagnosis | None, *,
+    job: Job, places: list[str], seen: tuple[float, float], outcome: str, d: Diagnosis | None, *,
     right: bool, truth: float,
 ) -> Trial:  # fmt: skip
     effects = () if d is None else d.effects
     return Trial(
         job.key, job.study, job.robot, "+".join(job.hidden), job.size, job.rho, job.motion,
-        job.seed, "+".join(places), visible, outcome,
+        job.seed, "+".join(places), *seen, outcome,
         "; ".join(f"{e.names} in {'+'.join(e.joints)}" for e in effects), bool(right),
         any(p.fragile for e in effects for p in e.placements), all(e.confirmed for e in effects),
         np.nan if d is None else d.held_before, np.nan if d is None else d.held_after, truth,

@@ -72,7 +72,7 @@ def command_lines() -> Iterator[str]:
 def json_lines() -> Iterator[str]:
     """One line a key of every kind of result."""
     robot = Robot.load("two-link")
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 100)
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 500)
     log = simulate(robot, motion, noise=PAPER_NOISE, rng=np.random.default_rng(0))
     analysis = _trusted(analyze(robot, log, replicates=0, posterior=True))
     results = [

@@ -57,7 +57,9 @@ def diagnose(
     logs : log, path, DataFrame, or several
         What the model is fitted to and effects are named from.
     validate : the same, optional
-        Held out; without them one log (or stretch) is left out at a time.
+        Held out, neither fitted nor used to choose where several logs are fitted; with a single
+        fitted log part of it chooses. Without any, the last log (or the last quarter of the only
+        one) is set aside. `assign_roles` has the rules.
     effects : iterable of str, optional
         Families that may be named; all that are registered by default.
     model : Model or iterable of str, optional

@@ -205,8 +205,8 @@ def _names(calibration: Calibration) -> tuple[Section, ...]:
         rows.append(
             (
                 TableCell(family.replace("_", " ")),
-                TableCell(f"{100 * size:.2g} %", size),
-                TableCell(f"{100 * least:.2g} … {100 * most:.2g} %"),
+                TableCell(f"{format_number(100 * size, 2)} %", size),
+                TableCell(f"{format_number(100 * least, 2)} … {format_number(100 * most, 2)} %"),
             )
         )
     low, high = found.interval
