@@ -66,37 +66,51 @@ class Dask(OpenEngine):
         self.scheduler = scheduler or "this machine"
         self._stack = contextlib.ExitStack()
         self._sent: set[str] = set()
+        # Dask's client writes on standard error what we say in a sentence.
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
             target = scheduler or self._stack.enter_context(_local_cluster(workers))
             self.client: Any = self._stack.enter_context(_connect(distributed, target))
-            self._check()
+            with self._reached(OSError):
+                self._check()
         except BaseException:
             self.close()
             raise
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         from distributed import KilledWorker  # noqa: PLC0415
+        from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
 
-        self._send_module(function)
-        with warnings.catch_warnings():  # a regressor in a partial is large, and sent only once
+        with self._reached(OSError), warnings.catch_warnings():
+            self._send_module(function)
+            # A regressor in a partial is large, and is sent only once.
             warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
             stored = self.client.submit(_keep, function, pure=False)
+            window = AHEAD * max(1, sum(self.client.ncores().values()))
         submit = partial(self.client.submit, run_limited, stored, pure=False)
-        window = AHEAD * max(1, sum(self.client.ncores().values()))
         try:
-            yield from in_order(submit, items, window, self.client.cancel)
+            with self._reached(CancelledError, CommClosedError, RPCClosed):
+                yield from in_order(submit, items, window, self._abandon)
         except KilledWorker:
             raise EngineError(
                 f"The workers of the cluster at {self.scheduler} died again and again on the same "
                 "item, most likely for lack of memory; give workers that have more."
             ) from None
-        except (CancelledError, OSError) as error:
-            if self.client.status == "running" and isinstance(error, OSError):
-                raise  # the function's own
+
+    @contextlib.contextmanager
+    def _reached(self, *lost: type[Exception]) -> Iterator[None]:
+        """Say in a sentence that the scheduler is gone."""
+        try:
+            yield
+        except lost:
             raise EngineError(
                 f"The connection to the cluster at {self.scheduler} was lost; run again when it "
                 "is back. Work that a resume folder holds is not done again."
             ) from None
+
+    def _abandon(self, waiting: object) -> None:
+        with contextlib.suppress(CancelledError, OSError):
+            self.client.cancel(waiting)
 
     def _check(self) -> None:
         """Refuse a cluster without workers, or whose workers would compute something else."""
@@ -135,7 +149,8 @@ class Dask(OpenEngine):
 
     def close(self) -> None:
         """Leave the cluster; end it if it was started here."""
-        self._stack.close()
+        with contextlib.suppress(CancelledError, OSError):
+            self._stack.close()
 
 
 def _keep(value: Any) -> Any:

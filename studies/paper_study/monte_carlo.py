@@ -201,6 +201,11 @@ def run_trials(
     return {c: [_done[c, s] for s in range(n)] for c, n in wanted.items()}
 
 
+def forget_trials() -> None:
+    """Forget all trials that were done in this process."""
+    _done.clear()
+
+
 def _missing(case: Case, seeds: Iterable[int]) -> tuple[tuple[Case, int], ...]:
     return tuple((case, s) for s in seeds if (case, s) not in _done)
 
