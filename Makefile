@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo paper test lint format bench docs clean
+.PHONY: demo paper test lowest lint format bench docs clean
 
 demo: $(VENV)/run
 	$(BIN)/identifiability demo
@@ -20,6 +20,18 @@ paper: $(VENV)/run
 
 test: $(VENV)/dev
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -q $(PYTEST)
+
+# Its virtual environment is its own: the lowest versions that pyproject.toml allows, Python 3.11.
+lowest: .venv-lowest/run
+	.venv-lowest/bin/python -m pytest --numprocesses 2 --dist worksteal -q $(PYTEST)
+
+.venv-lowest/run: pyproject.toml .ci/lowest.txt
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
+	  { echo "the lowest versions are those for Python 3.11; say where it is: make lowest PYTHON=python3.11"; exit 1; }
+	$(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip --disable-pip-version-check install --quiet \
+	  --constraint .ci/lowest.txt --editable '.[test,arviz,ros,docs,browser,distributed]'
+	@touch $@
 
 bench: $(VENV)/dev
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only --benchmark-columns=min,median,rounds $(PYTEST)
@@ -43,7 +55,7 @@ docs: $(VENV)/dev
 	  --output-directory reports/docs $(MODULES)
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-lowest .mypy_cache .ruff_cache .import_linter_cache
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

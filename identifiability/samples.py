@@ -176,7 +176,6 @@ def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> S
         )
     q, dq, ddq, note, cutoff = _derivatives(log, how)
     notes.append(note)
-    notes += find_contradictions(log)
     motion = complete_motion(robot, log.t, q, dq, ddq)
     notes += _closure_notes(motion, len(log))
     if not how.keep_rest:
@@ -188,6 +187,7 @@ def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> S
             f"{log.name}: only {len(motion)} of {len(log)} samples are left, too few to say "
             f"anything: {'; '.join(notes[1:])}."
         )
+    notes += find_contradictions(log)
     decimation = _choose_decimation(log, how, cutoff, motion.kept)
     if decimation is not None:
         rate = 1.0 / (signals.sampling_step(log.t) * decimation.factor)

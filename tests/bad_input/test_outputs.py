@@ -135,7 +135,7 @@ def test_inputs_are_not_written_over(refuses, refused, write, arm):
 
 
 def test_names_that_are_no_paths_are_refused():
-    with pytest.raises(OutputError, match="cannot be written: embedded null byte"):
+    with pytest.raises(OutputError, match=r"cannot be written: .*embedded null"):
         check_writable("a\0b")
 
 
