@@ -235,7 +235,7 @@ def run(job: Job) -> Trial | None:
             return _trial(job, places, (visible, sd), "aliased", None, right=True, truth=np.nan)
         torque = torque + hidden_torque(name, family, joint, job.size)
     logs = simulated(name, torque, seed, job.rho, job.motion)
-    d = diagnose(campaign(name).robot, logs[:4], logs[4:], seed=seed)
+    d = diagnose(campaign(name).robot, logs[:4], logs[4:], seed=seed, forward=False)
     outcome, right = judge(d, set(job.hidden), set(places) - {""})
     if job.study in ("outside", "null"):
         outcome, right = ("false name" if d.effects else "no name"), True
