@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,15 @@ NOTEWORTHY = 0.6
 VISIBLE = 0.05
 
 
+@dataclass(frozen=True)
+class Remark:
+    """A sentence beside the answer; `good` when it supports it."""
+
+    title: str
+    text: str
+    good: bool = False
+
+
 def join(names: Sequence[str]) -> str:
     """Return ``a, b and c``."""
     names = list(names)
@@ -24,12 +34,17 @@ def join(names: Sequence[str]) -> str:
 
 
 def state(d: Diagnosis) -> str:
-    """Return the answer in plain words."""
+    """Return the answer in plain words, with all that should be known with it."""
+    return " ".join([headline(d), *(r.text for r in remarks(d)), d.unexplained])
+
+
+def headline(d: Diagnosis) -> str:
+    """Return what is missing, how far the gap shrinks, and what cannot be told apart."""
     start = "the robot file's own values" if d.fixed else "the refitted model"
     if not d.effects:
         return (
             f"No effect can be named: {start} predict{'' if d.fixed else 's'} unseen motion "
-            f"({d.verified_on}) with an error of {_percent(d.held_before)}. {d.unexplained}"
+            f"({d.verified_on}) with an error of {_percent(d.held_before)}."
         )
     named = ". ".join(_state_effect(e) for e in d.effects)
     low, high = d.interval
@@ -39,13 +54,24 @@ def state(d: Diagnosis) -> str:
         f"{_percent(d.held_before)} to {_percent(d.held_after)} (95 %: {_points(low)} … "
         f"{_points(high)} points)."
     )
+    return " ".join([f"{named}.", change, *(_state_rivals(e) for e in d.effects if e.alternatives)])
+
+
+def remarks(d: Diagnosis) -> list[Remark]:
+    """Return what else should be known of the named effects."""
+    if not d.effects:
+        return []
+    out = []
     if np.isfinite(d.real_after):
-        change += (
-            f" With bodies that can exist it goes from {_percent(d.real_before)} to "
+        text = (
+            f"With bodies that can exist the error goes from {_percent(d.real_before)} to "
             f"{_percent(d.real_after)}."
         )
-    forward = [d.forward.statement] if d.forward is not None and d.forward.measured else []
-    return " ".join([f"{named}.", change, *forward, *_caveats(d), d.unexplained])
+        out.append(Remark("A real robot", text, d.real_after < d.real_before))
+    if d.forward is not None and d.forward.measured:
+        better = d.forward.interval[1] < 0
+        out.append(Remark("In simulated motion", d.forward.statement, better))
+    return [*out, *(r for e in d.effects for r in _caveats(e))]
 
 
 def _state_effect(e: NamedEffect) -> str:
@@ -54,25 +80,26 @@ def _state_effect(e: NamedEffect) -> str:
     return f"{title}{where} (p = {e.p_value:.2g}, family-wise)"
 
 
-def _caveats(d: Diagnosis) -> list[str]:
-    out = []
-    for e in d.effects:
-        close = [(n, s) for n, s in e.similar.items() if s > NOTEWORTHY and n not in e.alternatives]
-        if e.alternatives:
-            out.append(
-                f"This motion cannot tell {e.names} apart (similarity "
-                f"{max(e.similar[a] for a in e.alternatives):.2f}): {advice(e)}."
-            )
-        elif close:
-            name, similarity = close[0]
-            text = name.replace("_", " ")
-            out.append(f"{e.title[0].upper() + e.title[1:]} resembles {text} in this motion "
-                       f"(similarity {similarity:.2f}); the data prefer the former.")  # fmt: skip
-        if not e.confirmed:
-            out.append(
-                f"{e.title[0].upper() + e.title[1:]} by itself does not surely lower the error "
-                "there: treat it with caution."
-            )
+def _state_rivals(e: NamedEffect) -> str:
+    return (
+        f"This motion cannot tell {e.names} apart (similarity "
+        f"{max(e.similar[a] for a in e.alternatives):.2f}): {advice(e)}."
+    )
+
+
+def _caveats(e: NamedEffect) -> list[Remark]:
+    title, out = e.title[0].upper() + e.title[1:], []
+    close = [(n, s) for n, s in e.similar.items() if s > NOTEWORTHY and n not in e.alternatives]
+    if close and not e.alternatives:
+        name, similarity = close[0]
+        text = (
+            f"{title} resembles {name.replace('_', ' ')} in this motion (similarity "
+            f"{similarity:.2f}); the data prefer the former."
+        )
+        out.append(Remark("Resembles", text))
+    if not e.confirmed:
+        text = f"{title} by itself does not surely lower the error there: treat it with caution."
+        out.append(Remark("Not confirmed", text))
     return out
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from identifiability.diagnosis.named_effect import Curve
 from identifiability.diagnosis.result import Diagnosis
+from identifiability.diagnosis.words import headline, remarks
 from identifiability.effects import FAMILIES, find_effect
 from identifiability.output import write_text
 from identifiability.report.blocks import (
@@ -46,7 +47,7 @@ def build_diagnosis_page(d: Diagnosis) -> Page:
     names = ", ".join(d.base)
     return Page(
         title=d.robot.title or d.robot.name,
-        statement=d.statement,
+        statement=headline(d),
         sections=(
             _section_effects(d), _section_gap(d), *_section_motion(d), _section_where(d),
             _section_evidence(d), _section_aliases(d), _section_remainder(d), _section_method(d),
@@ -54,7 +55,7 @@ def build_diagnosis_page(d: Diagnosis) -> Page:
         overline="What the model misses",
         subtitle=f"{d.robot.path.name} · model: {names}{' · values fixed' if d.fixed else ''}",
         tiles=_tiles(d),
-        summary=_caveats(d),
+        summary=_summary(d),
     )  # fmt: skip
 
 
@@ -83,20 +84,16 @@ def _tiles(d: Diagnosis) -> tuple[Tile, ...]:
     )  # fmt: skip
 
 
-def _caveats(d: Diagnosis) -> tuple[Block, ...]:
-    notes = []
+def _summary(d: Diagnosis) -> tuple[Block, ...]:
+    """Return what should be known with the answer, and what is left."""
+    notes = [Note("good" if r.good else "note", r.title, r.text) for r in remarks(d)]
     for e in d.effects:
-        if e.alternatives:
-            text = f"{e.names}: neither this motion nor the data tell them apart."
-            notes.append(Note("warning", "Two names", text))
         for p in e.placements:
             if p.fragile:
                 text = f"{e.title} in {p.place} would not be believed with: {', '.join(p.fragile)}."
                 notes.append(Note("note", "Fragile", text))
-        if not e.confirmed:
-            text = f"{e.title} by itself does not surely lower the error on unseen motion."
-            notes.append(Note("warning", "Not confirmed", text))
-    return (Notes(tuple(notes)),) if notes else ()
+    notes.append(Note("note", "What is left", d.unexplained))
+    return (Notes(tuple(notes)),)
 
 
 def _section_effects(d: Diagnosis) -> Section:
