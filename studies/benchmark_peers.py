@@ -127,7 +127,7 @@ def sections(runs: Sequence[Measured], at: int) -> list[Section]:
         "compresses all rows by QR first, and checks its answer on all rows afterwards.",
         "Ours never holds the regressor: it is compressed chunk by chunk, so that its phase "
         "contains most of the work of least squares. It keeps 256 blocks of time for the bootstrap "
-        "that others do not make; at 1000 samples that is most of its time.",
+        "that others do not make; at 1000 samples that is most of its time, and FIGAROH is faster.",
         "; ".join(f"{k} {v}" for k, v in versions().items()) + ".",
     )
     return [

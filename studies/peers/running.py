@@ -115,7 +115,10 @@ def run_contender(name: str, folder: Path, count: int, repeats: int, most: float
         return Measured(name, count, why="FIGAROH is not installed (the extra `bench`)")
     need, free = 72 * 6 * 8 * count * COPIES.get(name, 0) / 1e6, free_memory()
     if need > SHARE * free:
-        why = f"it would need about {need / 1e3:.0f} GB; {free / 1e3:.0f} GB are free"
+        why = (
+            f"it would need about {need / 1e3:.0f} GB; of the {free / 1e3:.0f} GB that are free "
+            f"{100 * SHARE:.0f} % may be used"
+        )
         return Measured(name, count, why=why)
     best: Measured | None = None
     one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
