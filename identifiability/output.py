@@ -9,6 +9,7 @@ import secrets
 import shutil
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +128,14 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     finally:
         _remove(fresh)
     _remove(name for name, _ in aside)
+
+
+def kept_aside(path: Path) -> Path | None:
+    """Return where an interrupted `write_together` left the old content of a file, if anywhere."""
+    try:
+        return next(iter(sorted(path.parent.glob(f"{escape(path.name)}.*.old"))), None)
+    except (OSError, ValueError):  # no name of a file
+        return None
 
 
 def _beside(target: Path) -> Path:

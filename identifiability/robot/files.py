@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.errors import RobotError, listing, near_match
+from identifiability.output import kept_aside
 from identifiability.robot.assembly import Closures, assemble
 from identifiability.robot.description import Robot
 from identifiability.robot.joints import read_tree
@@ -55,6 +56,12 @@ def locate_robot(source: str | Path) -> Path:
             return folder / name
     if path.is_dir():
         raise RobotError(f"{path} is a folder; give the robot file (MJCF or URDF) in it.")
+    left = kept_aside(path)
+    if left is not None:
+        raise RobotError(
+            f"There is no robot file '{source}': a write of it was interrupted. Its old content is "
+            f"'{left}'; write it again, or rename that."
+        )
     raise RobotError(
         f"There is no robot file '{source}'{near_match(str(source), shipped_robots())} Give an "
         f"MJCF or URDF file, or one of the shipped robots: {', '.join(shipped_robots())}."

@@ -154,6 +154,8 @@ def test_a_process_that_is_killed_leaves_no_mixed_pair(count, tmp_path):
     else:
         assert found[1] == ""
         assert kept == ["old"]
+        with pytest.raises(RobotError, match=r"interrupted. Its old content is '.*xml.\w+.old'; w"):
+            Robot.load(pair[1])
 
 
 def test_a_sidecar_takes_no_other_files_name(tmp_path):
