@@ -32,7 +32,7 @@ class Tags(HTMLParser):
 
 @pytest.fixture(scope="module")
 def results(simulated_session):
-    log = simulated_session("two-link", "a", samples=200)
+    log = simulated_session("two-link", "a", samples=500)
     analysis = analyze("two-link", log, replicates=0)
     out = {
         "analysis": analysis,

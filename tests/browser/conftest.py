@@ -98,7 +98,7 @@ def _hostile(folder: Path) -> tuple[Robot, object]:
     path.write_text(locate_robot("two-link").read_text().replace('"elbow"', f'"{name}"'))
     robot = Robot.load(path)
     rng = np.random.default_rng(0)
-    motion = PrescribedMotion.of(random_trajectory(robot, rng), 200)
+    motion = PrescribedMotion.of(random_trajectory(robot, rng), 500)
     return robot, simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
 
 

@@ -57,7 +57,7 @@ def test_without_held_out_logs_the_last_log_or_the_last_part_is_set_aside(logs):
 
 
 def test_a_log_too_short_to_be_divided_is_refused_in_one_sentence(logs):
-    (short, _) = divide(logs[0], [0, 0.3, 1])
+    (short, _) = divide(logs[0], [0, 0.2, 1])
     with pytest.raises(LogError, match="too few to name effects from one part and verify"):
         assign_roles([short], [])
     # As the only held-out log it verifies whole.
