@@ -4,61 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from identifiability.bootstrap import Bootstrap, between_logs, bootstrap
-from identifiability.errors import IdentifiabilityError, listing
+from identifiability.errors import listing
 from identifiability.estimation import MIXED, Estimate, dependence
 from identifiability.evaluation import Prediction
 from identifiability.feasibility import PhysicalResult
 from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.names import Array
-from identifiability.noise import autocorrelation_time, block_length
+from identifiability.uncertainty import Uncertainty, assess_uncertainty, recurrence
 from identifiability.verdict import Class, Evidence, Thresholds, Verdict, judge
-
-
-@dataclass(frozen=True)
-class Uncertainty:
-    """Standard deviations of one model's parameters by every road.
-
-    Attributes
-    ----------
-    white : (k,)
-        Under independent residuals.
-    inflated : (k,)
-        The same times the root of the residual's autocorrelation time.
-    bootstrap : Bootstrap or None
-        Refits on resampled blocks; None if there are too few blocks.
-    between : (k,) or None
-        Standard error of the mean over logs, with three or more logs.
-    times : (n,)
-        Autocorrelation time of each actuator's residual [samples].
-    block : float
-        Block length of the bootstrap [samples].
-    note : str
-        Why something is missing, if it is.
-    """
-
-    white: Array
-    inflated: Array
-    bootstrap: Bootstrap | None
-    between: Array | None
-    times: Array
-    block: float
-    note: str = ""
-
-    @property
-    def robust(self) -> Array:
-        """The largest of the estimates that allow for autocorrelation, (k,)."""
-        return self.inflated if self.bootstrap is None else self._with_bootstrap()
-
-    def _with_bootstrap(self) -> Array:
-        assert self.bootstrap is not None
-        spread = np.where(np.isfinite(self.white), self.bootstrap.sd, np.inf)
-        larger: Array = np.maximum(self.inflated, spread)
-        return larger
 
 
 @dataclass(frozen=True)
@@ -130,6 +88,25 @@ class RungResult:
         """Margin of the physical certificate; negative when no real robot has the parameters."""
         return self.physical.margin
 
+    def row(self) -> dict[str, Any]:
+        """Return the model as one row of the ladder."""
+        return {
+            "name": self.name,
+            "description": self.rung.description,
+            "parameters": len(self.rung),
+            "paper_identified": self.paper_identified,
+            "identifiable": self.count(Class.IDENTIFIABLE),
+            "error_ra": self.error_ra,
+            "error_ra_validation": self.error_ra_validation,
+            "error_ra_validation_se": self.error_se,
+            "feasible": self.feasible,
+            "signs_possible": self.signs_possible,
+            "infeasible": list(self.infeasible),
+            "physical_margin": self.margin,
+            "error_ra_physical": self.error_ra_physical,
+            "condition": self.estimate.condition,
+        }
+
 
 def assess_ladder(
     rungs: Sequence[Rung],
@@ -171,14 +148,14 @@ def assess_ladder(
     for k, (rung, fit) in enumerate(zip(rungs, fits, strict=True)):
         residual = fitted.residual[:, :, k]
         reduced = rung.reduce(information)
-        uncertainty = assess_uncertainty(reduced, fit, residual, fitted.log, rng, replicates)
+        uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
         evidence = Evidence(
             fit,
             uncertainty.robust,
             recurrence(fit, uncertainty, thresholds),
             column_rms(reduced),
             column_noise(reduced, fit),
-            float(np.sqrt(np.mean(fitted.tau**2))),
+            float(np.sqrt(np.mean(fitted.rms**2))),
             _aliases(reduced, fit, rung),
         )
         stated = np.linalg.lstsq(rung.M, nominal - rung.held, rcond=None)[0]
@@ -200,68 +177,6 @@ def assess_ladder(
             )
         )
     return tuple(results)
-
-
-def assess_uncertainty(
-    information: Information,
-    fit: Estimate,
-    residual: Array,
-    log: np.ndarray,
-    rng: np.random.Generator,
-    replicates: int,
-) -> Uncertainty:
-    """Return the standard deviations of a fit by every road.
-
-    Parameters
-    ----------
-    information : Information
-        About the fitted columns.
-    fit : Estimate
-    residual : (N, n)
-    log : (N,) int
-        Which log a sample comes from.
-    rng : numpy.random.Generator
-    replicates : int
-        Of the bootstrap; 0 for none.
-    """
-    times, length = residual_times(residual, log)
-    inflated = fit.sigma * float(np.sqrt(_mean_time(times, fit)))
-    drawn, note = None, ""
-    if replicates and fit.kept:
-        try:
-            drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
-        except IdentifiabilityError as error:
-            note = str(error)
-    return Uncertainty(
-        fit.sigma, inflated, drawn, between_logs(information, fit), times, length, note
-    )
-
-
-def residual_times(residual: Array, log: np.ndarray) -> tuple[Array, float]:
-    """Return autocorrelation times (n,), averaged over logs, and the longest block length."""
-    total, length = np.zeros(residual.shape[1]), 1.0
-    for k in np.unique(log):
-        part = residual[log == k]
-        total += len(part) * autocorrelation_time(part)
-        length = max(length, block_length(part))
-    return total / len(residual), length
-
-
-def _mean_time(times: Array, fit: Estimate) -> float:
-    """Return one autocorrelation time: that of the actuators that carry the residual."""
-    share = fit.weights * fit.rss
-    total = share.sum()
-    return float((share * times).sum() / total) if total > 0 else float(times.mean())
-
-
-def recurrence(fit: Estimate, uncertainty: Uncertainty, rules: Thresholds) -> Array:
-    """Return the share of replicates in which a parameter would be called well known, (k,)."""
-    if uncertainty.bootstrap is None:
-        return np.full(len(fit.columns), np.nan)
-    values = uncertainty.bootstrap.values
-    known = uncertainty.robust <= 0.01 * rules.sigma_percent * np.abs(values)
-    share: Array = (known & (np.sign(values) == np.sign(fit.value))).mean(0)
-    return share
 
 
 def column_rms(information: Information) -> Array:

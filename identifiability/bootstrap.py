@@ -186,20 +186,3 @@ def _solve(flat: Array, k: int, S: Array) -> Array:
                 y[i] = np.linalg.solve(gram[:k, :k], gram[:k, k])
     unknowns: Array = S[:k, k] + S[k, k] * y
     return unknowns
-
-
-def between_logs(information: Information, estimate: Estimate) -> Array | None:
-    """Return the standard error of the mean over logs of each parameter, (k,); None for < 3 logs.
-
-    Differences between trajectories show what no residual of one of them does: effects that are
-    the same all along a motion.
-    """
-    logs = np.unique(information.log)
-    if len(logs) < 3:
-        return None
-    part = information.select(estimate.kept)
-    counts = (information.log[None, :] == logs[:, None]).astype(float)
-    values = refit(part, estimate.weights, counts)
-    spread = np.zeros(information.size)
-    spread[list(estimate.kept)] = values.std(0, ddof=1) / np.sqrt(len(logs))
-    return spread

@@ -32,7 +32,8 @@ from identifiability.output import write_json
 from identifiability.ranks import RankCheck, check_ranks
 from identifiability.replicates import Experiment, spawn_seeds
 from identifiability.residual_noise import ResidualNoise, find_runs, fit_residual_noise
-from identifiability.stages import LogLike
+from identifiability.samples import Samples
+from identifiability.stages import LogLike, in_memory
 from identifiability.verdict import Thresholds
 
 SCHEMA = "identifiability/calibration/1"
@@ -211,6 +212,8 @@ def calibrate(
     ------
     ModelError
         If the ladder has no such model.
+    LogError
+        If the logs do not fit in memory.
     """
     names = [m.name for m in analysis.models]
     if model is not None and model not in names:
@@ -220,11 +223,12 @@ def calibrate(
         )
     at = 0 if model is None else names.index(model)
     result = analysis.models[at]
+    samples = in_memory(analysis.samples, Samples)
     regression = _regression(analysis)
     experiment = Experiment.of(regression, result.rung.M, result.rung.columns)
     truth = result.estimate.value
     tau = np.concatenate([t for *_, t in regression.chunks()])
-    runs = find_runs(analysis.samples)
+    runs = find_runs(samples)
     own = fit_residual_noise(tau, experiment.W, runs)
     pairs = [(level, r) for r in rho for level in noise]
     *streams, last = np.random.default_rng(seed).spawn(len(pairs) + 1)
@@ -260,7 +264,7 @@ def calibrate(
         try:
             named = measure_false_names(
                 analysis.robot, logs, model=analysis.effects, trials=diagnoses, seed=seed,
-                progress=progress, engine=runner,
+                progress=progress,
             )  # fmt: skip
         except LogError as error:  # too short a log has no part to verify names on
             reason = f"How often a name is false was not measured: {error}"

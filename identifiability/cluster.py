@@ -19,12 +19,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cloudpickle
 import joblib
 
 from identifiability.errors import EngineError
 from identifiability.fingerprint import root_module, source_digest
-from identifiability.mapping import AHEAD, LARGE, Item, OpenEngine, Result, in_order, run_limited
+from identifiability.mapping import AHEAD, Item, OpenEngine, Result, in_order, run_limited
 
 #: Seconds to wait for a scheduler, and for its first worker.
 PATIENCE = 5.0
@@ -82,10 +81,13 @@ class Dask(OpenEngine):
         from distributed import KilledWorker  # noqa: PLC0415
         from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
 
-        with self._reached(OSError):
+        with self._reached(OSError), warnings.catch_warnings():
             self._send_module(function)
-            submit = self._submitter(function)
+            # A regressor in a partial is large, and is sent only once.
+            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
+            stored = self.client.submit(_keep, function, pure=False)
             window = AHEAD * max(1, sum(self.client.ncores().values()))
+        submit = partial(self.client.submit, run_limited, stored, pure=False)
         try:
             with self._reached(CancelledError, CommClosedError, RPCClosed):
                 yield from in_order(submit, items, window, self._abandon)
@@ -94,16 +96,6 @@ class Dask(OpenEngine):
                 f"The workers of the cluster at {self.scheduler} died again and again on the same "
                 "item, most likely for lack of memory; give workers that have more."
             ) from None
-
-    def _submitter(self, function: Callable[[Item], Result]) -> Callable[[Item], Any]:
-        if len(cloudpickle.dumps(function)) <= LARGE:
-            return partial(self.client.submit, run_limited, function, pure=False)
-        # A regressor in a partial is sent once. Small functions go with each item, because the
-        # scheduler prefers workers that have what an item needs, and a new worker has nothing.
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
-            stored = self.client.submit(_keep, function, pure=False)
-        return partial(self.client.submit, run_limited, stored, pure=False)
 
     @contextlib.contextmanager
     def _reached(self, *lost: type[Exception]) -> Iterator[None]:

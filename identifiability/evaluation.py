@@ -4,115 +4,157 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from identifiability.errorsums import ErrorSums, Layout, Tally
 from identifiability.information import Information
-from identifiability.model import Regression
+from identifiability.mapping import Engine, Steps
+from identifiability.model import Part, Regression, map_parts
 from identifiability.names import Array
+from identifiability.prediction import STRETCHES, Prediction
+
+__all__ = [
+    "STRETCHES", "Prediction", "Task", "Turns", "choose_folds", "leave_out", "parameter_error",
+    "predict", "predict_all", "take_turns",
+]  # fmt: skip
 
 #: Folds of the blocked cross-validation when there is one log.
 FOLDS = 5
 
-#: Stretches of time whose errors give the standard error of ε_RA.
-STRETCHES = 20
-
 
 @dataclass(frozen=True)
-class Prediction:
-    """Measured torque and its prediction by some models along logs.
+class Turns:
+    """Which set of values predicts a sample: runs of consecutive samples take turns.
 
     Attributes
     ----------
-    t : tuple of (N_l,) [s]
-        Times of each log.
-    tau : (N, n) [N·m or N]
-        Measured torque, logs one after the other.
-    predicted : (N, n, m)
-        Prediction of each of m models.
-    log : (N,) int
-        Which log a sample comes from.
+    ends : (B,) int
+        Sample, over all logs, at which each run ends.
+    fold : (B,) int
     """
 
-    t: tuple[Array, ...]
-    tau: Array
-    predicted: Array
-    log: np.ndarray
+    ends: np.ndarray
+    fold: np.ndarray
 
-    @property
-    def residual(self) -> Array:
-        """Measured less predicted torque, (N, n, m)."""
-        return self.tau[:, :, None] - self.predicted
-
-    def first(self, models: int) -> Prediction:
-        """Return the prediction of the first few models."""
-        return Prediction(self.t, self.tau, self.predicted[:, :, :models], self.log)
-
-    def relative_error(self) -> Array:
-        """Return ε_RA of each model, ``Σ|τ̂ - τ*| / Σ|τ* - mean τ*|`` [Díaz 2010, Eq. 18], (m,)."""
-        error: Array = np.abs(self.residual).sum((0, 1)) / self._spread()
-        return error
-
-    def constant_error(self) -> float:
-        """Return ε_RA of predicting each joint's mean torque: what any model must beat."""
-        return float(np.abs(self.tau - self.tau.mean(0)).sum() / self._spread())
-
-    def joint_error(self) -> Array:
-        """Return the same for each joint by itself, (n, m)."""
-        spread = np.abs(self.tau - self.tau.mean(0)).sum(0)
-        error: Array = np.abs(self.residual).sum(0) / np.where(spread > 0, spread, np.nan)[:, None]
-        return error
-
-    def standard_error(self, against: int | None = None) -> Array:
-        """Return the standard error of ε_RA, or of its difference to a model's, (m,).
-
-        Errors of consecutive samples are dependent; sums over `STRETCHES` stretches of time are
-        nearly not.
-        """
-        absolute = np.abs(self.residual).sum(1)
-        if against is not None:
-            absolute = absolute - absolute[:, [against]]
-        parts = np.array_split(absolute, min(STRETCHES, len(absolute)))
-        sums = np.array([p.sum(0) for p in parts])
-        k = len(sums)
-        if k < 2:
-            return np.full(absolute.shape[1], np.nan)
-        spread: Array = sums.std(0, ddof=1) * np.sqrt(k) / self._spread()
-        return spread
-
-    def _spread(self) -> float:
-        total = float(np.abs(self.tau - self.tau.mean()).sum())
-        return total if total > 0 else np.nan
+    def of(self, start: int, stop: int) -> np.ndarray:
+        """Return the fold of the samples [start, stop), (n,) int."""
+        found: np.ndarray = self.fold[np.searchsorted(self.ends, np.arange(start, stop), "right")]
+        return found
 
 
-def predict(regression: Regression, values: Array, folds: np.ndarray | None = None) -> Prediction:
+@dataclass(frozen=True)
+class Task:
+    """Models to be predicted with: base parameters, one set for each fold.
+
+    Attributes
+    ----------
+    values : (F, b, m)
+    turns : Turns or None
+        Which set predicts a sample; the first without.
+    excerpt : bool
+        Whether samples are held, not only sums.
+    """
+
+    values: Array
+    turns: Turns | None = None
+    excerpt: bool = True
+
+
+def predict(
+    regression: Regression,
+    values: Array,
+    turns: Turns | None = None,
+    *,
+    engine: Engine | None = None,
+) -> Prediction:
     """Predict torque with base parameter values of m models.
 
     Parameters
     ----------
     regression : Regression
     values : (b, m) or (F, b, m)
-        Base parameters of each model; with `folds`, one set for each fold.
-    folds : (N,) int, optional
+        Base parameters of each model; with `turns`, one set for each fold.
+    turns : Turns, optional
         Which set predicts a sample.
+    engine : Engine, optional
     """
     values = values if values.ndim == 3 else values[None]
-    taus, predictions, logs = [], [], []
-    at = 0
-    for log, _, W, tau in regression.chunks():
-        rows = slice(at, at + len(tau))
-        at += len(tau)
-        predicted = np.empty((*tau.shape, values.shape[2]))
-        which = np.zeros(len(tau), int) if folds is None else folds[rows]
-        for fold in np.unique(which):
-            predicted[which == fold] = W[which == fold] @ values[fold]
-        taus.append(tau)
-        predictions.append(predicted)
-        logs.append(np.full(len(tau), log))
-    times = tuple(s.output_times() for s in regression.samples)
-    return Prediction(
-        times, np.concatenate(taus), np.concatenate(predictions), np.concatenate(logs)
-    )
+    return predict_all(regression, [Task(values, turns)], engine=engine)[0]
+
+
+def predict_all(
+    regression: Regression,
+    tasks: Sequence[Task],
+    *,
+    engine: Engine | None = None,
+    progress: Steps | None = None,
+) -> list[Prediction]:
+    """Return several predictions of the same logs, going through them once.
+
+    Parameters
+    ----------
+    regression : Regression
+    tasks : sequence of Task
+    engine : Engine, optional
+        Where stretches of long logs are worked on; here without.
+    progress : callable(int, int), optional
+    """
+    surveys = [s.survey for s in regression.samples]
+    counts = [s.outputs for s in surveys]
+    layout = Layout.of(counts, np.array([s.torque for s in surveys]), STRETCHES)
+    tallies = [Tally(layout, task.values.shape[2]) for task in tasks]
+    held: list[list[Held]] = [[] for _ in tasks]
+    work = partial(_predict_part, tasks=tuple(tasks), layout=layout)
+    for found in map_parts(work, regression, engine, progress):
+        for k, (sums, excerpt) in enumerate(found):
+            tallies[k].merge(sums)
+            held[k] += excerpt
+    return [_assemble(t.sums(), h, len(counts)) for t, h in zip(tallies, held, strict=True)]
+
+
+#: Log, series, times, torque, prediction and velocity of some samples of an excerpt.
+Held = tuple[int, int, Array, Array, Array, Array]
+
+
+def _predict_part(
+    part: Part, tasks: Sequence[Task], layout: Layout
+) -> list[tuple[ErrorSums, list[Held]]]:
+    out: list[tuple[Tally, list[Held]]] = [(Tally(layout, t.values.shape[2]), []) for t in tasks]
+    for chunk in part.chunks():
+        start, stop = chunk.start, chunk.start + len(chunk.tau)
+        before = layout.offset(chunk.log)
+        shown = layout.shown(chunk.log, start, stop)
+        for task, (tally, held) in zip(tasks, out, strict=True):
+            predicted = np.empty((*chunk.tau.shape, task.values.shape[2]))
+            if task.turns is None:
+                predicted[:] = chunk.W @ task.values[0]
+            else:
+                which = task.turns.of(before + start, before + stop)
+                for fold in np.unique(which):
+                    predicted[which == fold] = chunk.W[which == fold] @ task.values[fold]
+            tally.add(chunk.log, start, chunk.tau, predicted)
+            if not task.excerpt:
+                continue
+            for series, rows in shown:
+                held.append(
+                    (chunk.log, series, chunk.t[rows], chunk.tau[rows], predicted[rows],
+                     chunk.velocity[rows])
+                )  # fmt: skip
+    return [(tally.sums(), held) for tally, held in out]
+
+
+def _assemble(sums: ErrorSums, held: Sequence[Held], logs: int) -> Prediction:
+    n, m = sums.absolute.shape[1:]
+    log = np.concatenate([np.full(len(h[2]), h[0]) for h in held] or [np.empty(0, int)])
+    series = np.concatenate([np.full(len(h[2]), h[1]) for h in held] or [np.empty(0, int)])
+    t = np.concatenate([h[2] for h in held] or [np.empty(0)])
+    tau = np.concatenate([h[3] for h in held] or [np.empty((0, n))])
+    predicted = np.concatenate([h[4] for h in held] or [np.empty((0, n, m))])
+    velocity = np.concatenate([h[5] for h in held] or [np.empty((0, n))])
+    times = tuple(t[log == k] for k in range(logs))
+    return Prediction(sums, times, tau, predicted, log, series, velocity)
 
 
 def choose_folds(information: Information) -> np.ndarray:
@@ -123,9 +165,9 @@ def choose_folds(information: Information) -> np.ndarray:
     return (np.arange(blocks) * min(FOLDS, blocks)) // blocks
 
 
-def fold_of_samples(information: Information, folds: np.ndarray) -> np.ndarray:
-    """Return the fold of each sample from that of its block, (N,)."""
-    return np.repeat(folds, information.counts)
+def take_turns(information: Information, folds: np.ndarray) -> Turns:
+    """Return who predicts which sample, from the fold of each block."""
+    return Turns(np.cumsum(information.counts), folds)
 
 
 def leave_out(information: Information, folds: np.ndarray, fold: int) -> Information:

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from identifiability.linalg import triangular_factor
-from identifiability.model import Regression
+from identifiability.mapping import Engine, Steps
+from identifiability.model import Part, Regression, map_parts
 from identifiability.names import Array
 
 #: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
@@ -141,7 +142,13 @@ class Information:
         )
 
 
-def gather_information(regression: Regression, blocks: int = BLOCKS) -> Information:
+def gather_information(
+    regression: Regression,
+    blocks: int = BLOCKS,
+    *,
+    engine: Engine | None = None,
+    progress: Steps | None = None,
+) -> Information:
     """Compress a regression.
 
     Parameters
@@ -149,17 +156,37 @@ def gather_information(regression: Regression, blocks: int = BLOCKS) -> Informat
     regression : Regression
     blocks : int
         Blocks of time over all logs, at most; each holds consecutive samples of one log.
+    engine : Engine, optional
+        Where stretches of long logs are worked on; here without.
+    progress : callable(int, int), optional
     """
     names = tuple(p.name for p in regression.parameters)
     basis = choose_basis(regression)
-    inverse = solve_triangular(basis, np.eye(len(basis)))
-    total = sum(s.outputs for s in regression.samples)
-    size = max(1, -(-total // blocks))
-    n, k = len(regression.robot.actuated), len(names) + 1
+    size = max(1, -(-regression.outputs // blocks))
     edges: list[tuple[int, int]] = []  # (log, block within the log)
     grams: list[Array] = []
     counts: list[int] = []
-    for log, start, W, tau in regression.chunks():
+    gather = partial(_gather_part, basis=basis, size=size)
+    for part in map_parts(gather, regression, engine, progress):
+        for edge, gram, count in part:
+            if edges and edges[-1] == edge:
+                grams[-1] = grams[-1] + gram
+                counts[-1] += count
+            else:
+                edges.append(edge)
+                grams.append(gram)
+                counts.append(count)
+    logs = np.array([log for log, _ in edges], int)
+    return Information(names, basis, np.array(grams), np.array(counts), logs)
+
+
+def _gather_part(part: Part, basis: Array, size: int) -> list[tuple[tuple[int, int], Array, int]]:
+    """Return (log, block), Gram matrices (n, k + 1, k + 1) and samples of each block touched."""
+    k = len(basis)
+    inverse = solve_triangular(basis, np.eye(k))
+    out: list[tuple[tuple[int, int], Array, int]] = []
+    for log, start, W, tau, *_ in part.chunks():
+        n = tau.shape[1]
         Z = np.concatenate([W, tau[:, :, None]], axis=2).reshape(-1, k) @ inverse
         Z = Z.reshape(len(tau), n, k).transpose(1, 0, 2)
         at = 0
@@ -168,16 +195,14 @@ def gather_information(regression: Regression, blocks: int = BLOCKS) -> Informat
             stop = min(len(tau), (block + 1) * size - start)
             piece = Z[:, at:stop]
             gram = piece.transpose(0, 2, 1) @ piece
-            if edges and edges[-1] == (log, block):
-                grams[-1] += gram
-                counts[-1] += stop - at
+            if out and out[-1][0] == (log, block):
+                _, before, count = out[-1]
+                before += gram
+                out[-1] = ((log, block), before, count + stop - at)
             else:
-                edges.append((log, block))
-                grams.append(gram)
-                counts.append(stop - at)
+                out.append(((log, block), gram, stop - at))
             at = stop
-    logs = np.array([log for log, _ in edges], int)
-    return Information(names, basis, np.array(grams), np.array(counts), logs)
+    return out
 
 
 def choose_basis(regression: Regression) -> Array:
@@ -186,7 +211,7 @@ def choose_basis(regression: Regression) -> Array:
     The rows are taken before any decimation: a basis need not be exact, only of the right size
     and direction.
     """
-    total = sum(len(s.tau) for s in regression.samples) * len(regression.robot.actuated)
+    total = sum(s.survey.kept for s in regression.samples) * len(regression.robot.actuated)
     step = max(1, total // BASIS_ROWS)
     thin = replace(regression, samples=tuple(s.thin(step) for s in regression.samples))
     k = len(regression.parameters)

@@ -27,6 +27,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from identifiability.checks import LARGEST
 from identifiability.documents import read_document
 from identifiability.errors import ModelError, listing, near_match
 from identifiability.grouping import BaseParameters
@@ -34,7 +35,6 @@ from identifiability.information import Information
 from identifiability.model import Model
 from identifiability.names import Array
 from identifiability.robot import Robot
-from identifiability.table import LARGEST
 
 #: The model that a log is analysed with when no ladder is given.
 DEFAULT_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")

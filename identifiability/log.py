@@ -7,24 +7,30 @@ One row a sample: ``t`` [s], ``<joint>.q`` and ``<joint>.tau`` for every actuate
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from identifiability import signals
 from identifiability.bags import hash_bag, split_topic
+from identifiability.checks import (
+    CHANNELS,
+    Clock,
+    check_times,
+    find_joints,
+    read_numbers,
+    wanted_columns,
+)
 from identifiability.errors import LogError, listing, near_match
 from identifiability.names import Array
 from identifiability.output import write_bytes, write_text
-from identifiability.table import PARQUET, check_columns, check_times, read_numbers, read_table
+from identifiability.table import PARQUET, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
-
-CHANNELS = ("q", "dq", "ddq", "tau")
 
 
 @dataclass(frozen=True)
@@ -86,6 +92,36 @@ class Log:
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
         return replace(log, sha256=digest.hexdigest())
 
+    def rows(self, start: int, stop: int) -> Log:
+        """Return the samples [start, stop) as a log of the same name."""
+        part = slice(start, stop)
+        return replace(
+            self, t=self.t[part], q=self.q[part], tau=self.tau[part],
+            dq=None if self.dq is None else self.dq[part],
+            ddq=None if self.ddq is None else self.ddq[part],
+        )  # fmt: skip
+
+    def cut(self, start: int, stop: int, name: str) -> Log:
+        """Return the samples [start, stop) under another name."""
+        return replace(self.rows(start, stop), name=name)
+
+    @property
+    def clock(self) -> Clock:
+        """What is to be known of its times."""
+        clock = Clock(self.name)
+        clock.add(self.t)
+        return clock
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Which of `CHANNELS` it has."""
+        return tuple(c for c in CHANNELS if getattr(self, c) is not None)
+
+    @property
+    def torque(self) -> bool:
+        """Whether any torque is not zero."""
+        return bool(self.tau.any())
+
     def even_step(self) -> tuple[float, str]:
         """Return the sampling step [s] and a remark on its jitter, for filters and differences.
 
@@ -94,20 +130,8 @@ class Log:
         LogError
             If samples are missing. A step is a gap when it stands out from the jitter.
         """
-        steps = np.diff(self.t)
-        dt = signals.sampling_step(self.t)
-        jitter = np.abs(steps / dt - 1)
-        worst = int(np.argmax(jitter))
-        usual = float(np.quantile(jitter, 0.95))
-        if jitter[worst] > min(max(0.5, 5 * usual), 3.0):
-            raise LogError(
-                f"{self.name} has a gap of {steps[worst]:.3g} s after t = {self.t[worst]:.6g} s "
-                f"(data row {worst + 1}) at a sampling step of {dt:.3g} s; velocity and "
-                "acceleration cannot be computed across it: split the log there."
-            )
-        if jitter[worst] <= 0.01:  # a clock's rounding
-            return dt, ""
-        return dt, f" (time stamps jitter by {100 * jitter[worst]:.0f} % of a step; taken as even)"
+        windows = signals.spread_windows(len(self))
+        return even_step(self.name, self.clock, [self.t[a:b] for a, b in windows])
 
     def to_frame(self) -> pd.DataFrame:
         """Return the log as a DataFrame that `from_frame` accepts."""
@@ -162,6 +186,8 @@ class Log:
                 f"{'s' if len(missing) > 1 else ''} {listing(missing)}; every actuated joint needs "
                 f"'<joint>.q' and '<joint>.tau'."
             )
+        if tuple(wanted) == self.joints:
+            return self
         order = [self.joints.index(j) for j in wanted]
 
         def pick(x: Array | None) -> Array | None:
@@ -173,33 +199,64 @@ class Log:
         )  # fmt: skip
 
 
+def join_logs(logs: Sequence[Log]) -> Log:
+    """Return stretches of one log as a log with gaps."""
+    first = logs[0]
+    if len(logs) == 1:
+        return first
+
+    def joined(kind: str) -> Any:
+        parts = [getattr(log, kind) for log in logs]
+        return None if parts[0] is None else np.concatenate(parts)
+
+    return replace(first, **{kind: joined(kind) for kind in ("t", *CHANNELS)})
+
+
+def even_step(name: str, clock: Clock, windows: Sequence[Array]) -> tuple[float, str]:
+    """Return the sampling step [s] and a remark on its jitter.
+
+    Parameters
+    ----------
+    name : str
+        Of the log.
+    clock : Clock
+        Its longest and its shortest step.
+    windows : sequence of (N,) [s]
+        Times on which the usual step and the usual jitter are measured.
+
+    Raises
+    ------
+    LogError
+        If samples are missing. A step is a gap when it stands out from the jitter.
+    """
+    steps = np.concatenate([np.diff(t) for t in windows])
+    dt = float(np.median(steps))
+    usual = float(np.quantile(np.abs(steps / dt - 1), 0.95))
+    worst = max(clock.longest, clock.shortest, key=lambda s: abs(s.length / dt - 1))
+    jitter = abs(worst.length / dt - 1)
+    if jitter > min(max(0.5, 5 * usual), 3.0):
+        raise LogError(
+            f"{name} has a gap of {worst.length:.3g} s after t = {worst.t:.6g} s "
+            f"(data row {worst.row + 1}) at a sampling step of {dt:.3g} s; velocity and "
+            "acceleration cannot be computed across it: split the log there."
+        )
+    if jitter <= 0.01:  # a clock's rounding
+        return dt, ""
+    return dt, f" (time stamps jitter by {100 * jitter:.0f} % of a step; taken as even)"
+
+
 def _from_frame(frame: pd.DataFrame, source: str, name: str, digest: str) -> Log:
     columns = [str(c).strip() for c in frame.columns]
     frame = frame.set_axis(columns, axis=1)
-    check_columns(columns, source)
-    joints = [c.removesuffix(".q") for c in columns if c.endswith(".q")]
-    if not joints:
-        raise LogError(
-            f"{source} has no position column; expected '<joint>.q' and '<joint>.tau' for every "
-            f"actuated joint, found {listing(columns)}."
-        )
-    named = {c.removesuffix(".tau") for c in columns if c.endswith(".tau")}
-    for joint in joints:
-        if joint not in named:
-            raise LogError(
-                f"{source} has '{joint}.q' but no torque column '{joint}.tau'"
-                f"{near_match(joint + '.tau', _loose(columns, joint))} "
-                "Every actuated joint needs both."
-            )
-    for joint in sorted(named):
-        if joint not in joints:
-            raise LogError(
-                f"{source} has '{joint}.tau' but no position column '{joint}.q'"
-                f"{near_match(joint + '.q', _loose(columns, joint))} "
-                "Every actuated joint needs both."
-            )
-    values = {c: read_numbers(frame, c, source) for c in columns if _wanted(c, joints)}
+    joints = find_joints(columns, source)
+    wanted = wanted_columns(columns, joints)
+    values = {c: read_numbers(frame, c, source) for c in wanted}
     check_times(values["t"], source)
+    return build_log(name, joints, values, digest)
+
+
+def build_log(name: str, joints: Sequence[str], values: Mapping[str, Array], digest: str) -> Log:
+    """Return the log of some columns, each (N,), that were checked."""
     channels = {kind: _channel(values, joints, kind) for kind in CHANNELS}
     q, tau = channels["q"], channels["tau"]
     assert q is not None
@@ -207,18 +264,7 @@ def _from_frame(frame: pd.DataFrame, source: str, name: str, digest: str) -> Log
     return Log(name, tuple(joints), values["t"], q, tau, channels["dq"], channels["ddq"], digest)
 
 
-def _loose(columns: list[str], joint: str) -> list[str]:
-    """Return the columns that may be a misspelt one of a joint: those that belong nowhere else."""
-    owners = [(c, *c.rpartition(".")[::2]) for c in columns]
-    paired = {joint, *(o for _, o, _ in owners if {f"{o}.q", f"{o}.tau"} <= set(columns))}
-    return [c for c, owner, kind in owners if owner not in paired or kind not in CHANNELS]
-
-
-def _wanted(column: str, joints: list[str]) -> bool:
-    return column == "t" or any(column == f"{j}.{kind}" for j in joints for kind in CHANNELS)
-
-
-def _channel(values: dict[str, Array], joints: list[str], kind: str) -> Array | None:
+def _channel(values: Mapping[str, Array], joints: Sequence[str], kind: str) -> Array | None:
     if any(f"{j}.{kind}" not in values for j in joints):
         return None
     return np.stack([values[f"{j}.{kind}"] for j in joints], 1)

@@ -1,22 +1,26 @@
-"""`Model`: effects that add up. `Regression`: their columns along measured motion."""
+"""`Regression`: named columns of a `Model` along measured motion, chunk by chunk."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from identifiability.effects import Effect, find_effect
-from identifiability.errors import ModelError
+from identifiability.composition import Model
+from identifiability.engine import Serial
+from identifiability.longsamples import Prepared, Stretch
+from identifiability.mapping import Engine, Result, Steps
 from identifiability.names import Array, Parameter
-from identifiability.robot import Motion, Robot
+from identifiability.robot import Robot
 from identifiability.samples import Samples
 
 if TYPE_CHECKING:
     import pandas as pd
+
+__all__ = ["Chunk", "Model", "Part", "Regression", "StretchRegression", "map_parts"]
 
 #: Samples a chunk: the regressor of one chunk stays in the processor's cache.
 CHUNK = 1024
@@ -25,61 +29,28 @@ CHUNK = 1024
 KEEP_BYTES = 200e6
 
 
-@dataclass(frozen=True)
-class Model:
-    """A sum of effects; ``model + effect`` adds one.
+class Chunk(NamedTuple):
+    """Consecutive rows of a regression.
 
-    Example
-    -------
-    >>> model = Model.of("rigid_body", "viscous_friction")
-    >>> [e.name for e in (model + find_effect("coulomb_friction")).effects]
-    ['rigid_body', 'viscous_friction', 'coulomb_friction']
+    Attributes
+    ----------
+    log : int
+        Which log they come from.
+    start : int
+        Output of that log at which they begin.
+    W : (m, n, p)
+    tau : (m, n) [N·m or N]
+    t : (m,) [s]
+    velocity : (m, n)
+        Of the actuated joints.
     """
 
-    effects: tuple[Effect, ...]
-
-    @staticmethod
-    def of(*names: str) -> Model:
-        """Return the model of some effects by name."""
-        return Model(()).with_effects(find_effect(n) for n in names)
-
-    def with_effects(self, effects: Iterable[Effect]) -> Model:
-        """Return the model with more effects; what they supersede is left out."""
-        chosen = list(self.effects)
-        for effect in effects:
-            if any(e.name == effect.name for e in chosen):
-                continue
-            if any(effect.name in e.supersedes for e in chosen):
-                continue
-            chosen = [e for e in chosen if e.name not in effect.supersedes] + [effect]
-        return Model(tuple(chosen))
-
-    def __add__(self, effect: Effect) -> Model:
-        """Return the model with one more effect."""
-        return self.with_effects([effect])
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the effects."""
-        return tuple(e.name for e in self.effects)
-
-    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return the standard parameters of all effects, in column order."""
-        return tuple(p for e in self.effects for p in e.parameters(robot))
-
-    def regressor(self, robot: Robot, motion: Motion, out: Array | None = None) -> Array:
-        """Return the regressor W (N, n, p): ``W[k] @ phi`` is the torque at sample k."""
-        widths = [len(e.parameters(robot)) for e in self.effects]
-        if not sum(widths):
-            raise ModelError("The model has no effects; name at least one, such as rigid_body.")
-        shape = (len(motion), len(robot.actuated), sum(widths))
-        W = np.zeros(shape) if out is None else out[: len(motion)]
-        W[:] = 0.0
-        start = 0
-        for effect, width in zip(self.effects, widths, strict=True):
-            effect.fill(robot, motion, W[:, :, start : start + width])
-            start += width
-        return W
+    log: int
+    start: int
+    W: Array
+    tau: Array
+    t: Array
+    velocity: Array
 
 
 @dataclass(frozen=True)
@@ -90,7 +61,7 @@ class Regression:
     ----------
     robot : Robot
     model : Model
-    samples : tuple of Samples
+    samples : tuple of Samples or LongSamples
         Prepared logs.
     columns : (b,) int or None
         Which columns of the model are computed (the base parameters'); None for all.
@@ -98,7 +69,7 @@ class Regression:
 
     robot: Robot
     model: Model
-    samples: tuple[Samples, ...]
+    samples: tuple[Prepared, ...]
     columns: np.ndarray | None = None
 
     @cached_property
@@ -108,52 +79,69 @@ class Regression:
         return every if self.columns is None else tuple(every[k] for k in self.columns)
 
     @property
+    def outputs(self) -> int:
+        """Number of samples after decimation, over all logs."""
+        return sum(s.outputs for s in self.samples)
+
+    @property
     def rows(self) -> int:
         """Number of rows: samples (after decimation) × actuators."""
-        return sum(s.outputs for s in self.samples) * len(self.robot.actuated)
+        return self.outputs * len(self.robot.actuated)
 
     def chunks(self, size: int = CHUNK) -> Iterator[tuple[int, int, Array, Array]]:
         """Yield ``(log, start, W (m, n, p), tau (m, n))`` in order of time, log by log.
 
         W is a buffer that the next chunk overwrites, unless the whole regression fits in memory.
         """
-        if self._small and self._kept:
-            yield from self._kept
+        for part in self.parts(whole=True):
+            for chunk in part.chunks(size):
+                yield chunk[:4]
+
+    def parts(self, *, whole: bool = False) -> list[Part]:
+        """Return the regression divided into tasks: stretches of long logs, others whole.
+
+        Parameters
+        ----------
+        whole : bool
+            Do not divide any log.
+        """
+        parts = []
+        for k, samples in enumerate(self.samples):
+            if whole or isinstance(samples, Samples):
+                parts.append(Part(self, k, k, 0))
+                continue
+            start = 0
+            for stretch in samples.stretches:
+                small = StretchRegression(self.robot, self.model, stretch, self.columns)
+                parts.append(Part(small, 0, k, start))
+                start += stretch.outputs
+        return parts
+
+    def log_chunks(self, log: int, size: int = CHUNK) -> Iterator[Chunk]:
+        """Yield the chunks of one log; they are kept where the whole regression is small."""
+        if log in self._kept:
+            yield from self._kept[log]
             return
         kept = []
-        for log, samples in enumerate(self.samples):
-            start = 0
-            for W, tau in self._log_chunks(samples, size):
-                if self._small:
-                    W = W.copy()  # noqa: PLW2901 - kept, so it must not share the buffer
-                    kept.append((log, start, W, tau))
-                yield log, start, W, tau
-                start += len(tau)
-        self._kept.extend(kept)
+        for chunk in _chunks(self, self.samples[log], log, size):
+            if self._small:
+                chunk = chunk._replace(W=chunk.W.copy())  # noqa: PLW2901 - its buffer is reused
+                kept.append(chunk)
+            yield chunk
+        if self._small:
+            self._kept[log] = kept
 
     @cached_property
-    def _kept(self) -> list[tuple[int, int, Array, Array]]:
-        return []
+    def _kept(self) -> dict[int, list[Chunk]]:
+        return {}
 
-    @property
+    @cached_property
     def _small(self) -> bool:
         return self.rows * len(self.parameters) * 8 < KEEP_BYTES
 
-    def _log_chunks(self, samples: Samples, size: int) -> Iterator[tuple[Array, Array]]:
-        every = len(self.model.parameters(self.robot))
-        shape = (0, len(self.robot.actuated), every)
-        buffer = np.empty(shape)
-        for motion, tau, down in samples.pieces(size):
-            if len(buffer) < len(motion):
-                buffer = np.empty((len(motion), *shape[1:]))
-            W = self.model.regressor(self.robot, motion, out=buffer)
-            if self.columns is not None:
-                W = W[:, :, self.columns]
-            yield (W, tau) if down is None else (down(W), down(tau))
-
     def to_frame(self) -> pd.DataFrame:
         """Return all rows as a DataFrame: columns by parameter name, then ``tau``."""
-        import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+        import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
         n = len(self.robot.actuated)
         parts = []
@@ -167,3 +155,104 @@ class Regression:
             flat.insert(0, "log", log)
             parts.append(flat)
         return pd.concat(parts, ignore_index=True)
+
+
+@dataclass(frozen=True)
+class StretchRegression:
+    """The regression of a stretch of a long log: small to send, large to compute.
+
+    Attributes
+    ----------
+    robot : Robot
+    model : Model
+    stretch : Stretch
+    columns : (b,) int or None
+    """
+
+    robot: Robot
+    model: Model
+    stretch: Stretch
+    columns: np.ndarray | None
+
+    def log_chunks(self, log: int, size: int = CHUNK) -> Iterator[Chunk]:
+        """Yield its chunks; each one's W is overwritten by the next."""
+        yield from _chunks(self, self.stretch, log, size)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a regression that is worked on by itself.
+
+    Attributes
+    ----------
+    regression : Regression or StretchRegression
+    at : int
+        Which of its logs.
+    log : int
+        Which log of the whole regression that is.
+    start : int
+        Output of that log at which the part begins.
+    """
+
+    regression: Regression | StretchRegression
+    at: int
+    log: int
+    start: int
+
+    @property
+    def remote(self) -> bool:
+        """Whether it is worth sending to another process."""
+        return isinstance(self.regression, StretchRegression)
+
+    def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
+        """Yield its chunks."""
+        for chunk in self.regression.log_chunks(self.at, size):
+            yield chunk._replace(log=self.log, start=self.start + chunk.start)
+
+
+def map_parts(
+    function: Callable[[Part], Result],
+    regression: Regression,
+    engine: Engine | None = None,
+    progress: Steps | None = None,
+) -> Iterator[Result]:
+    """Yield ``function(part)`` for every part of a regression, in order.
+
+    Parameters
+    ----------
+    function : callable
+        As `Engine.map` wants it.
+    regression : Regression
+    engine : Engine, optional
+        Where stretches of long logs are worked on; logs in memory are worked on here.
+    progress : callable(int, int), optional
+        Called with the number of parts done and to do.
+    """
+    parts = regression.parts()
+    remote = [p for p in parts if p.remote]
+    found = (engine or Serial()).map(function, remote) if remote else iter(())
+    for done, part in enumerate(parts, 1):
+        yield next(found) if part.remote else function(part)
+        if progress is not None:
+            progress(done, len(parts))
+
+
+def _chunks(
+    columns_of: Regression | StretchRegression,
+    samples: Prepared | Stretch,
+    log: int,
+    size: int,
+) -> Iterator[Chunk]:
+    robot, model, columns = columns_of.robot, columns_of.model, columns_of.columns
+    shape = (len(robot.actuated), len(model.parameters(robot)))
+    buffer = np.empty((0, *shape))
+    start = 0
+    for piece in samples.pieces(size):
+        if len(buffer) < len(piece.motion):
+            buffer = np.empty((len(piece.motion), *shape))
+        W = model.regressor(robot, piece.motion, out=buffer)
+        if columns is not None:
+            W = W[:, :, columns]
+        tau, at = piece.down(piece.tau), piece.at
+        yield Chunk(log, start, piece.down(W), tau, piece.motion.t[at], piece.motion.actuated_v[at])
+        start += len(tau)

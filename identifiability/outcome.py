@@ -8,18 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.assessment import (
-    assess_uncertainty,
-    column_noise,
-    column_rms,
-    recurrence,
-)
+from identifiability.assessment import column_noise, column_rms
 from identifiability.estimation import Method, estimate
 from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.names import Array
 from identifiability.replicates import Experiment
 from identifiability.shares import LEVEL, Share, clustered_share, each_share
+from identifiability.uncertainty import assess_uncertainty, recurrence
 from identifiability.verdict import Class, Evidence, Thresholds, judge
 
 #: A parameter is wrong if it is off by more than this share of its true value.

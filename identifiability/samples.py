@@ -2,73 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
-from typing import Literal, get_args
 
 import numpy as np
 
 from identifiability import signals
-from identifiability.contradictions import find_contradictions
-from identifiability.errors import LogError, near_match
+from identifiability.checks import FEWEST
+from identifiability.errors import LogError
 from identifiability.log import Log
 from identifiability.names import Array
+from identifiability.plan import Plan, joint_log
+from identifiability.preparation import Preparation, make_plan
 from identifiability.robot import Motion, Robot, complete_motion
-from identifiability.table import FEWEST
-from identifiability.units import check_units
+from identifiability.survey import Survey
 
-Derivatives = Literal["auto", "given", "butterworth", "fourier"]
-Downsample = Callable[[Array], Array]
+__all__ = ["Piece", "Preparation", "Samples", "prepare_rows", "prepare_samples"]
+
+#: Samples a piece when torque is summed.
+SURVEYED = 1024
 
 
 @dataclass(frozen=True)
-class Preparation:
-    """How a log is turned into motion.
+class Piece:
+    """Consecutive samples, with what the decimation filter draws on at both ends.
 
     Attributes
     ----------
-    derivatives : {"auto", "given", "butterworth", "fourier"}
-        ``auto`` takes the log's own where it has them, else Butterworth.
-    cutoff : float or None [Hz]
-        Low-pass for computed derivatives; None chooses 10 × the bandwidth of the motion, within
-        5 Hz and a fifth of the sampling rate.
-    period : float or None [s]
-        Period for the Fourier fit; None finds the whole fraction of the duration that fits best.
-    harmonics : int
-        Harmonics of the Fourier fit.
-    decimate : int or None
-        Parallel filter and decimation of torque and regressor; None keeps the band up to the
-        cut-off where derivatives are computed by Butterworth (torque above it has no acceleration
-        left to explain it), else everything.
-    keep_rest : bool
-        Keep the samples at which all joints stand still. Friction can be anything up to its
-        Coulomb level there, and the sign of a filtered zero velocity is noise.
+    motion : Motion
+    tau : (N, n) [N·m or N]
+    decimation : Decimation or None
     """
 
-    derivatives: Derivatives = "auto"
-    cutoff: float | None = None
-    period: float | None = None
-    harmonics: int = 5
-    decimate: int | None = None
-    keep_rest: bool = False
+    motion: Motion
+    tau: Array
+    decimation: signals.Decimation | None
 
-    def __post_init__(self) -> None:
-        known = get_args(Derivatives)
-        if self.derivatives not in known:
-            raise LogError(
-                f"There is no way '{self.derivatives}' to make derivatives"
-                f"{near_match(self.derivatives, known)} The ways are {', '.join(known)}."
-            )
-        for name in ("cutoff", "period"):
-            value = getattr(self, name)
-            if value is not None and not 0 < value < np.inf:
-                raise LogError(f"The {name} is {value:g}; give a number above 0, or none.")
-        if self.harmonics < 1 or (self.decimate is not None and self.decimate < 1):
-            raise LogError(
-                f"There are {self.harmonics} harmonics and a decimation by {self.decimate}; give "
-                "numbers of at least 1."
-            )
+    def down(self, x: Array) -> Array:
+        """Return x (N, …) low-passed and decimated, if there is any decimation."""
+        return x if self.decimation is None else self.decimation.apply(x)
+
+    @property
+    def at(self) -> slice:
+        """The input samples at which the outputs are."""
+        d = self.decimation
+        return slice(None) if d is None else slice(d.reach, len(self.tau) - d.reach, d.factor)
 
 
 @dataclass(frozen=True)
@@ -87,6 +67,9 @@ class Samples:
     notes : tuple of str
         How the derivatives were made and what was dropped, for the report.
     sha256 : str
+    own : (int, int) or None
+        Rows of the log at which outputs are wanted, where the others are only what the filter
+        draws on; None for all.
     """
 
     name: str
@@ -95,33 +78,71 @@ class Samples:
     decimation: signals.Decimation | None
     notes: tuple[str, ...]
     sha256: str
+    own: tuple[int, int] | None = None
 
-    @property
+    @cached_property
     def runs(self) -> list[tuple[int, int]]:
-        """Stretches of samples without gaps, as (start, stop)."""
-        return [(0, len(self.tau))] if self.decimation is None else _runs(self.motion.kept)
+        """Stretches of samples that make outputs without a gap, as (start, stop)."""
+        return [(start, stop) for start, stop, _ in self._stretches]
 
-    @property
+    @cached_property
+    def run_outputs(self) -> list[int]:
+        """Number of samples after decimation of each of `runs`."""
+        return [count for *_, count in self._stretches]
+
+    @cached_property
     def outputs(self) -> int:
         """Number of samples after decimation."""
-        return _outputs(self.decimation, self.motion.kept)
+        return sum(self.run_outputs)
 
-    def pieces(self, size: int) -> Iterator[tuple[Motion, Array, Downsample | None]]:
-        """Yield (motion, tau, how to decimate) for chunks of about `size` input samples."""
+    @cached_property
+    def _stretches(self) -> list[tuple[int, int, int]]:
+        """First sample and last (exclusive) that outputs draw on, and how many there are."""
+        d = self.decimation
+        if d is None:
+            return [(0, len(self.tau), len(self.tau))]
+        kept = self.motion.kept
+        breaks = np.flatnonzero(np.diff(kept) > 1) + 1
+        out = []
+        for start, stop in pairwise([0, *breaks.tolist(), len(kept)]):
+            if stop == start:
+                continue
+            row = int(kept[start])
+            centres = d.centres(row, row + stop - start)
+            if self.own is not None:
+                low, high = self.own
+                centres = range(
+                    max(centres.start, -(-low // d.factor) * d.factor),
+                    min(centres.stop, high), d.factor,
+                )  # fmt: skip
+            if centres:
+                first = start + centres[0] - row - d.reach
+                out.append((first, start + centres[-1] - row + d.reach + 1, len(centres)))
+        return out
+
+    @cached_property
+    def survey(self) -> Survey:
+        """What there is to know of the whole log."""
+        torque = np.zeros(self.tau.shape[1])
+        for piece in self.pieces(SURVEYED):
+            torque += piece.down(piece.tau).sum(0)
+        return Survey.of(self.motion, self.own, self.outputs, torque)
+
+    def pieces(self, size: int) -> Iterator[Piece]:
+        """Yield pieces of about `size` input samples."""
         d = self.decimation
         if d is None:
             for start in range(0, len(self.tau), size):
                 rows = slice(start, start + size)
-                yield self.motion[rows], self.tau[rows], None
+                yield Piece(self.motion[rows], self.tau[rows], None)
             return
         step = max(1, size // d.factor)
-        for start, stop in self.runs:
-            count = d.outputs(stop - start)
+        for start, _, count in self._stretches:
             for first in range(0, count, step):
                 last = min(first + step, count)
                 begin = start + first * d.factor
                 rows = slice(begin, begin + (last - 1 - first) * d.factor + 2 * d.reach + 1)
-                yield self.motion[rows], self.tau[rows], d.apply
+                yield Piece(self.motion[rows], self.tau[rows], d)
 
     def thin(self, step: int) -> Samples:
         """Return every `step`-th sample, without decimation filter."""
@@ -133,26 +154,9 @@ class Samples:
         if self.decimation is None:
             return self.motion.t
         d = self.decimation
-        at = [
-            start + d.reach + d.factor * np.arange(d.outputs(stop - start))
-            for start, stop in self.runs
-        ]
-        times: Array = self.motion.t[np.concatenate(at)]
+        at = [start + d.reach + d.factor * np.arange(n) for start, _, n in self._stretches]
+        times: Array = self.motion.t[np.concatenate(at)] if at else np.empty(0)
         return times
-
-
-def _runs(kept: np.ndarray) -> list[tuple[int, int]]:
-    """Return the stretches of consecutive samples among those kept, as (start, stop)."""
-    breaks = np.flatnonzero(np.diff(kept) > 1) + 1
-    edges = [0, *breaks.tolist(), len(kept)]
-    return list(pairwise(edges))
-
-
-def _outputs(decimation: signals.Decimation | None, kept: np.ndarray) -> int:
-    """Return how many samples a decimation leaves."""
-    if decimation is None:
-        return len(kept)
-    return sum(decimation.outputs(stop - start) for start, stop in _runs(kept))
 
 
 def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> Samples:
@@ -163,162 +167,98 @@ def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> S
     LogError, ClosureError
     """
     how = how or Preparation()
-    motors = robot.transmission.motors if robot.transmission else ()
-    log = log.select(robot.joints, motors)
-    notes: list[str] = []
-    if robot.transmission is not None and log.joints == tuple(motors):
-        log = _to_joint_side(robot, log)
-        notes.append("motor positions and torques were converted to the joint side")
-    check_units(robot, log)
-    if not log.tau.any():
+    plan = make_plan(robot, log, how)
+    samples = prepare_rows(robot, log, 0, plan, (0, len(log)))
+    notes = [*plan.notes, *samples.survey.notes(len(log))]
+    check_left(log.name, len(samples.motion), len(log), notes)
+    notes += plan.remarks
+    samples = replace(samples, decimation=_settle_decimation(samples, plan, how, len(log)))
+    return replace(samples, notes=(*notes, *decimation_note(samples.decimation, plan)), own=None)
+
+
+def prepare_rows(robot: Robot, log: Log, origin: int, plan: Plan, own: tuple[int, int]) -> Samples:
+    """Prepare some rows of a log by a plan.
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+        The rows and what the filters draw on at both ends.
+    origin : int
+        Row of its first sample in the whole log.
+    plan : Plan
+    own : (int, int)
+        Rows of the whole log at which outputs are wanted.
+
+    Raises
+    ------
+    LogError, ClosureError
+    """
+    log = joint_log(robot, log)
+    q, dq, ddq = plan.derive(log)
+    reach = 0 if plan.decimation is None else plan.decimation.reach
+    low = max(0, own[0] - reach - origin)
+    high = min(len(log), own[1] + reach - origin)
+    rest = np.zeros(len(log), bool) if plan.rest is None else plan.rest.find(dq)
+    part = slice(low, high)
+    motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part])
+    tau = log.tau[part][motion.kept]
+    still = rest[part][motion.kept]
+    if still.any():
+        motion, tau = motion[~still], tau[~still]
+    first = origin + low
+    motion = replace(
+        motion, kept=motion.kept + first, dropped=motion.dropped + first,
+        near_singular=motion.near_singular + first,
+    )  # fmt: skip
+    return Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own)
+
+
+def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
+    """Refuse a log of which next to nothing is left.
+
+    Raises
+    ------
+    LogError
+    """
+    if left < FEWEST:
         raise LogError(
-            f"{log.name}: all torques are zero; nothing was measured, check the columns."
-        )
-    q, dq, ddq, note, cutoff = _derivatives(log, how)
-    notes.append(note)
-    motion = complete_motion(robot, log.t, q, dq, ddq)
-    notes += _closure_notes(motion, len(log))
-    if not how.keep_rest:
-        rest = signals.find_rests(log.t, q, dq)[motion.kept]
-        motion = motion[~rest] if rest.any() else motion
-        notes += _rest_notes(int(rest.sum()), len(log))
-    if len(motion) < FEWEST:
-        raise LogError(
-            f"{log.name}: only {len(motion)} of {len(log)} samples are left, too few to say "
-            f"anything: {'; '.join(notes[1:])}."
-        )
-    notes += find_contradictions(log)
-    decimation = _choose_decimation(log, how, cutoff, motion.kept)
-    if decimation is not None:
-        rate = 1.0 / (signals.sampling_step(log.t) * decimation.factor)
-        notes.append(
-            f"torque and every column of the regressor were low-passed alike and decimated by "
-            f"{decimation.factor} to {rate:.4g} Hz"
-        )
-    return Samples(log.name, motion, log.tau[motion.kept], decimation, tuple(notes), log.sha256)
-
-
-def _to_joint_side(robot: Robot, log: Log) -> Log:
-    gear = robot.transmission
-    assert gear is not None
-    R = gear.ratio[:, None] * gear.coupling
-    q, tau = gear.joint_side(log.q, log.tau)
-
-    def rate(x: Array | None) -> Array | None:
-        return None if x is None else np.linalg.solve(R, x.T).T
-
-    return replace(log, joints=robot.joints, q=q, tau=tau, dq=rate(log.dq), ddq=rate(log.ddq))
-
-
-def _derivatives(log: Log, how: Preparation) -> tuple[Array, Array, Array, str, float | None]:
-    """Return q, dq, ddq, a note and the cut-off of the low-pass, if one was used."""
-    have = log.dq is not None and log.ddq is not None
-    if how.derivatives == "given" and not have:
-        raise LogError(
-            f"{log.name} does not have '<joint>.dq' and '<joint>.ddq' for every joint; add them, "
-            "or let the derivatives be computed (derivatives = auto)."
-        )
-    if have and how.derivatives in ("auto", "given"):
-        assert log.dq is not None
-        assert log.ddq is not None
-        return log.q, log.dq, log.ddq, "velocity and acceleration are the log's own", None
-    if how.derivatives == "fourier":
-        start = log.t[0]
-        _check_series(log, how)
-        period = how.period or signals.find_period(log.t - start, log.q, how.harmonics)
-        fit = signals.fit_fourier(log.t - start, log.q, period, how.harmonics)
-        q, dq, ddq = fit.motion(log.t - start)
-        left = float(np.sqrt(np.mean((log.q - q) ** 2)))
-        note = (
-            f"positions were fitted by a Fourier series of {how.harmonics} harmonics with period "
-            f"{period:.6g} s (rms residual {left:.2g}) and differentiated analytically"
-        )
-        return q, dq, ddq, note, None
-    return _filtered(log, how)
-
-
-def _check_series(log: Log, how: Preparation) -> None:
-    """Refuse a Fourier series that the samples cannot determine."""
-    count = 2 * how.harmonics + 1
-    if 2 * count > len(log):
-        raise LogError(
-            f"{log.name} has {len(log)} samples, too few for the {count} coefficients of "
-            f"{how.harmonics} harmonics; give fewer harmonics."
-        )
-    low, high = 4 * how.harmonics * signals.sampling_step(log.t), 2 * (log.t[-1] - log.t[0])
-    if how.period is not None and not low <= how.period <= high:
-        raise LogError(
-            f"The period {how.period:g} s does not fit {log.name}: with {how.harmonics} harmonics "
-            f"it must lie between {low:.4g} s (its sampling) and {high:.4g} s (its length)."
+            f"{name}: only {left} of {total} samples are left, too few to say anything: "
+            f"{'; '.join(notes[1:])}."
         )
 
 
-def _filtered(log: Log, how: Preparation) -> tuple[Array, Array, Array, str, float]:
-    dt, note = log.even_step()
-    t, q, given = log.t, log.q, log.dq
-    cutoff = signals.choose_cutoff(t, q) if how.cutoff is None else how.cutoff
-    lowest = 1.0 / (t[-1] - t[0])
-    if not lowest <= cutoff < 0.5 / dt:
-        raise LogError(
-            f"The cut-off {cutoff:g} Hz does not lie between one over the length of {log.name} "
-            f"({lowest:.3g} Hz) and half its sampling rate ({0.5 / dt:g} Hz)."
-        )
-    smooth = signals.lowpass(q, dt, cutoff)
-    if given is None:
-        dq = signals.differentiate(smooth, dt)
-        source = "positions"
-    else:
-        dq = signals.lowpass(given, dt, cutoff)
-        source = "given velocities"
-    ddq = signals.differentiate(dq, dt)
-    note = (
-        f"velocity and acceleration are central differences of the {source} after a zero-phase "
-        f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{note}"
-    )
-    return smooth, dq, ddq, note, cutoff
-
-
-def _choose_decimation(
-    log: Log, how: Preparation, cutoff: float | None, kept: np.ndarray
+def _settle_decimation(
+    samples: Samples, plan: Plan, how: Preparation, total: int
 ) -> signals.Decimation | None:
-    """Return the decimation asked for, or one that suits the cut-off and leaves enough samples."""
+    """Return the planned decimation, or a smaller one that leaves enough samples."""
+    factor = plan.factor
     if how.decimate is not None:
-        if how.decimate > 1 and _outputs(signals.Decimation(how.decimate), kept) < FEWEST:
-            raise LogError(
-                f"{log.name} is too short to be decimated by {how.decimate}: of its {len(log)} "
-                f"samples fewer than {FEWEST} are left; give a longer log or a smaller decimation."
-            )
-        return signals.Decimation(how.decimate) if how.decimate > 1 else None
-    if cutoff is None:
-        return None
-    factor = int(0.5 / (cutoff * signals.sampling_step(log.t)))
-    while factor > 1 and _outputs(signals.Decimation(factor), kept) < FEWEST:
+        if factor > 1 and samples.outputs < FEWEST:
+            raise LogError(too_short(samples.name, factor, total))
+        return plan.decimation
+    while factor > 1:
+        chosen = signals.Decimation(factor)
+        if replace(samples, decimation=chosen).outputs >= FEWEST:
+            return chosen
         factor -= 1
-    return signals.Decimation(factor) if factor > 1 else None
+    return None
 
 
-def _closure_notes(motion: Motion, total: int) -> list[str]:
-    notes = []
-    if len(motion.dropped):
-        first = ", ".join(str(k + 1) for k in motion.dropped[:5])
-        more = " …" if len(motion.dropped) > 5 else ""
-        notes.append(
-            f"{len(motion.dropped)} of {total} samples were dropped because the loops do not close "
-            f"there (data rows {first}{more})"
-        )
-    if motion.singular:
-        notes.append(
-            f"{motion.singular} samples lie near a singular configuration (first in data row "
-            f"{motion.near_singular[0] + 1}, condition number up to {motion.condition:.1e}); "
-            "torques there are amplified errors"
-        )
-    return notes
+def too_short(name: str, factor: int, total: int) -> str:
+    """Return the sentence on a log that a decimation leaves nothing of."""
+    return (
+        f"{name} is too short to be decimated by {factor}: of its {total} samples fewer than "
+        f"{FEWEST} are left; give a longer log or a smaller decimation."
+    )
 
 
-def _rest_notes(count: int, total: int) -> list[str]:
-    if not count:
+def decimation_note(decimation: signals.Decimation | None, plan: Plan) -> list[str]:
+    """Return what was done about the band, for the report."""
+    if decimation is None:
         return []
+    rate = 1.0 / (plan.step * decimation.factor)
     return [
-        f"{count} of {total} samples were left out because all joints stand still there and "
-        "friction may be anything up to its Coulomb level"
+        f"torque and every column of the regressor were low-passed alike and decimated by "
+        f"{decimation.factor} to {rate:.4g} Hz"
     ]

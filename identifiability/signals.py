@@ -9,6 +9,7 @@ one side of the equation only.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,8 +22,12 @@ from identifiability.names import Array
 #: flexibility make joints move at some hertz, and inertia is seen nowhere but there [Hz].
 LOWEST_CUTOFF = 5.0
 
-#: A joint slower than this share of its largest speed stands still.
-REST_SPEED = 0.01
+#: Decisions about a long log are made on this many windows of so many samples.
+WINDOWS, WINDOW = 8, 16_384
+
+#: What is left of a filter's transient where it is called over; twice differentiated it must
+#: still be small beside 1e-8.
+FORGOTTEN = 1e-14
 
 
 def sampling_step(t: Array) -> float:
@@ -38,10 +43,17 @@ def motion_bandwidth(t: Array, q: Array, share: float = 0.99) -> float:
     t : (N,) [s]
     q : (N, n)
     """
-    dt = sampling_step(t)
-    window = scipy.signal.windows.hann(len(t), sym=False)[:, None]
-    spectrum = np.abs(np.fft.rfft(window * (q - q.mean(0)), axis=0)) ** 2
-    f = np.fft.rfftfreq(len(t), dt)
+    return bandwidth_of_windows([q], sampling_step(t), share)
+
+
+def bandwidth_of_windows(windows: Sequence[Array], dt: float, share: float = 0.99) -> float:
+    """Return the same of windows of equal length, each (N, n); their spectra are averaged [Hz]."""
+    length = len(windows[0])
+    taper = (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length))[:, None]  # Hann
+    spectrum = np.mean(
+        [np.abs(np.fft.rfft(taper * (q - q.mean(0)), axis=0)) ** 2 for q in windows], axis=0
+    )
+    f = np.fft.rfftfreq(length, dt)
     energy = spectrum * f[:, None] ** 2
     # White noise on q grows with f² here and would own the total; its level is seen at the top
     # tenth of the band and taken off.
@@ -51,10 +63,22 @@ def motion_bandwidth(t: Array, q: Array, share: float = 0.99) -> float:
     cumulative = np.cumsum(energy, 0)
     reach = [
         f[np.searchsorted(cumulative[:, k], share * total[k])]
-        for k in range(q.shape[1])
+        for k in range(spectrum.shape[1])
         if total[k] > 0
     ]
     return float(max(reach, default=0.0))
+
+
+def spread_windows(samples: int) -> list[tuple[int, int]]:
+    """Return the rows (start, stop) that decisions about a whole log are made on.
+
+    All of them in logs of up to `WINDOWS` times `WINDOW` samples, else so many windows, evenly
+    spaced from the first sample to the last.
+    """
+    if samples <= WINDOWS * WINDOW:
+        return [(0, samples)]
+    starts = np.linspace(0, samples - WINDOW, WINDOWS).astype(int)
+    return [(int(s), int(s) + WINDOW) for s in starts]
 
 
 def choose_cutoff(t: Array, q: Array) -> float:
@@ -63,8 +87,12 @@ def choose_cutoff(t: Array, q: Array) -> float:
     Filtering q must not touch the motion itself: the literature takes 5 to 10 times its bandwidth
     [Gautier 1997].
     """
-    fs = 1.0 / sampling_step(t)
-    return float(min(max(10.0 * motion_bandwidth(t, q), LOWEST_CUTOFF), fs / 5))
+    return cutoff_of_windows([q], sampling_step(t))
+
+
+def cutoff_of_windows(windows: Sequence[Array], dt: float) -> float:
+    """Return the same for windows of equal length, each (N, n) [Hz]."""
+    return float(min(max(10.0 * bandwidth_of_windows(windows, dt), LOWEST_CUTOFF), 0.2 / dt))
 
 
 def lowpass(x: Array, dt: float, cutoff: float, order: int = 4) -> Array:
@@ -75,35 +103,19 @@ def lowpass(x: Array, dt: float, cutoff: float, order: int = 4) -> Array:
     return filtered
 
 
+def settling_rows(dt: float, cutoff: float, order: int = 4) -> int:
+    """Return after how many samples `lowpass` has forgotten where its input began.
+
+    The slowest pole has decayed to `FORGOTTEN` of what it was.
+    """
+    poles = scipy.signal.butter(order, cutoff, fs=1.0 / dt, output="zpk")[1]
+    return int(np.ceil(np.log(FORGOTTEN) / np.log(np.abs(poles).max())))
+
+
 def differentiate(x: Array, dt: float) -> Array:
     """Return the time derivative of x (N, …) by central differences of second order."""
     slope: Array = np.gradient(x, dt, axis=0, edge_order=2)
     return slope
-
-
-def find_rests(t: Array, q: Array, dq: Array) -> np.ndarray:
-    """Return where all joints stand still, (N,) bool.
-
-    A joint stands still below `REST_SPEED` times its largest speed. Only stops that last longer
-    than half a period of the fastest motion count; shorter ones are reversals.
-
-    Parameters
-    ----------
-    t : (N,) [s]
-    q, dq : (N, n)
-    """
-    speed = np.abs(dq)
-    # The computed speed of a joint that never moves is rounding, not motion.
-    moves = np.ptp(q, axis=0) > 1e-9 * (1 + np.abs(q).max(0))
-    limit = REST_SPEED * np.where(moves, speed.max(0), np.inf)
-    still: np.ndarray = np.all(speed <= limit, axis=1, keepdims=True)[:, 0]
-    if still.all() or not still.any():
-        return np.zeros(len(t), bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]])))
-    least = 0.5 / max(motion_bandwidth(t, q) * sampling_step(t), 1e-300)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        still[start:stop] = stop - start > least
-    return still
 
 
 @dataclass(frozen=True)
@@ -142,6 +154,35 @@ def fit_fourier(t: Array, q: Array, period: float, harmonics: int) -> FourierFit
     w = 2 * np.pi / period * np.arange(1, harmonics + 1)
     basis = np.hstack([np.ones((len(t), 1)), np.sin(np.outer(t, w)), np.cos(np.outer(t, w))])
     return FourierFit(period, np.linalg.lstsq(basis, q, rcond=None)[0])
+
+
+def fit_fourier_pieces(
+    pieces: Iterable[tuple[Array, Array]], period: float, harmonics: int
+) -> tuple[FourierFit, float]:
+    """Fit a finite Fourier series to a log that comes in pieces; return also its rms residual.
+
+    Parameters
+    ----------
+    pieces : iterable of (t (N,), q (N, n))
+        Used once; sums of products are kept, which the nearly orthogonal functions allow.
+    period : float [s]
+    harmonics : int
+    """
+    w = 2 * np.pi / period * np.arange(1, harmonics + 1)
+    gram: Array | float = 0.0
+    right: Array | float = 0.0
+    squares, count = 0.0, 0
+    origin: Array | None = None
+    for t, q in pieces:
+        origin = q.mean(0) if origin is None else origin  # small numbers, small rounding
+        basis = np.hstack([np.ones((len(t), 1)), np.sin(np.outer(t, w)), np.cos(np.outer(t, w))])
+        y = q - origin
+        gram, right = gram + basis.T @ basis, right + basis.T @ y
+        squares, count = squares + float((y**2).sum()), count + y.size
+    values = np.linalg.lstsq(gram, right, rcond=None)[0]
+    rest = max(squares - float((values * right).sum()), 0.0)
+    values[0] += origin
+    return FourierFit(period, values), float(np.sqrt(rest / count))
 
 
 def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
@@ -185,6 +226,15 @@ class Decimation:
     def outputs(self, samples: int) -> int:
         """Return the number of outputs of a run of samples; its ends are not extrapolated."""
         return max(0, (samples - (2 * self.reach + 1)) // self.factor + 1)
+
+    def centres(self, start: int, stop: int) -> range:
+        """Return the rows of a log at which a run of its rows [start, stop) has outputs.
+
+        They are multiples of the factor, wherever the run begins, so that it does not matter in
+        which parts a log is read.
+        """
+        first = -(-(start + self.reach) // self.factor) * self.factor
+        return range(first, max(first, stop - self.reach), self.factor)
 
     def apply(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, (outputs, …)."""

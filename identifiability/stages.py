@@ -2,55 +2,109 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
 
 from identifiability.assessment import RungResult
 from identifiability.belief import Belief, refine_verdicts
+from identifiability.engine import Processes, Serial
 from identifiability.errors import LogError
 from identifiability.estimation import Estimate, Method, estimate
-from identifiability.evaluation import (
-    Prediction,
-    choose_folds,
-    fold_of_samples,
-    leave_out,
-    predict,
-)
+from identifiability.evaluation import Task, choose_folds, leave_out, take_turns
 from identifiability.feasibility import PhysicalResult, assess_feasibility
 from identifiability.grouping import BaseParameters
 from identifiability.inference import form_belief
 from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.log import Log
+from identifiability.logfile import LogFile, open_log
+from identifiability.longsamples import LongSamples, Prepared, prepare_log
+from identifiability.mapping import Engine, Steps
 from identifiability.model import Regression
 from identifiability.names import Array
+from identifiability.preparation import Preparation
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, Samples, prepare_samples
+from identifiability.samples import Samples
 
-LogLike = Log | str | Path | pd.DataFrame
+LogLike = Log | LogFile | str | Path | pd.DataFrame
 Progress = Callable[[str, float], None]
 
 
-def prepare_logs(
-    robot: Robot, logs: Sequence[LogLike] | LogLike, how: Preparation | None
-) -> tuple[Samples, ...]:
-    """Return logs, however they are given, made ready for the regression."""
-    several = [logs] if isinstance(logs, (Log, str, Path, pd.DataFrame)) else list(logs)
-    out = []
+@contextmanager
+def running(engine: Engine | None) -> Iterator[Engine]:
+    """Give the engine that was asked for, or else several processes that end with the work."""
+    if engine is not None:
+        yield engine
+        return
+    with Processes() as processes:
+        yield processes
+
+
+def share(say: Progress, text: str, start: float, stop: float) -> Steps:
+    """Return what tells the progress of one stage, which takes so much of the whole."""
+    return lambda done, total: say(text, start + (stop - start) * done / max(total, 1))
+
+
+def read_logs(logs: Sequence[LogLike] | LogLike) -> list[Log | LogFile]:
+    """Return logs, however they are given; long files stay files."""
+    one = isinstance(logs, (Log, LogFile, str, Path, pd.DataFrame))
+    several: list[LogLike] = [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
+    out: list[Log | LogFile] = []
     for k, item in enumerate(several):
         if isinstance(item, pd.DataFrame):
-            log = Log.from_frame(item, f"log {k + 1}")
+            out.append(Log.from_frame(item, f"log {k + 1}"))
         else:
-            log = item if isinstance(item, Log) else Log.read(item)
-        out.append(prepare_samples(robot, log, how))
-    return tuple(out)
+            out.append(item if isinstance(item, (Log, LogFile)) else open_log(item))
+    return out
 
 
-def check_held_out(train: Sequence[Samples | Log], held: Sequence[Samples | Log]) -> None:
+Held = TypeVar("Held", Log, Samples)
+
+
+def in_memory(
+    logs: Sequence[Log | LogFile | Samples | LongSamples], kind: type[Held]
+) -> list[Held]:
+    """Return logs, or samples, for what needs all of them at once.
+
+    Raises
+    ------
+    LogError
+        If one is too long.
+    """
+    out: list[Held] = []
+    for log in logs:
+        if not isinstance(log, kind):
+            raise LogError(
+                f"{log.name} is too long to be held in memory, which this needs; give a stretch "
+                "of it."
+            )
+        out.append(log)
+    return out
+
+
+def prepare_logs(
+    robot: Robot,
+    logs: Sequence[LogLike] | LogLike,
+    how: Preparation | None,
+    engine: Engine | None = None,
+    progress: Steps | None = None,
+) -> tuple[Prepared, ...]:
+    """Return logs, however they are given, made ready for the regression."""
+    engine = engine or Serial()
+    return tuple(
+        prepare_log(robot, log, how, engine=engine, progress=progress) for log in read_logs(logs)
+    )
+
+
+def check_held_out(
+    train: Sequence[Prepared | Log | LogFile], held: Sequence[Prepared | Log | LogFile]
+) -> None:
     """Refuse a log that is given twice: its repetition would pass for new evidence."""
     seen: dict[str, str] = {}
     for s in train:
@@ -108,17 +162,17 @@ def fit_ladder(
     return fits, physical, np.stack(values, 1)
 
 
-def cross_validate(
+def plan_cross_validation(
     regression: Regression,
     base: BaseParameters,
     information: Information,
     rungs: Sequence[Rung],
     method: Method,
-) -> Prediction:
-    """Predict every stretch of the logs by models that were fitted to the others."""
+) -> Task:
+    """Return how every stretch of the logs is predicted by models fitted to the others."""
     folds = choose_folds(information)
     values = []
     for fold in range(int(folds.max()) + 1):
         rest = leave_out(information, folds, fold)
         values.append(fit_ladder(regression.robot, base, rungs, rest, method)[2])
-    return predict(regression, np.stack(values), fold_of_samples(information, folds))
+    return Task(np.stack(values), take_turns(information, folds))

@@ -1,31 +1,25 @@
-"""Tables: CSV, Parquet and bags in, checked columns of numbers out."""
+"""Tables: CSV, Parquet and bags as they are."""
 
 from __future__ import annotations
 
 import csv
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import IO, TYPE_CHECKING
 
 from identifiability.bags import is_bag, read_bag, split_topic
-from identifiability.errors import LogError, listing
-from identifiability.names import Array
+from identifiability.errors import LogError
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PARQUET = (".parquet", ".pq")
 
-#: Fewer samples than this say nothing about any robot.
-FEWEST = 20
 
-#: No time, position or torque in SI units is larger (time since 1970 in s is 1.7e9).
-LARGEST = 1e12
-
-#: No log is sampled faster than this [s].
-SHORTEST_STEP = 1e-7
+class LongRowError(Exception):
+    """A CSV has rows with more fields than its header."""
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
@@ -36,34 +30,47 @@ def read_table(path: str | Path) -> pd.DataFrame:
     LogError
         If the file is missing or is no table.
     """
-    import pandas as pd  # noqa: PLC0415 - heavy; only files need it
-
     path = Path(path)
     if is_bag(split_topic(path)[0]):
         return read_bag(path)
-    form = "Parquet" if path.suffix.lower() in PARQUET else "CSV"
-    try:
+    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+    with parsing(path):
         if path.is_file():
-            return pd.read_parquet(path) if form == "Parquet" else _read_csv(path)
-    except pd.errors.ParserWarning:
+            return pd.read_parquet(path) if is_parquet(path) else _read_csv(path)
+    raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
+
+
+def is_parquet(path: Path) -> bool:
+    """Whether the name of a file says that it is Parquet."""
+    return path.suffix.lower() in PARQUET
+
+
+@contextmanager
+def parsing(path: Path) -> Iterator[None]:
+    """Turn whatever a parser raises into one sentence.
+
+    Raises
+    ------
+    LogError
+    """
+    try:
+        yield
+    except LongRowError:
         raise LogError(f"{path} has rows with more fields than its header; repair it.") from None
+    except LogError:
+        raise
     except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
+        form = "Parquet" if is_parquet(path) else "CSV"
         reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
         raise LogError(f"{path} cannot be read as {form}: {reason}.") from None
-    raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
 
 
 def _read_csv(path: Path) -> pd.DataFrame:
     """Read a CSV by its own header; pandas would rename repeated columns and shift long rows."""
-    import pandas as pd  # noqa: PLC0415 - heavy; only files need it
-
     check_separator(path)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
-        warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
-        frame = pd.read_csv(path, index_col=False, skipinitialspace=True)
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        header = next((row for row in csv.reader(stream, skipinitialspace=True) if row), [])
+    frame = parse_csv(path)
+    header = read_header(path)
     return frame.set_axis(header, axis=1) if len(header) == frame.shape[1] else frame
 
 
@@ -87,86 +94,26 @@ def check_separator(path: Path) -> None:
             )
 
 
-def check_columns(columns: list[str], source: str) -> None:
-    """Refuse a table without time, or with a column twice.
+def parse_csv(source: Path | IO[bytes]) -> pd.DataFrame:
+    """Return the table in a CSV.
 
     Raises
     ------
-    LogError
+    LongRowError
+        If rows are longer than the header.
     """
-    if "t" not in columns:
-        likely = [c for c in columns if c == "T" or c.casefold().startswith("time")]
-        guess = f", did you mean '{likely[0]}'?" if likely else "."
-        raise LogError(
-            f"{source} has no column 't' (time in s){guess} It has the columns {listing(columns)}."
-        )
-    repeated = sorted({c for c in columns if columns.count(c) > 1})
-    if repeated:
-        raise LogError(f"{source} has the column '{repeated[0]}' more than once; keep one of them.")
+    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
+        warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
+        try:
+            return pd.read_csv(source, index_col=False, skipinitialspace=True)
+        except pd.errors.ParserWarning:
+            raise LongRowError from None
 
 
-def read_numbers(frame: pd.DataFrame, column: str, source: str) -> Array:
-    """Return a column as floats, (N,).
-
-    Raises
-    ------
-    LogError
-        With the first row that is not a finite number of a size that can be.
-    """
-    import pandas as pd  # noqa: PLC0415 - heavy; only files need it
-
-    given = frame[column]
-    if len(given) and getattr(given.dtype, "kind", "O") in "mMcb":
-        raise LogError(
-            f"{source}: column '{column}' holds {given.dtype} (first '{given.iloc[0]}'); give "
-            f"numbers in SI units{', seconds' if column == 't' else ''}."
-        )
-    try:
-        numbers = pd.to_numeric(given, errors="coerce").to_numpy(float, na_value=np.nan)
-    except (TypeError, ValueError):  # cells that hold lists, categories …
-        numbers = np.full(len(given), np.nan)
-    bad = np.flatnonzero(~np.isfinite(numbers))
-    if len(bad):
-        advice = (
-            "give numbers with a decimal point"
-            if len(bad) == len(numbers)
-            else "remove or repair these rows"
-        )
-        raise LogError(
-            f"{source}: column '{column}' is not a finite number in {len(bad)} of {len(numbers)} "
-            f"rows, first in data row {bad[0] + 1} ('{str(given.iloc[bad[0]])[:40]}'); {advice}."
-        )
-    bad = np.flatnonzero(np.abs(numbers) > LARGEST)
-    if len(bad):
-        raise LogError(
-            f"{source}: column '{column}' is {numbers[bad[0]]:g} in data row {bad[0] + 1}, more "
-            f"than anything in SI units can be{' (time in s)' if column == 't' else ''}; repair "
-            "the value or convert the unit."
-        )
-    return numbers
-
-
-def check_times(t: Array, source: str) -> None:
-    """Refuse times that are too few or do not increase.
-
-    Raises
-    ------
-    LogError
-    """
-    if len(t) < FEWEST:
-        raise LogError(
-            f"{source} has {len(t)} samples, too few to say anything; at least {FEWEST} are needed "
-            "and some hundreds are usual."
-        )
-    back = np.flatnonzero(np.diff(t) <= 0)
-    if len(back):
-        k = int(back[0])
-        raise LogError(
-            f"{source}: time does not increase after data row {k + 1} (t = {t[k]:g} s, then "
-            f"{t[k + 1]:g} s); sort the rows and remove repeated ones."
-        )
-    step = float(np.median(np.diff(t)))
-    if step < SHORTEST_STEP:
-        raise LogError(
-            f"{source} has a sampling step of {step:.3g} s, which no robot has; give the time in s."
-        )
+def read_header(path: Path) -> list[str]:
+    """Return the names in the first line of a CSV that has any."""
+    with path.open(encoding="utf-8-sig", newline="") as stream:
+        return next((row for row in csv.reader(stream, skipinitialspace=True) if row), [])

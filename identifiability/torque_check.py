@@ -96,7 +96,7 @@ def find_mix_up(regression: Regression, nonnegative: np.ndarray) -> str:
 def _thinned(regression: Regression) -> tuple[Array, Array]:
     """Return regressor (N, n, p) and torque (N, n) of some samples."""
     each = max(1, ENOUGH // len(regression.samples))
-    few = tuple(s.thin(max(1, len(s.tau) // each)) for s in regression.samples)
+    few = tuple(s.thin(max(1, s.survey.kept // each)) for s in regression.samples)
     thin = Regression(regression.robot, regression.model, few, regression.columns)
     W, tau = zip(*((W.copy(), tau) for _, _, W, tau in thin.chunks()), strict=True)
     return np.concatenate(W), np.concatenate(tau)

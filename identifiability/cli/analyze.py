@@ -14,6 +14,7 @@ from identifiability.cli.common import (
     escaped,
     load_robot,
     progress,
+    running,
     sentences,
     write_results,
 )
@@ -44,6 +45,10 @@ def analyze(
     ] = 0.0,
     seed: options.Seed = 0,
     quick: Annotated[bool, typer.Option(help="A tenth of the random draws, no posterior.")] = False,
+    engine: options.Engine = None,
+    workers: options.Workers = None,
+    scheduler: options.Scheduler = None,
+    resume: options.Resume = None,
 ) -> None:
     """Say which parameters the logs determine, and which model of a ladder to use.
 
@@ -72,7 +77,11 @@ def analyze(
     the smaller model that these logs support. Error much above the noise? Something is missing in
     the model: *diagnose* names it.
     """
-    with sentences(), progress() as say:
+    with (
+        sentences(),
+        progress() as say,
+        running(engine, workers, scheduler, resume) as runner,
+    ):
         from identifiability.analysis import analyze as run  # noqa: PLC0415
         from identifiability.samples import Preparation  # noqa: PLC0415
 
@@ -85,6 +94,8 @@ def analyze(
             replicates=200 if quick else 2000, posterior=posterior and not quick,
             cad_weight=cad_prior,
             seed=seed, progress=say,
+            # Left to itself it ends the processes as soon as the logs have been read.
+            engine=runner if any((engine, workers, scheduler, resume)) else None,
         )  # fmt: skip
         written = write_results(result, report, json, say)
     print_analysis(result, written)

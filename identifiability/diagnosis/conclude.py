@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from identifiability import signals
 from identifiability.diagnosis.confusable import find_rivals
 from identifiability.diagnosis.evidence import solve_values
 from identifiability.diagnosis.find import find_discrepancies
@@ -16,8 +15,8 @@ from identifiability.diagnosis.named_effect import Curve, NamedEffect, Placement
 from identifiability.diagnosis.naming import Naming, keep_surviving
 from identifiability.diagnosis.remainder import find_remainder
 from identifiability.diagnosis.result import Diagnosis
-from identifiability.diagnosis.roles import Roles
-from identifiability.diagnosis.rows import Rows, build_rows, thin
+from identifiability.diagnosis.roles import Recording, Roles
+from identifiability.diagnosis.rows import Rows, build_rows
 from identifiability.diagnosis.rules import Rules
 from identifiability.diagnosis.stress import (
     Survival,
@@ -25,18 +24,20 @@ from identifiability.diagnosis.stress import (
     list_variations,
     stress_effects,
 )
+from identifiability.diagnosis.thinning import prepare_thin
 from identifiability.effects import Placed
 from identifiability.ladder import nominal_base
 from identifiability.log import Log
 from identifiability.model import Model
 from identifiability.names import Array
-from identifiability.samples import Preparation, Samples, prepare_samples
+from identifiability.preparation import Preparation, make_plan
+from identifiability.samples import Samples
 
 
 def stress_named(
     material: Material,
     naming: Naming,
-    logs: Sequence[Log],
+    logs: Sequence[Recording],
     train: Sequence[Samples],
     preparation: Preparation | None,
     fixed: bool,
@@ -48,14 +49,14 @@ def stress_named(
     robot, m = material.robot, material
     values = nominal_base(robot, m.base) if fixed else None
     how = preparation or Preparation()
-    computed = train[0].decimation is not None and logs[0].dq is None
-    cutoff = signals.choose_cutoff(logs[0].t, logs[0].q) if computed else None
+    computed = train[0].decimation is not None and "dq" not in logs[0].channels
+    cutoff = make_plan(robot, logs[0], how).cutoff if computed else None
     d = train[0].decimation
     factor = None if d is None else d.factor
 
-    def prepare(log: Log, limit: float | None) -> Samples:
+    def prepare(log: Recording, limit: float | None, change: Callable[[Log], Log]) -> Samples:
         changed = how if limit is None else replace(how, cutoff=limit)
-        return thin(prepare_samples(robot, log, replace(changed, decimate=factor)))
+        return prepare_thin(robot, log, replace(changed, decimate=factor), change)
 
     def build(variation: Variation) -> Rows:
         changed = [variation.build(log, s) for log, s in zip(logs, train, strict=True)]

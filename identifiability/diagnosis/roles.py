@@ -8,13 +8,16 @@ enough; else a log is divided into stretches of time, with a pause between that 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from identifiability.errors import LogError
 from identifiability.log import Log
+from identifiability.logfile import LogFile
+
+Recording = Log | LogFile
 
 #: Stretches that a held-out log is divided into, in turn to choose and to verify.
 TURNS = 4
@@ -42,14 +45,14 @@ class Roles:
         Both in words, to follow "chosen" and "on".
     """
 
-    fit: tuple[Log, ...]
-    choose: tuple[Log, ...]
-    verify: tuple[Log, ...]
+    fit: tuple[Recording, ...]
+    choose: tuple[Recording, ...]
+    verify: tuple[Recording, ...]
     chosen_by: str
     verified_on: str
 
 
-def assign_roles(logs: Sequence[Log], validate: Sequence[Log]) -> Roles:
+def assign_roles(logs: Sequence[Recording], validate: Sequence[Recording]) -> Roles:
     """Return the roles of fitted and held-out logs.
 
     Several fitted logs choose by leaving one out in turn, and every held-out log verifies. A
@@ -97,7 +100,7 @@ def assign_roles(logs: Sequence[Log], validate: Sequence[Log]) -> Roles:
     )  # fmt: skip
 
 
-def _one_log(log: Log) -> Roles:
+def _one_log(log: Recording) -> Roles:
     if len(log) < LEAST / LAST:
         raise LogError(
             f"{log.name} has {len(log)} samples, too few to name effects from one part and verify "
@@ -110,7 +113,7 @@ def _one_log(log: Log) -> Roles:
     )  # fmt: skip
 
 
-def divide(log: Log, edges: Sequence[float] | np.ndarray) -> list[Log]:
+def divide(log: Recording, edges: Sequence[float] | np.ndarray) -> list[Recording]:
     """Return stretches of a log between edges (k + 1,) in shares of its samples.
 
     A pause of `PAUSE` of a stretch is left out on both sides of every inner edge.
@@ -121,20 +124,10 @@ def divide(log: Log, edges: Sequence[float] | np.ndarray) -> list[Log]:
         pause = PAUSE * (high - low)
         first = int(np.ceil(low + (pause if low > 0 else 0)))
         last = int(high - (pause if high < n else 0))
-        out.append(cut(log, first, last, f"{log.name}, part {k + 1}"))
+        out.append(log.cut(first, last, f"{log.name}, part {k + 1}"))
     return out
 
 
-def cut(log: Log, first: int, last: int, name: str) -> Log:
-    """Return the samples first … last of a log under a name."""
-    rows = slice(first, last)
-    return replace(
-        log, name=name, t=log.t[rows], q=log.q[rows], tau=log.tau[rows],
-        dq=None if log.dq is None else log.dq[rows],
-        ddq=None if log.ddq is None else log.ddq[rows],
-    )  # fmt: skip
-
-
-def _list(logs: Sequence[Log]) -> str:
+def _list(logs: Sequence[Recording]) -> str:
     names = [log.name for log in logs]
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -17,11 +17,9 @@ from identifiability.effects.family import measure_spans
 from identifiability.model import Model, Regression
 from identifiability.names import Array
 from identifiability.robot import Motion, Robot
-from identifiability.samples import Samples
-
-#: Samples after decimation that a diagnosis looks at; more are thinned to stretches.
-MOST_SAMPLES = 6000
-STRETCH = 300
+from identifiability.samples import (
+    Samples,
+)
 
 
 @dataclass(frozen=True)
@@ -248,27 +246,11 @@ def _series(samples: Sequence[Samples]) -> np.ndarray:
         if s.decimation is None:
             index = np.concatenate([[0], np.cumsum(np.diff(s.motion.kept) != 1)])
         else:
-            counts = [s.decimation.outputs(stop - start) for start, stop in s.runs]
+            counts = s.run_outputs
             index = np.repeat(np.arange(len(counts)), counts)
         out.append(index.astype(int) + last + 1)
         last = int(out[-1].max(initial=last))
     return np.concatenate(out)
-
-
-def thin(samples: Samples) -> Samples:
-    """Return evenly spaced stretches of samples that are more than a diagnosis needs."""
-    if samples.outputs <= MOST_SAMPLES:
-        return samples
-    d = samples.decimation
-    length = STRETCH * d.factor + 2 * d.reach if d is not None else STRETCH
-    count = MOST_SAMPLES // STRETCH
-    starts = np.linspace(0, len(samples.tau) - length, count).astype(int)
-    starts = starts[np.concatenate([[True], np.diff(starts) > length])]
-    rows = np.concatenate([np.arange(s, s + length) for s in starts])
-    note = f"{count} stretches of {STRETCH} samples, evenly spaced in time, were looked at"
-    return replace(
-        samples, motion=samples.motion[rows], tau=samples.tau[rows], notes=(*samples.notes, note)
-    )
 
 
 def fit_weighted(rows: Rows, chosen: Sequence[Candidate], mask: np.ndarray | None = None) -> Array:

@@ -15,10 +15,13 @@ import numpy as np
 
 from identifiability.diagnosis.ar_noise import ARNoise
 from identifiability.diagnosis.evidence import Bench, score_candidates, solve_values
+from identifiability.diagnosis.roles import Recording
 from identifiability.diagnosis.rows import Candidate, Rows
 from identifiability.log import Log
 from identifiability.names import Array
 from identifiability.samples import Samples
+
+Prepare = Callable[[Recording, float | None, Callable[[Log], Log]], Samples]
 
 #: Score below which an effect has not survived: a one-sided p-value of one per cent.
 SURVIVES = 4.6
@@ -64,17 +67,17 @@ class Variation:
     Attributes
     ----------
     name : str
-    build : callable(Log, Samples) -> Samples
+    build : callable(Recording, Samples) -> Samples
         From a log and its samples as they were.
     """
 
     name: str
-    build: Callable[[Log, Samples], Samples]
+    build: Callable[[Recording, Samples], Samples]
 
 
 def list_variations(
     cutoff: float | None,
-    prepare: Callable[[Log, float | None], Samples],
+    prepare: Prepare,
     rng: np.random.Generator,
 ) -> list[Variation]:
     """Return the ways in which the motion is made anew.
@@ -83,7 +86,8 @@ def list_variations(
     ----------
     cutoff : float or None [Hz]
         Low-pass of computed derivatives; None for measured ones.
-    prepare : callable(Log, cutoff or None) -> Samples
+    prepare : callable(Recording, cutoff or None, callable(Log) -> Log) -> Samples
+        What is given last is done to the samples first.
     rng : numpy.random.Generator
     """
     out = [
@@ -91,7 +95,8 @@ def list_variations(
     ]
     out.append(
         Variation(
-            "twice the noise in the motion", lambda log, _: prepare(blur_motion(log, rng), None)
+            "twice the noise in the motion",
+            lambda log, _: prepare(log, None, partial(blur_motion, rng=rng)),
         )
     )
     if cutoff is not None:
@@ -100,14 +105,16 @@ def list_variations(
     return out
 
 
-def _shifted(_: Log, samples: Samples, by: int) -> Samples:
+def _shifted(_: Recording, samples: Samples, by: int) -> Samples:
     return replace(samples, tau=shift_torque(samples.tau, by))
 
 
-def _filtered(
-    log: Log, _: Samples, prepare: Callable[[Log, float | None], Samples], cutoff: float
-) -> Samples:
-    return prepare(log, cutoff)
+def _filtered(log: Recording, _: Samples, prepare: Prepare, cutoff: float) -> Samples:
+    return prepare(log, cutoff, _as_it_is)
+
+
+def _as_it_is(log: Log) -> Log:
+    return log
 
 
 def shift_torque(tau: Array, samples: int) -> Array:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from identifiability import signals
@@ -17,20 +16,19 @@ from identifiability.diagnosis.material import DRAWS, gather
 from identifiability.diagnosis.naming import name_effects
 from identifiability.diagnosis.result import Diagnosis
 from identifiability.diagnosis.roles import assign_roles
-from identifiability.diagnosis.rows import thin
 from identifiability.diagnosis.rules import Rules
+from identifiability.diagnosis.thinning import prepare_thin
 from identifiability.errors import LogError
 from identifiability.log import Log
+from identifiability.logfile import LogFile
 from identifiability.model import Model
+from identifiability.preparation import Preparation
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, Samples, prepare_samples
-from identifiability.stages import check_held_out
+from identifiability.samples import Samples
+from identifiability.stages import LogLike, Progress, check_held_out, read_logs
 
 #: The model that is diagnosed when none is given.
 BASE_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
-
-LogLike = Log | str | Path | pd.DataFrame
-Progress = Callable[[str, float], None]
 
 
 def diagnose(
@@ -125,18 +123,6 @@ def diagnose(
         return replace(found, forward=simulate_forward(found, streams[3]))
 
 
-def read_logs(logs: Sequence[LogLike] | LogLike) -> list[Log]:
-    """Return logs from logs, paths or DataFrames."""
-    several = [logs] if isinstance(logs, (Log, str, Path, pd.DataFrame)) else list(logs)
-    out = []
-    for k, item in enumerate(several):
-        if isinstance(item, pd.DataFrame):
-            out.append(Log.from_frame(item, f"log {k + 1}"))
-        else:
-            out.append(item if isinstance(item, Log) else Log.read(item))
-    return out
-
-
 def choose_model(model: Model | Iterable[str] | None) -> Model:
     """Return the model to diagnose."""
     if isinstance(model, Model):
@@ -144,15 +130,16 @@ def choose_model(model: Model | Iterable[str] | None) -> Model:
     return Model.of(*(BASE_EFFECTS if model is None else model))
 
 
-def prepare_rows(robot: Robot, log: Log, how: Preparation | None) -> Samples:
+def prepare_rows(robot: Robot, log: Log | LogFile, how: Preparation | None) -> Samples:
     """Return a log ready for a diagnosis: decimated to its band, thinned if it is very long.
 
     Measured derivatives do not need a filter, but questions need few rows: torque and columns are
     low-passed alike to ten times the band of the motion.
     """
-    step = signals.sampling_step(log.t)
-    even = bool(np.all(np.diff(log.t) < 1.5 * step))  # no filter reaches across a gap
-    if how is None and even and log.dq is not None and log.ddq is not None:
-        factor = int(0.5 / (signals.choose_cutoff(log.t, log.q) * step))
+    windows = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
+    step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
+    even = log.clock.longest.length < 1.5 * step  # no filter reaches across a gap
+    if how is None and even and {"dq", "ddq"} <= set(log.channels):
+        factor = int(0.5 / (signals.cutoff_of_windows([w.q for w in windows], step) * step))
         how = Preparation(decimate=max(factor, 1))
-    return thin(prepare_samples(robot, log, how))
+    return prepare_thin(robot, log, how or Preparation())

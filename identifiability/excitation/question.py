@@ -13,10 +13,10 @@ from identifiability.estimation import estimate
 from identifiability.excitation.criteria import Condition, Criterion, LogDet, Separation
 from identifiability.grouping import BaseParameters, find_base_parameters
 from identifiability.information import gather_information
+from identifiability.longsamples import Prepared
 from identifiability.model import Model, Regression
 from identifiability.names import Array
 from identifiability.robot import Robot
-from identifiability.samples import Samples
 
 #: Effects of the model: for conditioning those of the literature, else those of a diagnosis.
 EFFECTS = {
@@ -124,7 +124,7 @@ def pose_question(
     return Question(robot, whole, base, columns, names, units, chosen, rule)
 
 
-def gather_known(question: Question, samples: Sequence[Samples], planned: int) -> Known:
+def gather_known(question: Question, samples: Sequence[Prepared], planned: int) -> Known:
     """Return what logs say; without logs nothing, and the next log has the `planned` samples."""
     k, n = len(question.columns), len(question.robot.actuated)
     if not samples:

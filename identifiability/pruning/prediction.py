@@ -1,14 +1,22 @@
-"""ε_RA of every rung in one pass over the logs, without keeping their predictions."""
+"""ε_RA of every rung, from one pass over the logs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.evaluation import STRETCHES
+from identifiability.estimation import Estimate
+from identifiability.evaluation import Prediction, Task, predict_all, take_turns
+from identifiability.feasibility import PhysicalResult
+from identifiability.information import Information
+from identifiability.ladder import Rung
+from identifiability.mapping import Engine, Steps
 from identifiability.model import Regression
 from identifiability.names import Array
+from identifiability.prediction import standard_error
+from identifiability.pruning.search import Search
 
 
 @dataclass(frozen=True)
@@ -26,43 +34,88 @@ class RungErrors:
     error_ra: Array
     difference_se: Array
 
+    @staticmethod
+    def of(prediction: Prediction, reference: int, memory: float) -> RungErrors:
+        """Return the errors of rungs along logs.
 
-def measure_errors(
+        Parameters
+        ----------
+        prediction : Prediction
+        reference : int
+            The rung that others are compared with.
+        memory : float [samples]
+            Autocorrelation time of the residual.
+        """
+        spread = standard_error(prediction.sums, memory, reference)
+        return RungErrors(prediction.relative_error(), spread)
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """What the rungs predict.
+
+    Attributes
+    ----------
+    fitted, unseen : Prediction
+        Of all rungs, on the logs they were fitted to, and on stretches (or logs) of these by
+        models fitted to the others; sums only.
+    outside : Prediction or None
+        Of all rungs, on validation logs.
+    chosen, chosen_held : Prediction
+        Of the chosen rung and the nearest real robot, fitted and on validation logs; the former
+        stands for the latter without any.
+    """
+
+    fitted: Prediction
+    unseen: Prediction
+    outside: Prediction | None
+    chosen: Prediction
+    chosen_held: Prediction
+
+
+def predict_rungs(
     regression: Regression,
-    values: Array,
-    folds: np.ndarray | None = None,
-    reference: int = 0,
-) -> RungErrors:
-    """Return the errors of rungs along logs.
+    held: Regression | None,
+    models: Sequence[Rung],
+    fits: Sequence[Estimate],
+    chosen: int,
+    physical: PhysicalResult,
+    unseen: Task,
+    *,
+    engine: Engine | None = None,
+    progress: Steps | None = None,
+) -> Predictions:
+    """Return what the rungs predict, going through the logs once.
 
     Parameters
     ----------
-    regression : Regression
-    values : (F, b, m)
-        Base parameters, one set for each fold.
-    folds : (N,) int, optional
-        Which set predicts a sample; the first without.
-    reference : int
-        The rung that others are compared with.
+    regression, held : Regression
+        Of the fitted and of the validation logs, if any.
+    models, fits : sequences
+        The rungs and their estimates.
+    chosen : int
+    physical : PhysicalResult
+        The nearest real robot of the chosen rung.
+    unseen : Task
+        See `plan_unseen`.
+    engine : Engine, optional
+    progress : callable(int, int), optional
     """
-    total = sum(s.outputs for s in regression.samples)
-    which = np.zeros(total, int) if folds is None else folds
-    mean, count = 0.0, 0
-    for _, _, _, tau in regression.chunks():
-        mean, count = mean + float(tau.sum()), count + tau.size
-    mean /= max(count, 1)
-    parts = min(STRETCHES, max(total, 1))
-    sums, spread, at = np.zeros((parts, values.shape[2])), 0.0, 0
-    for _, _, W, tau in regression.chunks():
-        rows = np.arange(at, at + len(tau))
-        at += len(tau)
-        spread += float(np.abs(tau - mean).sum())
-        size = np.empty((len(tau), values.shape[2]))
-        for fold in np.unique(which[rows]):
-            mine = which[rows] == fold
-            size[mine] = np.abs(tau[mine][:, :, None] - W[mine] @ values[fold]).sum(1)
-        np.add.at(sums, rows * parts // total, size)
-    spread = spread if spread > 0 else np.nan
-    apart = sums - sums[:, [reference]]
-    se = apart.std(0, ddof=1) * np.sqrt(parts) if parts > 1 else np.full(values.shape[2], np.nan)
-    return RungErrors(sums.sum(0) / spread, se / spread)
+    values = np.stack([m.expand(e.value) for m, e in zip(models, fits, strict=True)], 1)
+    pair = np.stack([values[:, chosen], models[chosen].expand(physical.value)], 1)
+    every, two = Task(values[None], excerpt=False), Task(pair[None])
+    fitted, crossed, own = predict_all(
+        regression, [every, unseen, two], engine=engine, progress=progress
+    )
+    if held is None:
+        return Predictions(fitted, crossed, None, own, own)
+    outside, own_held = predict_all(held, [every, two], engine=engine)
+    return Predictions(fitted, crossed, outside, own, own_held)
+
+
+def plan_unseen(search: Search, start: Rung, information: Information) -> Task:
+    """Return how stretches (or logs) are predicted by models fitted to the others."""
+    folds = search.folds
+    fits = np.stack([s.values[1:] for s in search.path.steps], 2)
+    values = start.held[:, None] + start.M @ fits
+    return Task(values, take_turns(information, folds.fold[folds.stretch]), excerpt=False)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.errors import ClosureError
+from identifiability.longsamples import Prepared
 from identifiability.model import Model
 from identifiability.names import Array
 from identifiability.robot import Motion, Robot, complete_motion
-from identifiability.samples import Samples
 
 #: States drawn; their mean squares are then known to a few percent.
 STATES = 500
@@ -24,7 +24,7 @@ def unseen_regressor(
     robot: Robot,
     model: Model,
     columns: np.ndarray,
-    samples: Sequence[Samples],
+    samples: Sequence[Prepared],
     rng: np.random.Generator,
     reach: float = 1.0,
 ) -> Array:
@@ -39,7 +39,7 @@ def unseen_regressor(
     model : Model
     columns : (b,) int
         Columns of the model (its base parameters).
-    samples : sequence of Samples
+    samples : sequence of Samples or LongSamples
     rng : numpy.random.Generator
     reach : float
         How much faster than in the logs; ranges of velocity grow by it, of acceleration by its
@@ -58,14 +58,13 @@ def unseen_regressor(
 
 
 def draw_states(
-    robot: Robot, samples: Sequence[Samples], rng: np.random.Generator, reach: float = 1.0
+    robot: Robot, samples: Sequence[Prepared], rng: np.random.Generator, reach: float = 1.0
 ) -> Motion | None:
     """Return the states; None if the loops close at none of them."""
     drawn = []
-    for power, part in enumerate(("actuated_q", "actuated_v", "actuated_a")):
-        seen = [getattr(s.motion, part) for s in samples]
-        low = np.min([x.min(0) for x in seen], axis=0)
-        high = np.max([x.max(0) for x in seen], axis=0)
+    lows = np.min([s.survey.low for s in samples], axis=0)
+    highs = np.max([s.survey.high for s in samples], axis=0)
+    for power, (low, high) in enumerate(zip(lows, highs, strict=True)):
         middle, half = 0.5 * (low + high), 0.5 * reach**power * (high - low)
         drawn.append(rng.uniform(middle - half, middle + half, (STATES, len(low))))
     try:

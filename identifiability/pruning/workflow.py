@@ -11,10 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.assessment import RungResult, assess_ladder
 from identifiability.bootstrap import merge_blocks
-from identifiability.engine import Engine
 from identifiability.errors import IdentifiabilityError, LogError, ModelError, listing, near_match
 from identifiability.estimation import Method, estimate
-from identifiability.evaluation import predict
 from identifiability.feasibility import PhysicalResult, assess_feasibility
 from identifiability.grouping import BaseParameters, find_base_parameters
 from identifiability.information import Information, gather_information
@@ -27,11 +25,14 @@ from identifiability.ladder import (
     nominal_base,
     read_ladder,
 )
+from identifiability.longsamples import Prepared
+from identifiability.mapping import Engine, Steps
 from identifiability.model import Model, Regression
-from identifiability.pruning.absorption import Absorption, absorb
+from identifiability.preparation import Preparation
+from identifiability.pruning.absorption import absorb
 from identifiability.pruning.elimination import Step
 from identifiability.pruning.moves import Move
-from identifiability.pruning.prediction import RungErrors, measure_errors
+from identifiability.pruning.prediction import RungErrors, plan_unseen, predict_rungs
 from identifiability.pruning.proposals import merge_moves, propose_moves
 from identifiability.pruning.result import Ladder
 from identifiability.pruning.rung import PrunedRung, build_rung
@@ -40,8 +41,14 @@ from identifiability.pruning.selection import Criterion, good_steps, least_error
 from identifiability.pruning.stability import assess_stability
 from identifiability.pruning.unseen import unseen_regressor
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, Samples
-from identifiability.stages import LogLike, Progress, check_held_out, prepare_logs
+from identifiability.stages import (
+    LogLike,
+    Progress,
+    check_held_out,
+    prepare_logs,
+    running,
+    share,
+)
 from identifiability.verdict import Thresholds
 
 #: Rungs as good as the best whose physical certificate is asked for, the preferred one first.
@@ -99,7 +106,8 @@ def prune(
     progress : callable(str, float), optional
         Called with what is being done and the share that is done.
     engine : Engine, optional
-        Where the resampled logs are pruned; by default here. The result does not depend on it.
+        Where stretches of logs that are too long for memory are worked on, and the resampled logs
+        are pruned; by default in several processes and here. The result does not depend on it.
 
     Raises
     ------
@@ -108,27 +116,31 @@ def prune(
     """
     say = progress or (lambda _text, _share: None)
     streams = np.random.default_rng(seed).spawn(4)
-    with threadpool_limits(1, "blas"):
+    with threadpool_limits(1, "blas"), running(engine) as runner:
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         if not isinstance(ladder, LadderEntry):
             ladder = default_ladder(robot) if ladder is None else read_ladder(ladder)
         say("reading logs", 0.0)
-        train = prepare_logs(robot, logs, preparation)
-        held = prepare_logs(robot, validate, preparation)
+        reading = share(say, "reading logs", 0.0, 0.1)
+        train = prepare_logs(robot, logs, preparation, runner, reading)
+        held = prepare_logs(robot, validate, preparation, runner)
         if not train:
             raise LogError("No log was given; give at least one.")
         check_held_out(train, held)
         say("building the regression", 0.1)
-        task = _set_up(robot, ladder, train, held, method, streams[0])
+        building = share(say, "building the regression", 0.1, 0.4)
+        task = _set_up(robot, ladder, train, held, method, streams[0], runner, building)
         say("walking down the ladder", 0.4)
         search = _search(
             task, _check_wishes(task.start, forbid, force), streams[1], propose=propose,
             reach=reach,
         )  # fmt: skip
         chosen, physical = _choose(task, search, criterion)
-        say("measuring errors", 0.5)
-        result = _assess(task, search.path.steps[chosen], physical, streams[2], replicates)
-        rungs = _build_rungs(task, search, chosen, float(result.autocorrelation_time.mean()))
+        rungs, result = _measure(
+            task, search, chosen, physical, streams[2], replicates, runner,
+            share(say, "measuring errors", 0.5, 0.7),
+        )  # fmt: skip
+    with threadpool_limits(1, "blas"):
         if not held:
             result = replace(result, error_ra_validation=rungs[chosen].error_ra_unseen)
         say("resampling", 0.7)
@@ -138,9 +150,13 @@ def prune(
             samples=task.information.samples, say=lambda s: say("resampling", 0.7 + 0.3 * s),
             engine=engine,
         )  # fmt: skip
+        absorption = absorb(
+            task.start.reduce(task.information), rungs[0].estimate, rungs[chosen].estimate,
+            search.path.steps[chosen].partition,
+        )  # fmt: skip
         return Ladder(
             robot, task.base, train, held, task.information, task.start, rungs, chosen, result,
-            search.path.refused, stability, _absorb(task, rungs[0], rungs[chosen]),
+            search.path.refused, stability, absorption,
             task.model.names, criterion, method, seed, least_error(search.path.steps),
         )  # fmt: skip
 
@@ -153,8 +169,8 @@ class _Task:
     model: Model
     base: BaseParameters
     start: Rung
-    train: tuple[Samples, ...]
-    held: tuple[Samples, ...]
+    train: tuple[Prepared, ...]
+    held: tuple[Prepared, ...]
     regression: Regression
     information: Information
     method: Method
@@ -163,18 +179,19 @@ class _Task:
 def _set_up(
     robot: Robot,
     ladder: LadderEntry,
-    train: tuple[Samples, ...],
-    held: tuple[Samples, ...],
+    train: tuple[Prepared, ...],
+    held: tuple[Prepared, ...],
     method: Method,
     rng: np.random.Generator,
+    engine: Engine,
+    progress: Steps,
 ) -> _Task:
     model = ladder_model(ladder)
     base = find_base_parameters(robot, model, rng)
     start = build_ladder(LadderEntry(models=ladder.models[:1]), robot, base)[0]
     regression = Regression(robot, model, train, base.kept)
-    return _Task(
-        robot, model, base, start, train, held, regression, gather_information(regression), method
-    )
+    information = gather_information(regression, engine=engine, progress=progress)
+    return _Task(robot, model, base, start, train, held, regression, information, method)
 
 
 def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> Wishes:
@@ -239,24 +256,39 @@ def _rung_of(start: Rung, step: Step) -> Rung:
     return step.partition.rung(start, name, text)
 
 
-def _build_rungs(task: _Task, search: Search, chosen: int, times: float) -> tuple[PrunedRung, ...]:
-    """Return the rungs with their errors; `times` is the residual's autocorrelation time."""
+def _measure(
+    task: _Task,
+    search: Search,
+    chosen: int,
+    physical: PhysicalResult,
+    rng: np.random.Generator,
+    replicates: int,
+    engine: Engine,
+    progress: Steps,
+) -> tuple[tuple[PrunedRung, ...], RungResult]:
+    """Return the rungs with their errors, and the chosen one with verdicts and certificate."""
     steps = search.path.steps
     # One block a log: rungs are many, and only their sums are needed.
     information = merge_blocks(task.information, float(task.information.samples))
     models = [_rung_of(task.start, s) for s in steps]
     parts = [m.reduce(information) for m in models]
     fits = [estimate(p, task.method) for p in parts]
-    values = np.stack([m.expand(e.value) for m, e in zip(models, fits, strict=True)], 1)
-    fitted = measure_errors(task.regression, values[None], reference=chosen)
-    unseen = _measure_unseen(task, search, chosen)
-    outside = np.full(len(steps), np.nan)
-    if task.held:
-        held = Regression(task.robot, task.model, task.held, task.base.kept)
-        outside = measure_errors(held, values[None], reference=chosen).error_ra
+    held = Regression(task.robot, task.model, task.held, task.base.kept) if task.held else None
+    found = predict_rungs(
+        task.regression, held, models, fits, chosen, physical,
+        plan_unseen(search, task.start, task.information), engine=engine, progress=progress,
+    )  # fmt: skip
+    (result,) = assess_ladder(
+        [models[chosen]], [fits[chosen]], task.information, [physical], found.chosen,
+        found.chosen_held, nominal_base(task.robot, task.base), Thresholds(), rng, replicates,
+    )  # fmt: skip
+    times = float(result.autocorrelation_time.mean())
+    fitted, unseen = (RungErrors.of(p, chosen, times) for p in (found.fitted, found.unseen))
+    none = np.full(len(steps), np.nan)
+    outside = none if found.outside is None else found.outside.relative_error()
     best = steps[least_error(steps)]
     unit = max(steps[0].errors.total, 1e-300)
-    return tuple(
+    rungs = tuple(
         build_rung(
             steps[k], models[k], fits[k], parts[k], times,
             (float(fitted.error_ra[k]), float(unseen.error_ra[k]),
@@ -265,40 +297,4 @@ def _build_rungs(task: _Task, search: Search, chosen: int, times: float) -> tupl
         )
         for k in range(len(steps))
     )  # fmt: skip
-
-
-def _measure_unseen(task: _Task, search: Search, chosen: int) -> RungErrors:
-    """Return errors on stretches (or logs) by models fitted to the others."""
-    folds, start = search.folds, task.start
-    fits = np.stack([s.values[1:] for s in search.path.steps], 2)
-    values = start.held[:, None] + start.M @ fits
-    of_sample = np.repeat(folds.fold[folds.stretch], task.information.counts)
-    return measure_errors(task.regression, values, of_sample, chosen)
-
-
-def _assess(
-    task: _Task,
-    chosen: Step,
-    physical: PhysicalResult,
-    rng: np.random.Generator,
-    replicates: int,
-) -> RungResult:
-    """Return the chosen model with verdicts and certificate."""
-    rung = _rung_of(task.start, chosen)
-    fit = estimate(rung.reduce(task.information), task.method)
-    values = np.stack([rung.expand(fit.value), rung.expand(physical.value)], 1)
-    fitted = held = predict(task.regression, values)
-    if task.held:
-        held = predict(Regression(task.robot, task.model, task.held, task.base.kept), values)
-    nominal = nominal_base(task.robot, task.base)
-    (result,) = assess_ladder(
-        [rung], [fit], task.information, [physical], fitted, held, nominal, Thresholds(), rng,
-        replicates,
-    )  # fmt: skip
-    return result
-
-
-def _absorb(task: _Task, full: PrunedRung, chosen: PrunedRung) -> Absorption:
-    return absorb(
-        task.start.reduce(task.information), full.estimate, chosen.estimate, chosen.step.partition
-    )
+    return rungs, result

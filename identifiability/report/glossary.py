@@ -56,10 +56,12 @@ GLOSSARY = (
     Term(
         "σ_robust",
         "The same when residuals resemble their predecessors, so that there are fewer independent "
-        "samples than rows. The larger of two estimates: white σ times the root of the "
-        "autocorrelation time, and the spread of refits to resampled blocks of time. Verdicts "
+        "samples than rows. The largest of three estimates: white σ times the root of the "
+        "autocorrelation time, the spread of refits to resampled blocks of time, and the scatter "
+        "of each column's scores over stretches of time, widened where there are few. Verdicts "
         "rest on it.",
-        formula="σ_robust = max (σ · √(autocorrelation time), σ of the block bootstrap)",
+        formula="σ_robust = max (σ · √(autocorrelation time), σ of the block bootstrap, "
+        "σ of the scores · t/z)",
     ),
     Term(
         "autocorrelation time",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -102,6 +102,10 @@ class Robot:
         from identifiability.robot.files import read_robot  # noqa: PLC0415 - it imports us
 
         return read_robot(source, sidecar)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: the fields, without what was derived from them meanwhile."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
     def sha256(self) -> str:

@@ -67,7 +67,7 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     frame = frame.set_axis(columns, axis=1)  # a motion needs no torque
     frame = frame.assign(**dict.fromkeys((c for c in torques if c not in columns), 0.0))
     log = Log.from_frame(frame, Path(source).name).select(robot.joints)
-    check_units(robot, log)
+    check_units(robot, [log])
     if log.dq is not None and log.ddq is not None:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)
     dt, _ = log.even_step()

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.engine import Engine, Serial
 from identifiability.estimation import Estimate, estimate
-from identifiability.evaluation import parameter_error, predict
+from identifiability.evaluation import Prediction, parameter_error, predict
 from identifiability.information import Information, gather_information
 from identifiability.ladder import Rung
 from identifiability.model import Regression
@@ -143,7 +143,9 @@ def run_trial(case: Case, seed: int) -> Trial:
         samples = as_samples(case.trajectory, motion, noisy.tau)
         regression, _, fits = fit_models(subject, [samples])
         prediction = predict(regression, expand_fits(subject, fits))
-        truth = replace(prediction, tau=exact.tau[motion.kept])
+        truth = Prediction.of(
+            prediction.t, exact.tau[motion.kept], prediction.predicted, prediction.log
+        )
     pairs = list(zip(fits, subject.exact, strict=True))
     return Trial(
         prediction.relative_error(),

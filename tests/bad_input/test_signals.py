@@ -103,7 +103,7 @@ def log(simulated):
 
 
 def joined(samples, size):
-    parts = [(p.q, tau) if d is None else (d(p.q), d(tau)) for p, tau, d in samples.pieces(size)]
+    parts = [(p.down(p.motion.q), p.down(p.tau)) for p in samples.pieces(size)]
     return [np.concatenate(x) for x in zip(*parts, strict=True)]
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from identifiability.cli.diagnose import diagnose as command
 from identifiability.diagnosis import diagnose, measure_false_names
 from identifiability.diagnosis.find import explained_share
-from identifiability.diagnosis.rows import STRETCH, thin
+from identifiability.diagnosis.thinning import STRETCH, thin
 from identifiability.diagnosis.workflow import prepare_rows
 from identifiability.errors import LogError, ModelError
 from identifiability.information import gather_information
@@ -193,8 +193,8 @@ def test_the_command_refuses_an_unknown_family_in_one_sentence(app, logs_of, tmp
 def test_long_logs_are_thinned_to_stretches_that_keep_their_neighbours(logs_of, monkeypatch):
     log = logs_of("two-link", motion=0.01)[0]
     samples = prepare_samples(Robot.load("two-link"), log, Preparation(keep_rest=True))
-    monkeypatch.setattr("identifiability.diagnosis.rows.MOST_SAMPLES", 300)
-    monkeypatch.setattr("identifiability.diagnosis.rows.STRETCH", 50)
+    monkeypatch.setattr("identifiability.diagnosis.thinning.MOST_SAMPLES", 300)
+    monkeypatch.setattr("identifiability.diagnosis.thinning.STRETCH", 50)
     less = thin(samples)
     gaps = np.flatnonzero(np.diff(less.motion.kept) > 1)
     assert len(less.tau) == 300

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from identifiability.bootstrap import between_logs, bootstrap, draw_blocks, merge_blocks, refit
+from identifiability.bootstrap import bootstrap, draw_blocks, merge_blocks, refit
 from identifiability.errors import IdentifiabilityError
 from identifiability.estimation import estimate
 from identifiability.grouping import find_base_parameters
@@ -93,14 +93,6 @@ def test_blocks_do_not_cross_logs(problem):
     assert (np.diff(merged.log) >= 0).all()
     for log in (0, 1):
         assert merged.counts[merged.log == log].sum() == information.samples
-
-
-def test_the_spread_between_logs_needs_three(problem):
-    information, _, _ = problem
-    fit = estimate(information)
-    assert between_logs(information + information, fit) is None
-    three = between_logs(information + information + information, fit)
-    assert np.abs(three).max() < 1e-6 * np.abs(fit.value).max()  # equal logs do not differ
 
 
 def test_the_block_length_grows_with_correlation():

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from identifiability import Log, Preparation, Robot, prepare_samples
-from identifiability.signals import choose_cutoff, find_rests
+from identifiability.rests import find_rests
+from identifiability.signals import choose_cutoff
 
 RATE = 500.0
 

@@ -146,15 +146,15 @@ def _excitation_notes(analysis: Analysis) -> list[Note]:
 def _sample_notes(analysis: Analysis) -> list[Note]:
     notes = []
     for s in (*analysis.samples, *analysis.validation):
-        motion = s.motion
-        if len(motion.dropped):
-            count = format_count(len(motion.dropped), "sample")
+        survey = s.survey
+        if survey.dropped:
+            count = format_count(survey.dropped, "sample")
             text = f"The loops do not close at {count}; check calibration and geometry."
             notes.append(Note("warning", f"Samples of {s.name} were dropped.", text))
-        if motion.singular:
+        if survey.singular:
             text = (
-                f"{format_count(motion.singular, 'sample')} there, with a condition number up "
-                f"to {format_number(motion.condition, 2)}: small errors of position become large "
+                f"{format_count(survey.singular, 'sample')} there, with a condition number up "
+                f"to {format_number(survey.condition, 2)}: small errors of position become large "
                 "torques."
             )
             notes.append(Note("warning", f"{s.name} passes near a singular configuration.", text))

@@ -6,13 +6,13 @@ import numpy as np
 
 from identifiability.analysis import Analysis
 from identifiability.assessment import RungResult
+from identifiability.longsamples import Prepared
 from identifiability.names import Array
 from identifiability.report.numbers import format_number, format_percent
 from identifiability.robot import Robot
-from identifiability.samples import Samples
 
 
-def unseen_samples(analysis: Analysis) -> tuple[Samples, ...]:
+def unseen_samples(analysis: Analysis) -> tuple[Prepared, ...]:
     """Return the logs that held-out predictions are made on."""
     return analysis.validation or analysis.samples
 

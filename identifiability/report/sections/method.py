@@ -8,11 +8,11 @@ from identifiability.analysis import Analysis
 from identifiability.estimation import PAPER_FACTOR
 from identifiability.evaluation import STRETCHES
 from identifiability.linalg import RANK_TOLERANCE
+from identifiability.longsamples import Prepared
 from identifiability.report.blocks import Fold, Section, Terms
 from identifiability.report.glossary import GLOSSARY
 from identifiability.report.numbers import format_count, format_number
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.samples import Samples
 from identifiability.verdict import Thresholds
 
 _MEANING = {
@@ -49,7 +49,7 @@ def section_preparation(analysis: Analysis) -> Section:
         Column("how it was prepared"),
     )
     seen = format_count(analysis.information.samples, "sample")
-    out = sum(len(t) for t in analysis.held_out.t)
+    out = analysis.held_out.samples
     lead = (
         f"Fitted to {seen} by {_METHOD.get(analysis.method, analysis.method)}; checked on "
         f"{format_count(out, 'sample')} ({analysis.validation_kind})."
@@ -63,9 +63,9 @@ _METHOD = {
 }
 
 
-def _sample_row(samples: Samples, use: str) -> tuple[Cell, ...]:
-    t = samples.motion.t
-    span = f"{t[0]:.4g} … {t[-1]:.4g}" if len(t) else ""
+def _sample_row(samples: Prepared, use: str) -> tuple[Cell, ...]:
+    start, stop = samples.survey.start, samples.survey.stop
+    span = f"{start:.4g} … {stop:.4g}" if samples.survey.kept else ""
     return (
         Cell(samples.name),
         Cell(use),
@@ -93,7 +93,7 @@ def threshold_table(thresholds: Thresholds) -> Table:
     rows += [
         ("factor of the literature's rule", PAPER_FACTOR, "× the least white σ of the model"),
         ("singular values that count as zero", RANK_TOLERANCE, "of the largest, columns scaled"),
-        ("stretches of time for the standard error", STRETCHES, "of a held-out error"),
+        ("stretches of time for the standard error, at most", STRETCHES, "of a held-out error"),
     ]
     columns = (Column("threshold"), Column("value", "number"), Column("of what"))
     cells = tuple((Cell(a), Cell(format_number(float(b)), float(b)), Cell(c)) for a, b, c in rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.analysis import Analysis
-from identifiability.evaluation import Prediction
+from identifiability.errorsums import WINDOW, WINDOWS
 from identifiability.names import Array
 from identifiability.noise import autocorrelation
 from identifiability.report.blocks import Block, Fold, Gallery, Picture, Section
@@ -51,11 +51,17 @@ def section_prediction(analysis: Analysis) -> Section:
     name = model_title(analysis.chosen)
     samples = unseen_samples(analysis)[0]
     times = analysis.held_out.t[0]
-    part = choose_stretch(times)
+    first = analysis.held_out.series[: len(times)] == analysis.held_out.series[:1]
+    part = choose_stretch(times[first])
     shown = times[part]
     span = f", t = {shown[0]:.3g} … {shown[-1]:.3g} s," if len(shown) > 1 else ""
     kind = "a log that" if analysis.validation else "stretches of a log that"
     lead = f"Torque along {samples.name}{span} predicted by {name} from {kind} it had not seen."
+    if not (analysis.held_out.whole and analysis.fitted.whole):
+        lead += (
+            " Errors are of every sample; pictures and autocorrelations are of "
+            f"{WINDOWS} windows of {WINDOW} samples of each long log."
+        )
     blocks = (*torque_pictures(analysis, part), joint_table(analysis))
     if len(analysis.held_out.t) > 1:
         blocks = (*blocks, log_table(analysis))
@@ -85,7 +91,7 @@ def joint_table(analysis: Analysis) -> Table:
     """Return the errors of each joint by itself."""
     fitted, out, m = analysis.fitted, analysis.held_out, analysis.selected
     inside, unseen = fitted.joint_error()[:, m], out.joint_error()[:, m]
-    rms = np.sqrt(np.mean(out.tau**2, axis=0))
+    rms = out.rms
     times = analysis.chosen.autocorrelation_time
     units = torque_units(analysis.robot)
     rows = tuple(
@@ -113,14 +119,12 @@ def log_table(analysis: Analysis) -> Table:
     )
     rows = []
     for k, samples in enumerate(unseen_samples(analysis)):
-        here = out.log == k
-        part = Prediction(out.t[k : k + 1], out.tau[here], out.predicted[here], out.log[here])
-        error = part.relative_error()
+        error = out.relative_error(k)
         pair = (float(error[analysis.selected]), float(error[0]))
         rows.append(
             (
                 Cell(samples.name),
-                Cell(str(len(part.tau)), len(part.tau)),
+                Cell(str(samples.outputs), samples.outputs),
                 *(Cell(error_text(e), e) for e in pair),
             )
         )
@@ -148,7 +152,7 @@ def noise_pictures(analysis: Analysis) -> Gallery:
     times = analysis.chosen.autocorrelation_time
     worst = int(np.argmax(times))
     lags = int(np.clip(LAGS[2] * times[worst], *LAGS[:2]))
-    correlation = mean_autocorrelation(residual, fitted.log, lags)
+    correlation = mean_autocorrelation(residual, fitted.series, lags)
     histogram = Picture(
         draw_histogram(scaled.ravel()),
         "All joints together, each in units of its own standard deviation; what lies beyond is "
@@ -164,9 +168,9 @@ def noise_pictures(analysis: Analysis) -> Gallery:
     return Gallery((histogram, memory))
 
 
-def mean_autocorrelation(residual: Array, log: np.ndarray, lags: int) -> Array:
-    """Return the autocorrelation of each joint, averaged over logs by their length, (lags, n)."""
-    parts = [residual[log == k] for k in np.unique(log)]
+def mean_autocorrelation(residual: Array, series: np.ndarray, lags: int) -> Array:
+    """Return the autocorrelation of each joint, averaged over series by length, (lags, n)."""
+    parts = [residual[series == k] for k in np.unique(series)]
     lags = min(lags, max(min(len(p) for p in parts) // 3, 2))
     total = np.zeros((lags, residual.shape[1]))
     for part in parts:
@@ -179,7 +183,7 @@ def mean_autocorrelation(residual: Array, log: np.ndarray, lags: int) -> Array:
 def velocity_pictures(analysis: Analysis) -> tuple[Block, ...]:
     """Return the residual on unseen motion over velocity, one picture for each joint."""
     out, robot = analysis.held_out, analysis.robot
-    velocity = output_velocity(analysis)
+    velocity = out.velocity
     residual = out.residual[:, :, analysis.selected]
     speeds, forces = velocity_units(robot), torque_units(robot)
     most = int(np.clip(SCATTER_POINTS // len(robot.joints), 150, 700))
@@ -198,16 +202,6 @@ def velocity_pictures(analysis: Analysis) -> tuple[Block, ...]:
         "Stribeck friction."
     )
     return fold_gallery(pictures, caption)
-
-
-def output_velocity(analysis: Analysis) -> Array:
-    """Return the velocity of the actuated joints at the samples of the unseen motion, (N, n)."""
-    parts = []
-    for samples in unseen_samples(analysis):
-        at, motion = samples.output_times(), samples.motion
-        columns = [np.interp(at, motion.t, v) for v in motion.actuated_v.T]
-        parts.append(np.stack(columns, 1))
-    return np.concatenate(parts)
 
 
 def fold_gallery(pictures: list[Picture], caption: str) -> tuple[Block, ...]:

@@ -1,0 +1,186 @@
+"""`Analysis`: the answer to which parameters the logs determine; a table, JSON or a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from identifiability.assessment import RungResult
+from identifiability.belief import Belief, belief_dict
+from identifiability.estimation import Method
+from identifiability.evaluation import Prediction
+from identifiability.grouping import BaseParameters
+from identifiability.information import Information
+from identifiability.longsamples import Prepared
+from identifiability.output import write_json
+from identifiability.robot import Robot
+from identifiability.statement import state_answer, state_physics, state_provenance
+from identifiability.verdict import Thresholds
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+    from identifiability.datatree import Which
+
+SCHEMA = "identifiability/analysis/1"
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """The answer. `to_frame`, `to_json` and `write_report` give it away.
+
+    Attributes
+    ----------
+    robot : Robot
+    base : BaseParameters
+        What the robot's structure allows to determine.
+    samples, validation : tuple of Samples
+    information : Information
+        Of the full base model on the fitted logs.
+    models : tuple of RungResult
+        The ladder, unpruned model first.
+    selected : int
+        The model to use: the smallest within one standard error of the best held-out error,
+        physically feasible ones first.
+    fitted, held_out : Prediction
+        Torque predicted by every model on the fitted and on the held-out samples.
+    belief : Belief or None
+        Posteriors of the selected model, where they were asked for.
+    method, seed, thresholds
+        As asked for.
+    hints : tuple of str
+        What seems to be wrong with the logs, for the user to check.
+    """
+
+    robot: Robot
+    base: BaseParameters
+    samples: tuple[Prepared, ...]
+    validation: tuple[Prepared, ...]
+    information: Information
+    models: tuple[RungResult, ...]
+    selected: int
+    fitted: Prediction
+    held_out: Prediction
+    effects: tuple[str, ...]
+    method: Method
+    seed: int
+    belief: Belief | None = None
+    thresholds: Thresholds = field(default_factory=Thresholds)
+    hints: tuple[str, ...] = ()
+
+    @property
+    def chosen(self) -> RungResult:
+        """The selected model."""
+        return self.models[self.selected]
+
+    @property
+    def full(self) -> RungResult:
+        """The unpruned model."""
+        return self.models[0]
+
+    @cached_property
+    def provenance(self) -> dict[str, str]:
+        """Versions, seed and hashes of the inputs."""
+        return state_provenance(self.robot, (*self.samples, *self.validation), self.seed)
+
+    def to_frame(self, model: str | None = None) -> pd.DataFrame:
+        """Return one row a parameter of the selected model, or of the named one."""
+        names = [m.name for m in self.models]
+        if model is not None and model not in names:
+            raise KeyError(f"There is no model '{model}'; the models are {', '.join(names)}.")
+        result = self.chosen if model is None else self.models[names.index(model)]
+        return pd.DataFrame([v.to_row() for v in result.verdicts])
+
+    def ladder_frame(self) -> pd.DataFrame:
+        """Return one row a model."""
+        return pd.DataFrame([m.row() for m in self.models])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result in the documented JSON schema."""
+        return {
+            "schema": SCHEMA,
+            "robot": {"name": self.robot.name, "title": self.robot.title},
+            "samples": self.information.samples,
+            "validation": self.validation_kind,
+            "models": [m.row() for m in self.models],
+            "selected": self.chosen.name,
+            "parameters": [v.to_row() for v in self.chosen.verdicts],
+            "full_parameters": [v.to_row() for v in self.full.verdicts],
+            "physical": {
+                "feasible": self.chosen.feasible,
+                "margin": self.chosen.margin,
+                "infeasible": list(self.chosen.infeasible),
+                "certificate": self.chosen.physical.sentence,
+                "error_ra_validation": self.chosen.error_ra_physical,
+                "parameters": self.chosen.physical.parameters(),
+            },
+            "posterior": None if self.belief is None else belief_dict(self.chosen, self.belief),
+            "structure": {
+                "parameters": len(self.base.parameters),
+                "rank": self.base.rank,
+                "gap": list(self.base.gap),
+                "effects": list(self.effects),
+                "groupings": dict(zip(self.base.names, self.base.labels, strict=True)),
+                "without_effect": list(self.base.without_effect),
+            },
+            "hints": list(self.hints),
+            "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
+            "method": self.method,
+            "provenance": self.provenance,
+        }
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write the result as JSON, whole or not at all."""
+        return write_json(path, self.to_dict())
+
+    def write_report(self, path: str | Path) -> Path:
+        """Write the result as one self-contained HTML file, whole or not at all."""
+        from identifiability.report import write_analysis_report  # noqa: PLC0415 - roof above us
+
+        return write_analysis_report(self, path)
+
+    def to_arviz(self, posterior: Which = "physical") -> DataTree:
+        """Return a posterior of the selected model for ArviZ; needs the extra ``arviz``.
+
+        Parameters
+        ----------
+        posterior : {"physical", "signs"}
+            Restricted to bodies that can exist, or by signs only.
+
+        Raises
+        ------
+        ModelError
+            If there is no such posterior, or no package to hold it.
+        """
+        from identifiability.datatree import build_datatree  # noqa: PLC0415 - needs an extra
+
+        return build_datatree(self.belief, self.chosen, posterior, self.provenance)
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(self.statement)}</p>{self.to_frame().to_html(escape=True)}"
+
+    @property
+    def validation_kind(self) -> str:
+        """What the held-out error was measured on."""
+        if self.validation:
+            return "held-out logs: " + ", ".join(s.name for s in self.validation)
+        if len(self.samples) > 1:
+            return "cross-validation, one log left out at a time"
+        return "cross-validation over stretches of the log"
+
+    @property
+    def statement(self) -> str:
+        """The answer in plain words."""
+        moves = any(s.survey.moves for s in self.samples)
+        text = state_answer(self.base, self.full, self.chosen, self.held_out, moves=moves)
+        return " ".join((text, *self.hints))
+
+    @property
+    def physical_statement(self) -> str:
+        """What physics says of the selected model, in words."""
+        return state_physics(self.chosen)

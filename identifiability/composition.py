@@ -1,0 +1,70 @@
+"""`Model`: effects that add up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from identifiability.effects import Effect, find_effect
+from identifiability.errors import ModelError
+from identifiability.names import Array, Parameter
+from identifiability.robot import Motion, Robot
+
+
+@dataclass(frozen=True)
+class Model:
+    """A sum of effects; ``model + effect`` adds one.
+
+    Example
+    -------
+    >>> model = Model.of("rigid_body", "viscous_friction")
+    >>> [e.name for e in (model + find_effect("coulomb_friction")).effects]
+    ['rigid_body', 'viscous_friction', 'coulomb_friction']
+    """
+
+    effects: tuple[Effect, ...]
+
+    @staticmethod
+    def of(*names: str) -> Model:
+        """Return the model of some effects by name."""
+        return Model(()).with_effects(find_effect(n) for n in names)
+
+    def with_effects(self, effects: Iterable[Effect]) -> Model:
+        """Return the model with more effects; what they supersede is left out."""
+        chosen = list(self.effects)
+        for effect in effects:
+            if any(e.name == effect.name for e in chosen):
+                continue
+            if any(effect.name in e.supersedes for e in chosen):
+                continue
+            chosen = [e for e in chosen if e.name not in effect.supersedes] + [effect]
+        return Model(tuple(chosen))
+
+    def __add__(self, effect: Effect) -> Model:
+        """Return the model with one more effect."""
+        return self.with_effects([effect])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(e.name for e in self.effects)
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return the standard parameters of all effects, in column order."""
+        return tuple(p for e in self.effects for p in e.parameters(robot))
+
+    def regressor(self, robot: Robot, motion: Motion, out: Array | None = None) -> Array:
+        """Return the regressor W (N, n, p): ``W[k] @ phi`` is the torque at sample k."""
+        widths = [len(e.parameters(robot)) for e in self.effects]
+        if not sum(widths):
+            raise ModelError("The model has no effects; name at least one, such as rigid_body.")
+        shape = (len(motion), len(robot.actuated), sum(widths))
+        W = np.zeros(shape) if out is None else out[: len(motion)]
+        W[:] = 0.0
+        start = 0
+        for effect, width in zip(self.effects, widths, strict=True):
+            effect.fill(robot, motion, W[:, :, start : start + width])
+            start += width
+        return W

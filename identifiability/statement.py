@@ -1,0 +1,108 @@
+"""The answer of an analysis in plain words, and what it was made from."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from importlib import metadata
+
+from identifiability.assessment import RungResult
+from identifiability.errors import listing
+from identifiability.evaluation import Prediction
+from identifiability.grouping import BaseParameters
+from identifiability.longsamples import Prepared
+from identifiability.robot import Robot
+from identifiability.verdict import Class
+
+_PACKAGES = ("identifiability", "pin", "mujoco", "numpy", "scipy", "pandas")
+
+
+def state_answer(
+    base: BaseParameters,
+    full: RungResult,
+    chosen: RungResult,
+    held_out: Prediction,
+    *,
+    moves: bool,
+) -> str:
+    """Return how many parameters the logs determine, and which model to use.
+
+    Parameters
+    ----------
+    base : BaseParameters
+    full, chosen : RungResult
+        The unpruned and the selected model.
+    held_out : Prediction
+    moves : bool
+        Whether the robot moves in any log.
+    """
+    total = len(base.parameters)
+    why = _why_nothing(base, full, chosen, held_out, moves=moves)
+    if why:
+        return (
+            f"Nothing is identifiable, because {why}. The robot has {total} parameters, "
+            f"{base.rank} of them independent in principle."
+        )
+    held = 100 * chosen.error_ra_validation
+    text = (
+        f"Of {total} parameters {base.rank} can be told apart in principle; these logs "
+        f"determine {full.count(Class.IDENTIFIABLE)} of them in the unpruned model. The "
+        f"model to use is {chosen.name}: {chosen.count(Class.IDENTIFIABLE)} of its "
+        f"{len(chosen.rung)} parameters are identifiable, and it predicts motion that it has not "
+        f"seen with an error of {held:.3g} %."
+    )
+    return f"{text} {state_physics(chosen)}"
+
+
+def state_physics(chosen: RungResult) -> str:
+    """Return what physics says of a model."""
+    if chosen.feasible:
+        return "A real robot can have its values."
+    near = f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
+    if chosen.infeasible:
+        return (
+            f"But {len(chosen.infeasible)} of its values have a sign that physics forbids "
+            f"({listing(chosen.infeasible, 4)}); {near}"
+        )
+    if chosen.physical.certificate is None:
+        return f"The motion leaves some of its parameters open; {near}"
+    return f"No real robot has exactly its values, although each sign is possible; {near}"
+
+
+def _why_nothing(
+    base: BaseParameters,
+    full: RungResult,
+    chosen: RungResult,
+    held_out: Prediction,
+    *,
+    moves: bool,
+) -> str:
+    """Return why no parameter can be believed, or nothing if some can."""
+    if not moves:
+        return "the robot does not move in these logs"
+    if not chosen.error_ra_validation < held_out.constant_error():
+        return "no model predicts motion that it has not seen better than a constant torque would"
+    if chosen.count(Class.IDENTIFIABLE) or full.count(Class.IDENTIFIABLE):
+        return ""
+    excited = len(full.estimate.kept)
+    if excited < base.rank:
+        return (
+            f"the motion excites only {excited} independent combinations of parameters and "
+            "noise hides these"
+        )
+    return "the residual hides every parameter"
+
+
+def state_provenance(robot: Robot, samples: Sequence[Prepared], seed: int) -> dict[str, str]:
+    """Return versions, seed and hashes of the inputs."""
+    out = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            out[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            out[package] = "not installed"
+    out["seed"] = str(seed)
+    out[f"sha256 {robot.path.name}"] = robot.sha256
+    for s in samples:
+        out[f"sha256 {s.name}"] = s.sha256
+    return out

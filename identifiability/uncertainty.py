@@ -1,0 +1,121 @@
+"""Standard deviations that allow for what residuals remember: by formula, resampling, scores."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identifiability.bootstrap import Bootstrap, bootstrap
+from identifiability.errors import IdentifiabilityError
+from identifiability.estimation import Estimate
+from identifiability.information import Information
+from identifiability.names import Array
+from identifiability.noise import autocorrelation_time, block_length
+from identifiability.scores import ScoreScatter, scatter_scores
+from identifiability.verdict import Thresholds
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviations of one model's parameters by every road.
+
+    Attributes
+    ----------
+    white : (k,)
+        Under independent residuals.
+    inflated : (k,)
+        The same times the root of the residual's autocorrelation time.
+    bootstrap : Bootstrap or None
+        Refits on resampled blocks; None if there are too few blocks.
+    scores : ScoreScatter or None
+        Scatter of each column's scores over stretches of time; None if there are too few.
+    times : (n,)
+        Autocorrelation time of each actuator's residual [samples].
+    block : float
+        Block length of the bootstrap [samples].
+    note : str
+        Why something is missing, if it is.
+    """
+
+    white: Array
+    inflated: Array
+    bootstrap: Bootstrap | None
+    scores: ScoreScatter | None
+    times: Array
+    block: float
+    note: str = ""
+
+    @property
+    def robust(self) -> Array:
+        """The largest of the estimates that allow for autocorrelation, (k,)."""
+        largest = self.inflated
+        if self.bootstrap is not None:
+            spread = np.where(np.isfinite(self.white), self.bootstrap.sd, np.inf)
+            largest = np.maximum(largest, spread)
+        if self.scores is not None:
+            largest = np.maximum(largest, self.scores.widened)
+        return largest
+
+
+def assess_uncertainty(
+    information: Information,
+    fit: Estimate,
+    residual: Array,
+    series: np.ndarray,
+    rng: np.random.Generator,
+    replicates: int,
+) -> Uncertainty:
+    """Return the standard deviations of a fit by every road.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+    residual : (N, n)
+    series : (N,) int
+        Which stretch of consecutive samples a residual comes from.
+    rng : numpy.random.Generator
+    replicates : int
+        Of the bootstrap; 0 for none.
+    """
+    times, length = residual_times(residual, series)
+    time = _mean_time(times, fit)
+    inflated = fit.sigma * float(np.sqrt(time))
+    drawn, note = None, ""
+    if replicates and fit.kept:
+        try:
+            drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
+        except IdentifiabilityError as error:
+            note = str(error)
+    return Uncertainty(
+        fit.sigma, inflated, drawn, scatter_scores(information, fit, time), times, length, note
+    )
+
+
+def residual_times(residual: Array, series: np.ndarray) -> tuple[Array, float]:
+    """Return autocorrelation times (n,), averaged over series, and the longest block length."""
+    total, length = np.zeros(residual.shape[1]), 1.0
+    for k in np.unique(series):
+        part = residual[series == k]
+        total += len(part) * autocorrelation_time(part)
+        length = max(length, block_length(part))
+    return total / len(residual), length
+
+
+def _mean_time(times: Array, fit: Estimate) -> float:
+    """Return one autocorrelation time: that of the actuators that carry the residual."""
+    share = fit.weights * fit.rss
+    total = share.sum()
+    return float((share * times).sum() / total) if total > 0 else float(times.mean())
+
+
+def recurrence(fit: Estimate, uncertainty: Uncertainty, rules: Thresholds) -> Array:
+    """Return the share of replicates in which a parameter would be called well known, (k,)."""
+    if uncertainty.bootstrap is None:
+        return np.full(len(fit.columns), np.nan)
+    values = uncertainty.bootstrap.values
+    known = uncertainty.robust <= 0.01 * rules.sigma_percent * np.abs(values)
+    share: Array = (known & (np.sign(values) == np.sign(fit.value))).mean(0)
+    return share
