@@ -1,0 +1,66 @@
+"""The scatter of scores is the standard deviation of the estimate, column by column."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from identifiability.estimation import estimate
+from identifiability.information import Information
+from identifiability.linalg import triangular_factor
+from identifiability.scores import FEWEST, scatter_scores
+
+SAMPLES, BLOCK = 2400, 8
+
+
+def columns():
+    """A constant, a slow and a fast column: their scores remember differently long."""
+    t = np.arange(SAMPLES)
+    return np.stack([np.ones(SAMPLES), np.sin(0.02 * t), np.where(t % 2, 1.0, -1.0)], 1)
+
+
+def information_of(W, tau):
+    Z = np.column_stack([W, tau])
+    basis = triangular_factor(Z)
+    Z = np.linalg.solve(basis.T, Z.T).T.reshape(-1, BLOCK, Z.shape[1])
+    gram = np.einsum("bti,btj->bij", Z, Z)[:, None]
+    counts = np.full(len(gram), BLOCK)
+    return Information(("a", "b", "c"), basis, gram, counts, np.zeros(len(gram), int))
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_each_column_gets_its_own(rho):
+    rng, W, trials = np.random.default_rng(5), columns(), 300
+    time = (1 + rho) / (1 - rho)
+    values, claimed, white = [], [], []
+    for _ in range(trials):
+        noise = lfilter([np.sqrt(1 - rho**2)], [1, -rho], rng.standard_normal(SAMPLES + 100))[100:]
+        information = information_of(W, W @ [1.0, 2.0, 3.0] + noise)
+        fit = estimate(information, "ols")
+        values.append(fit.value)
+        claimed.append(scatter_scores(information, fit, time).sd)
+        white.append(fit.sigma)
+    true = np.std(values, axis=0, ddof=1)  # known to 1/√600 = 4 %
+    found = np.sqrt(np.mean(np.square(claimed), axis=0))
+    np.testing.assert_allclose(found, true, rtol=0.16)
+    if rho:  # one time for all columns would be wrong by these factors
+        ratio = true / np.mean(white, axis=0)
+        assert ratio[0] > 2.5
+        assert ratio[2] < 0.5
+
+
+def test_few_stretches_widen_the_interval():
+    W = columns()
+    information = information_of(W, W @ [1.0, 2.0, 3.0] + np.random.default_rng(0).random(SAMPLES))
+    fit = estimate(information, "ols")
+    few, many = scatter_scores(information, fit, 1e6), scatter_scores(information, fit, 1.0)
+    assert few.stretches == FEWEST
+    assert many.stretches > 200
+    assert few.widened == pytest.approx(few.sd * 2.201 / 1.960, rel=1e-3)  # t with 11 degrees
+    assert many.widened == pytest.approx(many.sd, rel=0.01)
+
+
+def test_too_few_blocks_say_nothing():
+    W = columns()[: 8 * BLOCK]
+    rng = np.random.default_rng(0)
+    information = information_of(W, rng.standard_normal(len(W)))
+    assert scatter_scores(information, estimate(information, "ols"), 1.0) is None

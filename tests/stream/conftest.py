@@ -1,0 +1,66 @@
+"""Long logs in small: pieces, windows and stretches are made short, so that there are many."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability import errorsums, longsamples, longtable, signals
+from identifiability.robot import Robot
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
+
+
+@pytest.fixture
+def sizes(monkeypatch):
+    """A function that sets how long pieces and stretches are."""
+
+    def chosen(piece=700, shortest=1500, rows=400, characters=30_000, window=None):
+        monkeypatch.setattr(longsamples, "PIECE", piece)
+        monkeypatch.setattr(longsamples, "MARGINS", 0)
+        monkeypatch.setattr(longsamples, "SHORTEST", shortest)
+        monkeypatch.setattr(longtable, "PIECE_ROWS", rows)
+        monkeypatch.setattr(longtable, "PIECE_BYTES", characters)
+        if window is not None:
+            monkeypatch.setattr(signals, "WINDOW", window)
+            monkeypatch.setattr(errorsums, "EXCERPT", 4 * window)
+            monkeypatch.setattr(errorsums, "WINDOW", window)
+
+    chosen()
+    return chosen
+
+
+@pytest.fixture
+def frame_of():
+    """A function (robot, periods, samples) -> table of a trajectory repeated with fresh noise."""
+
+    def made(name, periods=5, samples=1000, *, derivatives=True, seed=0):
+        robot = Robot.load(name)
+        trajectory = shipped_trajectory(robot, "601" if name == "3-rps" else "a")
+        motion = PrescribedMotion.of(trajectory, samples)
+        clean = simulate(robot, motion, noise=Noise()).to_frame()
+        frame = pd.concat([clean] * periods, ignore_index=True)
+        frame["t"] = np.median(np.diff(clean["t"])) * np.arange(len(frame))
+        rng = np.random.default_rng(seed)
+        for column in frame:
+            if column.endswith(".tau"):
+                size = 0.05 * frame[column].std()
+                frame[column] += size * rng.standard_normal(len(frame))
+        if derivatives:
+            return frame
+        return frame[[c for c in frame if not c.endswith(("dq", "ddq"))]]
+
+    return made
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """A function (frame, form) -> path."""
+
+    def written(frame, form="parquet", name="long"):
+        path = tmp_path / f"{name}.{form}"
+        if form == "parquet":
+            frame.to_parquet(path, index=False, row_group_size=1300)
+        else:
+            frame.to_csv(path, index=False)
+        return path
+
+    return written

@@ -1,0 +1,197 @@
+"""A long file that cannot be used is refused with the sentence that a short one gets."""
+
+import os
+
+import numpy as np
+import pytest
+
+from identifiability import analyze
+from identifiability.engine import Processes, Serial
+from identifiability.errors import ClosureError, LogError
+from identifiability.log import Log
+from identifiability.logfile import LogFile
+from identifiability.longsamples import prepare_log
+from identifiability.preparation import Preparation
+from identifiability.robot import Robot
+from identifiability.samples import prepare_samples
+
+ROWS = 4000
+
+
+@pytest.fixture(autouse=True)
+def small(sizes):
+    """Pieces of some hundred rows."""
+
+
+@pytest.fixture
+def frame(frame_of):
+    return frame_of("two-link", periods=4)
+
+
+def cell(frame, row, column, value):
+    """The table with one cell replaced, row counted from 1 as in the sentences."""
+    frame = frame.astype(object)
+    frame.loc[row - 1, column] = value
+    return frame
+
+
+def refusal(action) -> str:
+    with pytest.raises(LogError) as caught:
+        action()
+    return str(caught.value)
+
+
+def same_refusal(path) -> str:
+    streamed, whole = refusal(lambda: LogFile.read(path)), refusal(lambda: Log.read(path))
+    assert streamed == whole
+    return streamed
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "value", "sentence"),
+    [
+        (3001, "elbow.q", "", "not a finite number in 1 of 4000 rows, first in data row 3001"),
+        (2222, "shoulder.tau", "abc", "in 1 of 4000 rows, first in data row 2222 ('abc')"),
+        (1, "elbow.dq", "inf", "first in data row 1 ('inf')"),
+        (4000, "t", "nan", "column 't' is not a finite number in 1 of 4000 rows"),
+        (2500, "elbow.tau", 1e200, "is 1e+200 in data row 2500, more than anything"),
+        (3999, "t", 0.5, "time does not increase after data row 3998"),
+    ],
+)
+def test_a_bad_value_is_named_with_its_row(row, column, value, sentence, frame, saved):
+    assert sentence in same_refusal(saved(cell(frame, row, column, value), "csv"))
+    if isinstance(value, float):
+        assert sentence in same_refusal(saved(cell(frame, row, column, value).astype(float)))
+
+
+def test_all_bad_values_of_a_column_are_counted(frame, saved):
+    spoilt = frame.astype(object)
+    spoilt.loc[[100, 1500, 2900, 3999], "elbow.q"] = "x"
+    assert "in 4 of 4000 rows, first in data row 101 ('x')" in same_refusal(saved(spoilt, "csv"))
+    frame["elbow.q"] = "0,5"
+    assert "in 4000 of 4000 rows" in same_refusal(saved(frame, "csv"))
+    assert "give numbers with a decimal point" in same_refusal(saved(frame))
+
+
+@pytest.mark.parametrize("at", [700, 1300, 2100])
+def test_time_that_runs_back_is_seen_wherever_pieces_meet(at, frame, saved):
+    frame.loc[at, "t"] = frame.loc[at - 1, "t"]
+    for form in ("csv", "parquet"):
+        text = same_refusal(saved(frame, form))
+        assert f"time does not increase after data row {at} " in text
+
+
+@pytest.mark.parametrize("at", [700, 1300, 2345])
+def test_a_gap_is_named_wherever_pieces_meet(at, frame_of, saved):
+    frame = frame_of("two-link", periods=4, derivatives=False)
+    path = saved(frame.drop(index=range(at, at + 9)))
+    robot = Robot.load("two-link")
+    whole = refusal(lambda: prepare_samples(robot, Log.read(path)))
+    assert refusal(lambda: prepare_log(robot, LogFile.read(path), engine=Serial())) == whole
+    assert f"(data row {at})" in whole
+
+
+def test_no_torque_other_units_and_other_joints_are_refused(frame, frame_of, saved):
+    robot = Robot.load("two-link")
+    torques = [c for c in frame if c.endswith(".tau")]
+    turned = frame.copy()
+    turned["elbow.dq"] *= 57.3
+    spoilt = {
+        "all torques are zero": frame.assign(**dict.fromkeys(torques, 0.0)),
+        "times the time derivative of 'elbow.q'": turned,
+        "names a joint that the robot does not have": frame.rename(
+            columns=lambda c: c.replace("elbow", "wrist")
+        ),
+    }
+    for sentence, table in spoilt.items():
+        path = saved(table)
+        whole = refusal(lambda p=path: prepare_samples(robot, Log.read(p)))
+        streamed = refusal(lambda p=path: prepare_log(robot, LogFile.read(p), engine=Serial()))
+        assert streamed == whole
+        assert sentence in whole
+
+
+@pytest.mark.parametrize(
+    "change", [{"t": "time"}, {"elbow.tau": "elbow.tua"}, {"shoulder.dq": "elbow.q"}]
+)
+def test_wrong_columns_are_named(change, frame, saved):
+    same_refusal(saved(frame.rename(columns=change), "csv"))
+
+
+def test_damaged_ends_and_middles(frame, saved, tmp_path):
+    csv = saved(frame, "csv")
+    content = csv.read_bytes()
+    whole = content.rstrip(b"\n").rpartition(b",")[0]  # the last line lost its last field
+    csv.write_bytes(whole)
+    assert "in 1 of 4000 rows, first in data row 4000" in same_refusal(csv)
+    lines = content.split(b"\n")
+    lines[3210] += b",7"
+    csv.write_bytes(b"\n".join(lines))
+    assert "line 3211, saw" in same_refusal(csv)
+    csv.write_bytes(content.replace(b"\n", b'\n"', 3500).replace(b'\n"', b"\n", 3499))
+    assert "cannot be read as CSV" in same_refusal(csv)
+    parquet = saved(frame)
+    content = parquet.read_bytes()
+    parquet.write_bytes(content[:-200])
+    assert "cannot be read as Parquet" in refusal(lambda: LogFile.read(parquet))
+    parquet.write_bytes(content[:9000] + bytes(3000) + content[12000:])
+    assert "cannot be read as Parquet" in refusal(lambda: LogFile.read(parquet))
+    assert "There is no log file" in same_refusal(tmp_path / "none.csv")
+    assert "19 samples, too few" in same_refusal(saved(frame.iloc[:19]))
+    assert "0 samples, too few" in same_refusal(saved(frame.iloc[:0]))
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+def test_lines_may_end_in_any_way_and_quotes_hold_line_breaks(ending, frame, saved):
+    frame["remark"] = 'said "so", twice'
+    frame.loc[[333, 2000], "remark"] = "two\nlines"
+    path = saved(frame, "csv")
+    if ending != "\n":
+        plain = frame.drop(columns="remark").to_csv(index=False)
+        path.write_bytes(b"\xef\xbb\xbf\n" + plain.replace("\n", ending).encode())
+    whole, parts = Log.read(path), LogFile.read(path)
+    assert len(parts) == len(whole) == ROWS
+    np.testing.assert_array_equal(parts.rows(0, ROWS).tau, whole.tau)
+    np.testing.assert_array_equal(parts.rows(1234, 2001).q, whole.q[1234:2001])
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_a_file_that_changes_meanwhile_is_noticed(form, frame, saved):
+    path = saved(frame, form)
+    file = LogFile.read(path)
+    robot = Robot.load("two-link")
+    samples = prepare_log(robot, file, engine=Serial())
+    saved(frame.iloc[:-1], form)
+    with pytest.raises(LogError, match="changed while it was analysed"):
+        list(samples.pieces(500))
+    with Processes(2) as processes, pytest.raises(LogError, match="changed while"):
+        analyze(robot, file, engine=processes)
+    path.unlink()
+    with pytest.raises(LogError, match="changed while"):
+        file.rows(0, 10)
+
+
+def test_a_touched_file_is_another(frame, saved):
+    path = saved(frame)
+    file = LogFile.read(path)
+    os.utime(path, ns=(1, 1))
+    with pytest.raises(LogError, match="wait until it is complete"):
+        file.rows(0, 10)
+
+
+def test_what_leaves_nothing_of_a_long_log_is_refused(frame_of, saved):
+    frame = frame_of("3-rps", periods=4)
+    frame[next(c for c in frame if c.endswith(".q"))] += 3.0
+    with pytest.raises(ClosureError, match="close at none of the"):
+        prepare_log(Robot.load("3-rps"), LogFile.read(saved(frame)), engine=Serial())
+    arm = frame_of("two-link", periods=2)
+    with pytest.raises(LogError, match="too short to be decimated by 300"):
+        prepare_log(
+            Robot.load("two-link"), LogFile.read(saved(arm)), Preparation(decimate=300),
+            engine=Serial(),
+        )  # fmt: skip
+    with pytest.raises(LogError, match="too long to search its period"):
+        prepare_log(
+            Robot.load("two-link"), LogFile.read(saved(arm)), Preparation("fourier"),
+            engine=Serial(),
+        )  # fmt: skip

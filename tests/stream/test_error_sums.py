@@ -1,0 +1,115 @@
+"""Sums of errors say what all samples say; stretches respect logs and the errors' memory."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from identifiability import signals
+from identifiability.errorsums import Layout, Tally
+from identifiability.evaluation import Turns
+from identifiability.prediction import MEMORIES, Prediction, standard_error
+
+
+@pytest.fixture
+def case():
+    rng = np.random.default_rng(3)
+    counts = (700, 260)
+    log = np.repeat([0, 1], counts)
+    tau = rng.standard_normal((960, 2)) + [1.0, -2.0] + log[:, None]
+    predicted = tau[:, :, None] + 0.1 * rng.standard_normal((960, 2, 3)) * [1.0, 2.0, 3.0]
+    t = [np.arange(float(n)) for n in counts]
+    return t, tau, predicted, log
+
+
+def test_errors_are_those_of_all_samples(case):
+    t, tau, predicted, log = case
+    p = Prediction.of(t, tau, predicted, log)
+    error, spread = np.abs(tau[:, :, None] - predicted), np.abs(tau - tau.mean())
+    assert p.relative_error() == pytest.approx(error.sum((0, 1)) / spread.sum())
+    own = np.abs(tau - tau.mean(0))
+    assert p.joint_error() == pytest.approx(error.sum(0) / own.sum(0)[:, None])
+    assert p.constant_error() == pytest.approx(own.sum() / spread.sum())
+    assert p.rms == pytest.approx(np.sqrt(np.mean(tau**2, axis=0)))
+    one, x = log == 1, tau[log == 1]
+    assert p.relative_error(1) == pytest.approx(error[one].sum((0, 1)) / np.abs(x - x.mean()).sum())
+    assert p.whole
+    assert p.first(2).relative_error() == pytest.approx(p.relative_error()[:2])
+
+
+def test_parts_of_logs_add_up(case):
+    t, tau, predicted, log = case
+    layout = Layout.of([700, 260], np.array([tau[log == k].sum(0) for k in (0, 1)]), 20)
+    total = Tally(layout, 3)
+    for k, start, stop in [(0, 0, 333), (0, 333, 334), (0, 334, 700), (1, 0, 259), (1, 259, 260)]:
+        part, rows = Tally(layout, 3), np.flatnonzero(log == k)[start:stop]
+        part.add(k, start, tau[rows], predicted[rows])
+        total.merge(part.sums())
+    found, wanted = total.sums(), Prediction.of(t, tau, predicted, log).sums
+    for name, value in vars(wanted).items():
+        np.testing.assert_allclose(getattr(found, name), value, rtol=1e-12, err_msg=name)
+    assert set(np.unique(found.log)) == {0, 1}
+    assert found.counts[found.log == 0].sum() == 700
+
+
+def ar1(samples, rho, rng):
+    return lfilter([np.sqrt(1 - rho**2)], [1, -rho], rng.standard_normal(samples))
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.97])
+def test_the_standard_error_is_that_of_repetitions(rho):
+    rng = np.random.default_rng(0)
+    tau = np.sin(np.arange(4000) / 9)[:, None]
+    log = np.repeat([0, 1], [2500, 1500])
+    t = [np.arange(2500.0), np.arange(1500.0)]
+    errors, claimed = [], []
+    for _ in range(120):
+        noise = 0.1 * ar1(4000, rho, rng)
+        p = Prediction.of(t, tau, (tau + noise[:, None])[:, :, None], log)
+        errors.append(p.relative_error()[0])
+        claimed.append(p.standard_error()[0])
+    # The sd of 120 repetitions is known to 6.5 %, the claims' mean square to about as much.
+    ratio = np.sqrt(np.mean(np.square(claimed))) / np.std(errors, ddof=1)
+    assert 0.75 < ratio < 1.25
+
+
+def test_stretches_are_as_long_as_the_memory_asks_and_cross_no_log(case):
+    t, tau, predicted, log = case
+    sums = Prediction.of(t, tau, predicted, log).sums
+    for memory in (1.0, 20.0, 1e6):
+        first = sums.merge(MEMORIES * memory, 4)
+        assert {0, int(np.flatnonzero(sums.log == 1)[0])} <= set(first)
+        assert 4 <= len(first) <= len(sums.log)
+        lengths = np.add.reduceat(sums.counts, first)
+        assert lengths.mean() >= MEMORIES * memory or len(first) < 8
+    assert np.isfinite(standard_error(sums, 1e6)).all()
+
+
+def test_turns_follow_the_blocks():
+    turns = Turns(np.array([3, 5, 9]), np.array([0, 2, 1]))
+    assert turns.of(0, 9).tolist() == [0, 0, 0, 2, 2, 1, 1, 1, 1]
+    assert turns.of(2, 6).tolist() == [0, 2, 2, 1]
+
+
+def test_outputs_of_a_decimation_lie_on_one_grid_wherever_runs_begin():
+    d = signals.Decimation(4)
+    for start in range(9):
+        rows = d.centres(start, start + 300)
+        assert all(r % 4 == 0 for r in rows)
+        assert rows[0] - d.reach >= start > rows[0] - d.reach - 4
+        assert rows[-1] + d.reach < start + 300 <= rows[-1] + d.reach + 4
+    assert len(d.centres(0, 300)) == d.outputs(300)
+    assert not d.centres(3, 60)
+
+
+def test_a_filter_forgets_its_beginning_within_its_settling_time():
+    rng = np.random.default_rng(1)
+    x = np.cumsum(rng.standard_normal((6000, 1)), axis=0)
+    for cutoff in (5.0, 20.0, 60.0):
+        whole = signals.lowpass(x, 1e-3, cutoff)
+        margin = signals.settling_rows(1e-3, cutoff)
+        low, high = max(0, 3000 - margin), 3200 + margin
+        part = signals.lowpass(x[low:high], 1e-3, cutoff)
+        inner = part[3000 - low : 3200 - low]
+        first = signals.differentiate(signals.differentiate(whole, 1e-3), 1e-3)[3010:3190]
+        second = signals.differentiate(signals.differentiate(inner, 1e-3), 1e-3)[10:190]
+        np.testing.assert_allclose(second, first, rtol=0, atol=1e-8 * np.abs(first).max())

@@ -1,0 +1,41 @@
+"""Memory does not grow with the length of a log."""
+
+import tracemalloc
+
+import numpy as np
+
+from identifiability.engine import Serial
+from identifiability.evaluation import predict
+from identifiability.information import gather_information
+from identifiability.logfile import LogFile
+from identifiability.longsamples import prepare_log
+from identifiability.model import Model, Regression
+from identifiability.robot import Robot
+
+
+def peak(path) -> int:
+    """The largest memory [bytes] from the file to the prediction errors."""
+    robot, model = Robot.load("two-link"), Model.of("rigid_body", "viscous_friction")
+    tracemalloc.start()
+    samples = prepare_log(robot, LogFile.read(path), engine=Serial())
+    regression = Regression(robot, model, (samples,), np.array([3, 6, 10, 11]))
+    gather_information(regression, blocks=16)
+    predict(regression, np.zeros((4, 2)))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return most
+
+
+def test_four_times_the_samples_take_the_same_memory(sizes, frame_of, saved, monkeypatch):
+    from identifiability import model
+
+    sizes(piece=1000, shortest=4000, rows=1000, characters=100_000, window=500)
+    monkeypatch.setattr(model, "KEEP_BYTES", 0)
+    frame = frame_of("two-link", periods=8, samples=1000, derivatives=False)
+    step = frame["t"][1] - frame["t"][0]
+    for form in ("parquet", "csv"):
+        short, long = (
+            peak(saved(frame.iloc[np.arange(n) % 8000].assign(t=step * np.arange(n)), form))
+            for n in (12_000, 48_000)
+        )
+        assert long < 1.25 * short

@@ -1,0 +1,176 @@
+"""A log that is read in parts gives what it gives as a whole, whatever the parts."""
+
+import numpy as np
+import pytest
+
+from identifiability import analyze, prune
+from identifiability.engine import Processes, Resumed, Serial
+from identifiability.evaluation import predict
+from identifiability.grouping import find_base_parameters
+from identifiability.information import gather_information
+from identifiability.log import Log
+from identifiability.logfile import LogFile, open_log
+from identifiability.longsamples import prepare_log
+from identifiability.model import Model, Regression
+from identifiability.preparation import Preparation
+from identifiability.robot import Robot
+from identifiability.samples import prepare_samples
+
+EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+
+def both(name, path, how=None):
+    """The regressions of a file in memory and streamed."""
+    robot, model = Robot.load(name), Model.of(*EFFECTS)
+    kept = find_base_parameters(robot, model).kept
+    whole = prepare_samples(robot, Log.read(path), how)
+    parts = prepare_log(robot, LogFile.read(path), how, engine=Serial())
+    return [Regression(robot, model, (samples,), kept) for samples in (whole, parts)]
+
+
+def rows_of(regression):
+    found = [(c.start, c.W.copy(), c.tau, c.t, c.velocity) for p in regression.parts()
+             for c in p.chunks()]  # fmt: skip
+    assert [f[0] for f in found] == np.cumsum([0, *(len(f[2]) for f in found[:-1])]).tolist()
+    return [np.concatenate(x) for x in list(zip(*found, strict=True))[1:]]
+
+
+def assert_same(whole, parts):
+    assert len(parts.samples[0].stretches) > 1
+    for found, wanted in zip(rows_of(parts), rows_of(whole), strict=True):
+        assert found.shape == wanted.shape
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
+    a, b = whole.samples[0], parts.samples[0]
+    assert (a.notes, a.outputs, a.sha256) == (b.notes, b.outputs, b.sha256)
+    for name, wanted in vars(a.survey).items():
+        np.testing.assert_allclose(getattr(b.survey, name), wanted, rtol=1e-8, err_msg=name)
+    one, two = gather_information(whole), gather_information(parts)
+    np.testing.assert_array_equal(one.counts, two.counts)
+    R = one.factor()
+    R, other = (x / np.linalg.norm(R, axis=0) for x in (R, two.factor()))
+    np.testing.assert_allclose(other.T @ other, R.T @ R, rtol=0, atol=1e-8)
+    R = one.factor()
+    values = np.linalg.lstsq(R[:, :-1], R[:, -1], rcond=None)[0][:, None]
+    expected, found = predict(whole, values), predict(parts, values)
+    assert found.relative_error() == pytest.approx(expected.relative_error(), rel=1e-8)
+    assert found.joint_error() == pytest.approx(expected.joint_error(), rel=1e-8)
+    assert found.constant_error() == pytest.approx(expected.constant_error(), rel=1e-8)
+    assert found.standard_error() == pytest.approx(expected.standard_error(), rel=1e-6)
+
+
+@pytest.mark.parametrize("form", ["parquet", "csv"])
+@pytest.mark.parametrize("name", ["3-rps", "six-dof-arm"])
+def test_given_derivatives(name, form, sizes, frame_of, saved):
+    assert_same(*both(name, saved(frame_of(name, periods=4, samples=900), form)))
+
+
+@pytest.mark.parametrize("name", ["3-rps", "six-dof-arm"])
+def test_filtered_derivatives_and_decimation(name, sizes, frame_of, saved):
+    frame = frame_of(name, periods=4, samples=1500, derivatives=False)
+    whole, parts = both(name, saved(frame))
+    assert whole.samples[0].decimation is not None
+    assert_same(whole, parts)
+
+
+@pytest.mark.parametrize("piece", [211, 1000, 4096])
+@pytest.mark.parametrize("window", [None, 256])
+def test_rests_whatever_the_pieces(piece, window, sizes, frame_of, saved):
+    sizes(piece=piece, shortest=1700, rows=piece // 2, characters=40 * piece, window=window)
+    frame = frame_of("two-link", periods=6, samples=1500, derivatives=False)
+    still = frame.copy()
+    for start in (700, 3100, 5950, 8900):  # held for half a second, across the seams too
+        rows = slice(start, start + 400)
+        for column in still:
+            if column.endswith(".q"):
+                still.loc[still.index[rows], column] = still[column].iloc[start]
+    path = saved(still)
+    whole, parts = both("two-link", path, Preparation(cutoff=20.0))
+    assert "stand still" in "".join(whole.samples[0].notes)
+    assert ("windows" in "".join(whole.samples[0].notes)) == (window is not None)
+    assert_same(whole, parts)
+
+
+@pytest.mark.parametrize("decimate", [1, 4])
+def test_gaps_in_logs_with_derivatives(decimate, sizes, frame_of, saved):
+    frame = frame_of("two-link", periods=5)
+    frame = frame.drop(index=[*range(690, 703), *range(1399, 1401), 2800, 4444]).reset_index()
+    whole, parts = both("two-link", saved(frame), Preparation(decimate=decimate))
+    assert_same(whole, parts)
+
+
+def test_a_given_period(sizes, frame_of, saved):
+    frame = frame_of("two-link", periods=4, derivatives=False)
+    period = float(frame["t"].iloc[1000])
+    rng = np.random.default_rng(0)
+    for column in [c for c in frame if c.endswith(".q")]:
+        frame[column] += 1e-4 * rng.standard_normal(len(frame))
+    assert_same(*both("two-link", saved(frame), Preparation("fourier", period=period)))
+
+
+def test_loops_that_close_in_some_parts_only(sizes, frame_of, saved):
+    frame = frame_of("3-rps", periods=4)
+    joints = [c for c in frame if c.endswith(".q")]
+    frame.loc[690:1450, joints[0]] += 1.5  # out of reach, over a whole piece
+    frame.loc[2222, joints[1]] -= 0.5
+    whole, parts = both("3-rps", saved(frame))
+    assert whole.samples[0].survey.dropped > 700
+    assert_same(whole, parts)
+
+
+@pytest.mark.parametrize("name", ["3-rps", "two-link"])
+def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
+    path = saved(frame_of(name, periods=4, samples=800))
+    whole = analyze(name, Log.read(path), replicates=40)
+    parts = analyze(name, LogFile.read(path), replicates=40, engine=Serial())
+    assert parts.statement == whole.statement
+    for one, two in zip(whole.models, parts.models, strict=True):
+        assert [v.verdict for v in one.verdicts] == [v.verdict for v in two.verdicts]
+        assert two.error_ra == pytest.approx(one.error_ra, rel=1e-8)
+        assert two.error_ra_validation == pytest.approx(one.error_ra_validation, rel=1e-8)
+        wanted = one.uncertainty.robust
+        np.testing.assert_allclose(two.uncertainty.robust, wanted, rtol=1e-6)
+
+
+def test_a_pruning_gives_the_same_model(sizes, frame_of, saved):
+    path = saved(frame_of("two-link", periods=4))
+    whole = prune("two-link", Log.read(path), replicates=5)
+    parts = prune("two-link", LogFile.read(path), replicates=5, engine=Serial())
+    assert [r.columns for r in parts.rungs] == [r.columns for r in whole.rungs]
+    assert parts.statement == whole.statement
+    np.testing.assert_allclose(
+        [r.error_ra_unseen for r in parts.rungs], [r.error_ra_unseen for r in whole.rungs],
+        rtol=1e-8,
+    )  # fmt: skip
+
+
+def test_engines_agree_to_the_last_bit_and_finished_parts_are_not_done_again(
+    sizes, frame_of, saved, tmp_path
+):
+    path = saved(frame_of("two-link", periods=6))
+    robot, model = Robot.load("two-link"), Model.of(*EFFECTS)
+
+    def gathered(engine):
+        samples = prepare_log(robot, LogFile.read(path), engine=engine)
+        return gather_information(Regression(robot, model, (samples,)), engine=engine).gram
+
+    expected = gathered(Serial())
+    with Processes(2) as processes:
+        np.testing.assert_array_equal(gathered(processes), expected)
+    first = Resumed(Serial(), tmp_path / "kept")
+    np.testing.assert_array_equal(gathered(first), expected)
+    robot.dofs  # noqa: B018 - what is derived from a robot meanwhile is no other robot
+    again = Resumed(Serial(), tmp_path / "kept")
+    np.testing.assert_array_equal(gathered(again), expected)
+    assert (first.found, first.done) == (0, again.found)
+    assert again.done == 0
+
+
+def test_only_long_files_are_streamed(sizes, frame_of, saved, monkeypatch):
+    from identifiability import longtable
+
+    frame = frame_of("two-link", periods=2)
+    paths = saved(frame), saved(frame, "csv")
+    assert all(isinstance(open_log(p), Log) for p in paths)
+    monkeypatch.setattr(longtable, "LONG", 5000)
+    assert all(isinstance(open_log(p), LogFile) for p in paths)
+    assert analyze("two-link", paths[1], replicates=0).information.samples == len(frame)
