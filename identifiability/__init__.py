@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from identifiability.excitation import Excitation, excite
     from identifiability.grouping import BaseParameters, find_base_parameters
     from identifiability.information import Information, gather_information
-    from identifiability.log import Log
+    from identifiability.logs import Log
     from identifiability.model import Model, Regression
     from identifiability.pruning import Ladder, prune
     from identifiability.robot import Motion, Robot
@@ -43,7 +43,7 @@ _HOMES = {
     "IdentifiabilityError": "errors",
     "Information": "information",
     "Ladder": "pruning",
-    "Log": "log",
+    "Log": "logs",
     "Model": "model",
     "Motion": "robot",
     "Noise": "simulation",

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.answer import SCHEMA, Analysis
 from identifiability.assessment import assess_ladder, select_model
+from identifiability.engines.mapping import Engine
 from identifiability.errors import LogError
 from identifiability.estimation import Method
 from identifiability.evaluation import Task, predict, predict_all
@@ -24,10 +25,9 @@ from identifiability.ladder import (
     nominal_base,
     read_ladder,
 )
-from identifiability.mapping import Engine
 from identifiability.model import Regression
-from identifiability.preparation import Preparation
 from identifiability.robot import Robot
+from identifiability.samples import Preparation
 from identifiability.stages import (
     LogLike,
     Progress,

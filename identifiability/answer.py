@@ -16,9 +16,9 @@ from identifiability.estimation import Method
 from identifiability.evaluation import Prediction
 from identifiability.grouping import BaseParameters
 from identifiability.information import Information
-from identifiability.longsamples import Prepared
 from identifiability.output import write_json
 from identifiability.robot import Robot
+from identifiability.samples.longsamples import Prepared
 from identifiability.statement import state_answer, state_physics, state_provenance
 from identifiability.verdict import Thresholds
 

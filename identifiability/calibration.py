@@ -21,7 +21,7 @@ import pandas as pd
 from identifiability.analysis import Analysis
 from identifiability.diagnosis import FalseNames, measure_false_names
 from identifiability.diagnosis.autoregression import Runs
-from identifiability.engine import Engine, Serial
+from identifiability.engines.local import Engine, Serial
 from identifiability.errors import LogError, ModelError, near_match
 from identifiability.estimation import Method
 from identifiability.ladder import Rung

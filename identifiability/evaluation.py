@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 
+from identifiability.engines.mapping import Engine, Steps
 from identifiability.errorsums import ErrorSums, Layout, Tally
 from identifiability.information import Information
-from identifiability.mapping import Engine, Steps
 from identifiability.model import Part, Regression, map_parts
 from identifiability.names import Array
 from identifiability.prediction import STRETCHES, Prediction

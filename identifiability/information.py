@@ -16,8 +16,8 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from identifiability.engines.mapping import Engine, Steps
 from identifiability.linalg import triangular_factor
-from identifiability.mapping import Engine, Steps
 from identifiability.model import Part, Regression, map_parts
 from identifiability.names import Array
 

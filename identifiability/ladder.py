@@ -27,11 +27,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from identifiability.checks import LARGEST
 from identifiability.documents import read_document
 from identifiability.errors import ModelError, listing, near_match
 from identifiability.grouping import BaseParameters
 from identifiability.information import Information
+from identifiability.logs.checks import LARGEST
 from identifiability.model import Model
 from identifiability.names import Array
 from identifiability.robot import Robot

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from identifiability.composition import Model
-from identifiability.engine import Serial
-from identifiability.longsamples import Prepared, Stretch
-from identifiability.mapping import Engine, Result, Steps
+from identifiability.engines.local import Serial
+from identifiability.engines.mapping import Engine, Result, Steps
 from identifiability.names import Array, Parameter
 from identifiability.robot import Robot
 from identifiability.samples import Samples
+from identifiability.samples.longsamples import Prepared, Stretch
 
 if TYPE_CHECKING:
     import pandas as pd

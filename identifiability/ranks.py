@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from identifiability.assessment import RungResult
-from identifiability.engine import Engine, Serial
+from identifiability.engines.local import Engine, Serial
+from identifiability.engines.mapping import Steps
 from identifiability.information import Information
-from identifiability.mapping import Steps
 from identifiability.names import Array
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares

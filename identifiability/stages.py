@@ -13,7 +13,8 @@ import pandas as pd
 
 from identifiability.assessment import RungResult
 from identifiability.belief import Belief, refine_verdicts
-from identifiability.engine import Processes, Serial
+from identifiability.engines.local import Processes, Serial
+from identifiability.engines.mapping import Engine, Steps
 from identifiability.errors import LogError
 from identifiability.estimation import Estimate, Method, estimate
 from identifiability.evaluation import Task, choose_folds, leave_out, take_turns
@@ -22,15 +23,13 @@ from identifiability.grouping import BaseParameters
 from identifiability.inference import form_belief
 from identifiability.information import Information
 from identifiability.ladder import Rung
-from identifiability.log import Log
-from identifiability.logfile import LogFile, open_log
-from identifiability.longsamples import LongSamples, Prepared, prepare_log
-from identifiability.mapping import Engine, Steps
+from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile, open_log
 from identifiability.model import Regression
 from identifiability.names import Array
-from identifiability.preparation import Preparation
 from identifiability.robot import Robot
-from identifiability.samples import Samples
+from identifiability.samples import Preparation, Samples
+from identifiability.samples.longsamples import LongSamples, Prepared, prepare_log
 
 LogLike = Log | LogFile | str | Path | pd.DataFrame
 Progress = Callable[[str, float], None]

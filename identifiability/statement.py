@@ -10,8 +10,8 @@ from identifiability.assessment import RungResult
 from identifiability.errors import listing
 from identifiability.evaluation import Prediction
 from identifiability.grouping import BaseParameters
-from identifiability.longsamples import Prepared
 from identifiability.robot import Robot
+from identifiability.samples.longsamples import Prepared
 from identifiability.verdict import Class
 
 _PACKAGES = ("identifiability", "pin", "mujoco", "numpy", "scipy", "pandas")

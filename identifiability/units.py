@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.errors import LogError
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.robot import Robot
 
 #: Units that people give instead of SI, and how many make one of SI.

@@ -25,8 +25,8 @@ from paper_study.monte_carlo import forget_trials
 from paper_study.watched import Watched
 
 from identifiability.cli.common import progress, sentences
-from identifiability.cluster import Dask
-from identifiability.engine import Engine, Serial
+from identifiability.engines.cluster import Dask
+from identifiability.engines.local import Engine, Serial
 from identifiability.errors import IdentifiabilityError
 
 TABLE = "table_3_noise"

@@ -22,7 +22,7 @@ from identifiability.estimation import estimate
 from identifiability.excitation import Excitation, excite
 from identifiability.grouping import find_base_parameters
 from identifiability.information import gather_information
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model, Regression
 from identifiability.robot import Robot
 from identifiability.samples import prepare_samples

@@ -15,7 +15,7 @@ from identifiability.diagnosis.held_out import HeldOut
 from identifiability.diagnosis.rows import build_rows
 from identifiability.diagnosis.workflow import prepare_rows
 from identifiability.grouping import find_base_parameters
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, prepare_samples

@@ -27,7 +27,7 @@ from identifiability.evaluation import Prediction, predict
 from identifiability.grouping import find_base_parameters
 from identifiability.information import gather_information
 from identifiability.ladder import Rung, build_ladder, ladder_model, read_ladder
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Regression
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, prepare_samples

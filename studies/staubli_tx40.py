@@ -27,7 +27,7 @@ from identifiability.grouping import BaseParameters
 from identifiability.information import gather_information
 from identifiability.ladder import ladder_model, read_ladder
 from identifiability.linalg import scan_columns
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model, Regression
 from identifiability.names import Array
 from identifiability.robot import Robot, complete_motion

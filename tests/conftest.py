@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model
 from identifiability.robot import Robot
 from identifiability.simulation import (

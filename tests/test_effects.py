@@ -6,7 +6,7 @@ import pytest
 from identifiability.effects import EFFECTS, find_effect
 from identifiability.errors import ModelError
 from identifiability.grouping import find_base_parameters, random_motion
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model, Regression
 from identifiability.robot import Robot
 from identifiability.samples import prepare_samples

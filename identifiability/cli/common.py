@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NoReturn, Protocol
 from identifiability.errors import IdentifiabilityError
 
 if TYPE_CHECKING:
-    from identifiability.engine import OpenEngine
+    from identifiability.engines.local import OpenEngine
     from identifiability.robot import Robot
 
 
@@ -82,7 +82,7 @@ def running(
     name: str | None, workers: int | None, scheduler: str | None, resume: Path | None
 ) -> Iterator[OpenEngine]:
     """Give the engine that the options ask for; end its processes with the command."""
-    from identifiability.engine import choose_engine  # noqa: PLC0415
+    from identifiability.engines.local import choose_engine  # noqa: PLC0415
 
     with choose_engine(name, workers, scheduler, resume) as engine:
         yield engine

@@ -27,11 +27,11 @@ from identifiability.diagnosis.stress import (
 from identifiability.diagnosis.thinning import prepare_thin
 from identifiability.effects import Placed
 from identifiability.ladder import nominal_base
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model
 from identifiability.names import Array
-from identifiability.preparation import Preparation, make_plan
 from identifiability.samples import Samples
+from identifiability.samples.preparation import Preparation, make_plan
 
 
 def stress_named(

@@ -18,7 +18,7 @@ from scipy import stats
 from identifiability.diagnosis.autoregression import colour, durbin
 from identifiability.diagnosis.result import Diagnosis
 from identifiability.diagnosis.workflow import diagnose
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model
 from identifiability.names import Array
 from identifiability.robot import Robot

@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.errors import LogError
-from identifiability.log import Log
-from identifiability.logfile import LogFile
+from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile
 
 Recording = Log | LogFile
 

@@ -17,7 +17,7 @@ from identifiability.diagnosis.ar_noise import ARNoise
 from identifiability.diagnosis.evidence import Bench, score_candidates, solve_values
 from identifiability.diagnosis.roles import Recording
 from identifiability.diagnosis.rows import Candidate, Rows
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.names import Array
 from identifiability.samples import Samples
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.log import Log
-from identifiability.logfile import LogFile
-from identifiability.longsamples import join_motions
-from identifiability.preparation import Preparation, make_plan
+from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile
 from identifiability.robot import Robot
-from identifiability.samples import (
+from identifiability.samples.longsamples import join_motions
+from identifiability.samples.preparation import Preparation, make_plan
+from identifiability.samples.samples import (
     Samples,
     check_left,
     decimation_note,

@@ -19,12 +19,11 @@ from identifiability.diagnosis.roles import assign_roles
 from identifiability.diagnosis.rules import Rules
 from identifiability.diagnosis.thinning import prepare_thin
 from identifiability.errors import LogError
-from identifiability.log import Log
-from identifiability.logfile import LogFile
+from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile
 from identifiability.model import Model
-from identifiability.preparation import Preparation
 from identifiability.robot import Robot
-from identifiability.samples import Samples
+from identifiability.samples import Preparation, Samples
 from identifiability.stages import LogLike, Progress, check_held_out, read_logs
 
 #: The model that is diagnosed when none is given.

@@ -13,10 +13,10 @@ from identifiability.estimation import estimate
 from identifiability.excitation.criteria import Condition, Criterion, LogDet, Separation
 from identifiability.grouping import BaseParameters, find_base_parameters
 from identifiability.information import gather_information
-from identifiability.longsamples import Prepared
 from identifiability.model import Model, Regression
 from identifiability.names import Array
 from identifiability.robot import Robot
+from identifiability.samples.longsamples import Prepared
 
 #: Effects of the model: for conditioning those of the literature, else those of a diagnosis.
 EFFECTS = {

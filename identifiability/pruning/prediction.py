@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identifiability.engines.mapping import Engine, Steps
 from identifiability.estimation import Estimate
 from identifiability.evaluation import Prediction, Task, predict_all, take_turns
 from identifiability.feasibility import PhysicalResult
 from identifiability.information import Information
 from identifiability.ladder import Rung
-from identifiability.mapping import Engine, Steps
 from identifiability.model import Regression
 from identifiability.names import Array
 from identifiability.prediction import standard_error

@@ -14,7 +14,6 @@ from identifiability.estimation import Method
 from identifiability.grouping import BaseParameters
 from identifiability.information import Information
 from identifiability.ladder import Rung
-from identifiability.longsamples import Prepared
 from identifiability.output import write_json, write_text
 from identifiability.pruning.absorption import Absorption
 from identifiability.pruning.elimination import Refusal
@@ -24,6 +23,7 @@ from identifiability.pruning.selection import Criterion
 from identifiability.pruning.stability import Stability
 from identifiability.pruning.words import ladder_toml, statement
 from identifiability.robot import Robot
+from identifiability.samples.longsamples import Prepared
 from identifiability.verdict import Verdict
 
 SCHEMA = "identifiability/pruning/1"

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from identifiability.engine import Engine, Serial
+from identifiability.engines.local import Engine, Serial
 from identifiability.pruning.elimination import walk
 from identifiability.pruning.folds import Folds
 from identifiability.pruning.moves import Partition

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.errors import ClosureError
-from identifiability.longsamples import Prepared
 from identifiability.model import Model
 from identifiability.names import Array
 from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.samples.longsamples import Prepared
 
 #: States drawn; their mean squares are then known to a few percent.
 STATES = 500

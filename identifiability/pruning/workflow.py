@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.assessment import RungResult, assess_ladder
 from identifiability.bootstrap import merge_blocks
+from identifiability.engines.mapping import Engine, Steps
 from identifiability.errors import IdentifiabilityError, LogError, ModelError, listing, near_match
 from identifiability.estimation import Method, estimate
 from identifiability.feasibility import PhysicalResult, assess_feasibility
@@ -25,10 +26,7 @@ from identifiability.ladder import (
     nominal_base,
     read_ladder,
 )
-from identifiability.longsamples import Prepared
-from identifiability.mapping import Engine, Steps
 from identifiability.model import Model, Regression
-from identifiability.preparation import Preparation
 from identifiability.pruning.absorption import absorb
 from identifiability.pruning.elimination import Step
 from identifiability.pruning.moves import Move
@@ -41,6 +39,8 @@ from identifiability.pruning.selection import Criterion, good_steps, least_error
 from identifiability.pruning.stability import assess_stability
 from identifiability.pruning.unseen import unseen_regressor
 from identifiability.robot import Robot
+from identifiability.samples import Preparation
+from identifiability.samples.longsamples import Prepared
 from identifiability.stages import (
     LogLike,
     Progress,

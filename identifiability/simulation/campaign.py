@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.names import Array
 from identifiability.robot import Robot
 from identifiability.simulation import forces

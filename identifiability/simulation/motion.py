@@ -8,7 +8,8 @@ import numpy as np
 
 from identifiability import signals
 from identifiability.errors import LogError, near_match
-from identifiability.log import Log
+from identifiability.logs import Log
+from identifiability.logs.table import read_table
 from identifiability.robot import Robot
 from identifiability.simulation.prescribed import PrescribedMotion
 from identifiability.simulation.trajectory import (
@@ -16,7 +17,6 @@ from identifiability.simulation.trajectory import (
     read_trajectories,
     shipped_trajectory,
 )
-from identifiability.table import read_table
 from identifiability.units import check_units
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.names import Array
 from identifiability.robot import Robot
 from identifiability.simulation import forces

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from identifiability.engine import Processes
+from identifiability.engines.local import Processes
 from identifiability.model import Model
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.robot.newton import newton

@@ -9,7 +9,7 @@ from functools import cache, partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identifiability.engine import Engine, Serial
+from identifiability.engines.local import Engine, Serial
 from identifiability.estimation import Estimate, estimate
 from identifiability.evaluation import Prediction, parameter_error, predict
 from identifiability.information import Information, gather_information

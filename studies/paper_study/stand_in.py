@@ -15,7 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from identifiability.engine import Engine, Serial
+from identifiability.engines.local import Engine, Serial
 from identifiability.names import Array
 from identifiability.robot import Robot
 from identifiability.simulation import Trajectory, shipped_trajectory

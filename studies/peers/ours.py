@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from identifiability.estimation import Estimate, estimate
 from identifiability.grouping import BaseParameters, find_base_parameters
 from identifiability.information import Information, gather_information
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model, Regression
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, prepare_samples

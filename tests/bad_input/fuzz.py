@@ -50,7 +50,7 @@ from identifiability.errors import IdentifiabilityError
 from identifiability.export import read_parameters
 from identifiability.grouping import find_base_parameters
 from identifiability.ladder import build_ladder, default_ladder, ladder_model, read_ladder
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.robot.files import locate_robot
 from identifiability.samples import prepare_samples

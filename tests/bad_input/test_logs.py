@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.errors import LogError
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.samples import Preparation, prepare_samples
 
 

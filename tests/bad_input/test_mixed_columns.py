@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.contradictions import find_contradictions
 from identifiability.grouping import find_base_parameters
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model, Regression
 from identifiability.robot import Robot
 from identifiability.samples import prepare_samples
+from identifiability.samples.contradictions import find_contradictions
 from identifiability.simulation import PAPER_NOISE, random_trajectory, simulate
 from identifiability.torque_check import find_mix_up
 

@@ -8,7 +8,7 @@ import pytest
 
 from identifiability.analysis import analyze
 from identifiability.errors import ClosureError, LogError
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.robot import Robot, complete_motion
 from identifiability.samples import prepare_samples
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.robot.files import locate_robot
 from identifiability.simulation import random_trajectory, simulate

@@ -8,7 +8,7 @@ from identifiability.estimation import estimate
 from identifiability.grouping import find_base_parameters
 from identifiability.information import gather_information
 from identifiability.ladder import nominal_base
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model, Regression
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, prepare_samples

@@ -10,7 +10,7 @@ import pytest
 
 from identifiability import analyze
 from identifiability.errors import OutputError, RobotError
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.pruning import prune
 from identifiability.robot import Robot
 from identifiability.robot.write import write_robot

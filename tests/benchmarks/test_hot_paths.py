@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from identifiability.estimation import estimate
 from identifiability.grouping import find_base_parameters
 from identifiability.information import gather_information
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model, Regression
 from identifiability.robot import Robot, complete_motion
 from identifiability.samples import prepare_samples

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identifiability.diagnosis import Diagnosis, diagnose
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory
 

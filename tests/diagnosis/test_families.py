@@ -20,7 +20,7 @@ from identifiability.effects import (
 from identifiability.effects.nonlinear_friction import StribeckFriction
 from identifiability.errors import IdentifiabilityError, ModelError
 from identifiability.grouping import random_motion
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.model import Model
 from identifiability.names import Parameter
 from identifiability.robot import Robot

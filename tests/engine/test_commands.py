@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from identifiability import analyze, prune
 from identifiability.calibration import calibrate
 from identifiability.cli import app
-from identifiability.engine import Processes, Serial
+from identifiability.engines.local import Processes, Serial
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.engine import Processes, Resumed, Serial, choose_engine
+from identifiability.engines.local import Processes, Resumed, Serial, choose_engine
+from identifiability.engines.mapping import in_order
 from identifiability.errors import EngineError, LogError
-from identifiability.mapping import in_order
 
 
 @pytest.fixture(scope="module")

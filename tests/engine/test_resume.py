@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identifiability import fingerprint as prints
-from identifiability.engine import Resumed, Serial
+from identifiability.engines.local import Resumed, Serial
 from identifiability.errors import OutputError
 
 calls = []
@@ -148,7 +148,7 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
 PROGRAM = """
 import sys, time
 from pathlib import Path
-from identifiability.engine import choose_engine
+from identifiability.engines.local import choose_engine
 
 def work(item):
     if sys.argv[1] == "slow" and item >= 12:

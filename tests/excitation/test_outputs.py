@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from identifiability.cli import app as whole
 from identifiability.cli.excite import excite as command
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.simulation.motion import find_motion
 from identifiability.simulation.trajectory import read_trajectories
 

@@ -8,10 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability import analyze
-from identifiability.bags import hash_bag, read_bag
 from identifiability.cli import app
 from identifiability.errors import LogError
-from identifiability.log import Log
+from identifiability.logs import Log
+from identifiability.logs.bags import hash_bag, read_bag
 
 pytest.importorskip("rosbags", reason="needs the extra 'ros'")
 

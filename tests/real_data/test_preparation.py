@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability import Log, Preparation, Robot, prepare_samples
-from identifiability.rests import find_rests
+from identifiability.samples.rests import find_rests
 from identifiability.signals import choose_cutoff
 
 RATE = 500.0

@@ -4,8 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import errorsums, longsamples, longtable, signals
+from identifiability import errorsums, signals
+from identifiability.logs import longtable
 from identifiability.robot import Robot
+from identifiability.samples import longsamples
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 
 

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.engine import Processes, Serial
+from identifiability.engines.local import Processes, Serial
 from identifiability.errors import ClosureError, LogError
-from identifiability.log import Log
-from identifiability.logfile import LogFile
-from identifiability.longsamples import prepare_log
-from identifiability.preparation import Preparation
+from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile
 from identifiability.robot import Robot
-from identifiability.samples import prepare_samples
+from identifiability.samples import Preparation, prepare_samples
+from identifiability.samples.longsamples import prepare_log
 
 ROWS = 4000
 

@@ -8,13 +8,12 @@ import pytest
 from identifiability import diagnose
 from identifiability.diagnosis import thinning
 from identifiability.diagnosis.workflow import prepare_rows
-from identifiability.engine import Serial
-from identifiability.log import Log
-from identifiability.logfile import LogFile
-from identifiability.longsamples import prepare_log
-from identifiability.preparation import Preparation
+from identifiability.engines.local import Serial
+from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile
 from identifiability.robot import Robot
-from identifiability.samples import prepare_samples
+from identifiability.samples import Preparation, prepare_samples
+from identifiability.samples.longsamples import prepare_log
 
 
 @pytest.fixture

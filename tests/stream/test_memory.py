@@ -4,13 +4,13 @@ import tracemalloc
 
 import numpy as np
 
-from identifiability.engine import Serial
+from identifiability.engines.local import Serial
 from identifiability.evaluation import predict
 from identifiability.information import gather_information
-from identifiability.logfile import LogFile
-from identifiability.longsamples import prepare_log
+from identifiability.logs.logfile import LogFile
 from identifiability.model import Model, Regression
 from identifiability.robot import Robot
+from identifiability.samples.longsamples import prepare_log
 
 
 def peak(path) -> int:

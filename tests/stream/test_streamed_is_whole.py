@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 
 from identifiability import analyze, prune
-from identifiability.engine import Processes, Resumed, Serial
+from identifiability.engines.local import Processes, Resumed, Serial
 from identifiability.evaluation import predict
 from identifiability.grouping import find_base_parameters
 from identifiability.information import gather_information
-from identifiability.log import Log
-from identifiability.logfile import LogFile, open_log
-from identifiability.longsamples import prepare_log
+from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile, open_log
 from identifiability.model import Model, Regression
-from identifiability.preparation import Preparation
 from identifiability.robot import Robot
-from identifiability.samples import prepare_samples
+from identifiability.samples import Preparation, prepare_samples
+from identifiability.samples.longsamples import prepare_log
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -166,7 +165,7 @@ def test_engines_agree_to_the_last_bit_and_finished_parts_are_not_done_again(
 
 
 def test_only_long_files_are_streamed(sizes, frame_of, saved, monkeypatch):
-    from identifiability import longtable
+    from identifiability.logs import longtable
 
     frame = frame_of("two-link", periods=2)
     paths = saved(frame), saved(frame, "csv")

@@ -6,10 +6,10 @@ import numpy as np
 
 from identifiability.analysis import Analysis
 from identifiability.assessment import RungResult
-from identifiability.longsamples import Prepared
 from identifiability.names import Array
 from identifiability.report.numbers import format_number, format_percent
 from identifiability.robot import Robot
+from identifiability.samples.longsamples import Prepared
 
 
 def unseen_samples(analysis: Analysis) -> tuple[Prepared, ...]:

@@ -8,11 +8,11 @@ from identifiability.analysis import Analysis
 from identifiability.estimation import PAPER_FACTOR
 from identifiability.evaluation import STRETCHES
 from identifiability.linalg import RANK_TOLERANCE
-from identifiability.longsamples import Prepared
 from identifiability.report.blocks import Fold, Section, Terms
 from identifiability.report.glossary import GLOSSARY
 from identifiability.report.numbers import format_count, format_number
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.samples.longsamples import Prepared
 from identifiability.verdict import Thresholds
 
 _MEANING = {

@@ -14,9 +14,9 @@ from typing import Any
 
 import joblib
 
+from identifiability.engines.fingerprint import fingerprint
+from identifiability.engines.mapping import Engine, Item, OpenEngine, Result
 from identifiability.errors import OutputError
-from identifiability.fingerprint import fingerprint
-from identifiability.mapping import Engine, Item, OpenEngine, Result
 from identifiability.output import write_bytes
 
 _MAGIC = b"identifiability result 1\n"

@@ -1,7 +1,7 @@
 """Where long work runs: in this process, in several, or on a cluster, with or without a memory.
 
 What to use when: `Serial` for work of seconds and for debugging, `Processes` on one machine,
-`identifiability.cluster.Dask` for more than one, `Resumed` around any of them for hours of work.
+`cluster.Dask` for more than one, `Resumed` around any of them for hours of work.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ import cloudpickle
 import joblib
 from joblib.externals.loky import ProcessPoolExecutor
 
-from identifiability.errors import EngineError, near_match
-from identifiability.mapping import (
+from identifiability.engines.mapping import (
     AHEAD,
     Engine,
     Item,
@@ -33,7 +32,8 @@ from identifiability.mapping import (
     in_order,
     run_limited,
 )
-from identifiability.resume import Resumed
+from identifiability.engines.resume import Resumed
+from identifiability.errors import EngineError, near_match
 
 __all__ = ["Engine", "OpenEngine", "Processes", "Resumed", "Serial", "choose_engine"]
 
@@ -227,6 +227,6 @@ def _build_engine(name: str, workers: int | None, scheduler: str | None) -> Open
         return Serial()
     if name == "processes":
         return Processes(workers)
-    from identifiability.cluster import Dask  # noqa: PLC0415 - an extra
+    from identifiability.engines.cluster import Dask  # noqa: PLC0415 - an extra
 
     return Dask(scheduler, workers)

@@ -10,14 +10,14 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability import signals
-from identifiability.checks import FEWEST
 from identifiability.errors import LogError
-from identifiability.log import Log
+from identifiability.logs import Log
+from identifiability.logs.checks import FEWEST
 from identifiability.names import Array
-from identifiability.plan import Plan, joint_log
-from identifiability.preparation import Preparation, make_plan
 from identifiability.robot import Motion, Robot, complete_motion
-from identifiability.survey import Survey
+from identifiability.samples.plan import Plan, joint_log
+from identifiability.samples.preparation import Preparation, make_plan
+from identifiability.samples.survey import Survey
 
 __all__ = ["Piece", "Preparation", "Samples", "prepare_rows", "prepare_samples"]
 

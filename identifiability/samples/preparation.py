@@ -14,14 +14,14 @@ from typing import Literal, get_args
 import numpy as np
 
 from identifiability import signals
-from identifiability.contradictions import find_contradictions
 from identifiability.errors import LogError, near_match
-from identifiability.log import Log, even_step, join_logs
-from identifiability.logfile import LogFile
+from identifiability.logs.log import Log, even_step, join_logs
+from identifiability.logs.logfile import LogFile
 from identifiability.names import Array
-from identifiability.plan import Plan, has_motors, joint_log
-from identifiability.rests import RestRule, choose_rest_rule
 from identifiability.robot import Robot
+from identifiability.samples.contradictions import find_contradictions
+from identifiability.samples.plan import Plan, has_motors, joint_log
+from identifiability.samples.rests import RestRule, choose_rest_rule
 from identifiability.units import check_units
 
 Derivatives = Literal["auto", "given", "butterworth", "fourier"]

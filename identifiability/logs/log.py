@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identifiability import signals
-from identifiability.bags import hash_bag, split_topic
-from identifiability.checks import (
+from identifiability.errors import LogError, listing, near_match
+from identifiability.logs.bags import hash_bag, split_topic
+from identifiability.logs.checks import (
     CHANNELS,
     Clock,
     check_times,
@@ -24,10 +25,9 @@ from identifiability.checks import (
     read_numbers,
     wanted_columns,
 )
-from identifiability.errors import LogError, listing, near_match
+from identifiability.logs.table import PARQUET, read_table
 from identifiability.names import Array
 from identifiability.output import write_bytes, write_text
-from identifiability.table import PARQUET, read_table
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.names import Array
 
 #: Share of the motion's variance that a given derivative may leave unexplained.

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identifiability import signals
-from identifiability.log import Log
+from identifiability.logs import Log
 from identifiability.names import Array
-from identifiability.rests import RestRule
 from identifiability.robot import Robot
+from identifiability.samples.rests import RestRule
 
 
 @dataclass(frozen=True)

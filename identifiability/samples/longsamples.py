@@ -11,17 +11,17 @@ from operator import add
 import numpy as np
 
 from identifiability import signals
-from identifiability.checks import FEWEST
+from identifiability.engines.mapping import Engine, Steps
 from identifiability.errors import ClosureError, LogError
-from identifiability.log import Log
-from identifiability.logfile import LogFile
-from identifiability.longtable import ParquetTable
-from identifiability.mapping import Engine, Steps
+from identifiability.logs import Log
+from identifiability.logs.checks import FEWEST
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.longtable import ParquetTable
 from identifiability.names import Array
-from identifiability.plan import Plan, joint_log
-from identifiability.preparation import Preparation, make_plan
 from identifiability.robot import Motion, Robot, complete_motion
-from identifiability.samples import (
+from identifiability.samples.plan import Plan, joint_log
+from identifiability.samples.preparation import Preparation, make_plan
+from identifiability.samples.samples import (
     Piece,
     Samples,
     check_left,
@@ -30,7 +30,7 @@ from identifiability.samples import (
     prepare_samples,
     too_short,
 )
-from identifiability.survey import Survey
+from identifiability.samples.survey import Survey
 
 #: Samples that are prepared at a time, at least; and in units of what filters draw on.
 PIECE, MARGINS = 8_192, 4

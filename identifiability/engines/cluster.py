@@ -21,9 +21,9 @@ from typing import Any
 
 import joblib
 
+from identifiability.engines.fingerprint import root_module, source_digest
+from identifiability.engines.mapping import AHEAD, Item, OpenEngine, Result, in_order, run_limited
 from identifiability.errors import EngineError
-from identifiability.fingerprint import root_module, source_digest
-from identifiability.mapping import AHEAD, Item, OpenEngine, Result, in_order, run_limited
 
 #: Seconds to wait for a scheduler, and for its first worker.
 PATIENCE = 5.0

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from identifiability.bags import is_bag, read_bag, split_topic
 from identifiability.errors import LogError
+from identifiability.logs.bags import is_bag, read_bag, split_topic
 
 if TYPE_CHECKING:
     import pandas as pd
