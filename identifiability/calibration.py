@@ -264,7 +264,7 @@ def calibrate(
         try:
             named = measure_false_names(
                 analysis.robot, logs, model=analysis.effects, trials=diagnoses, seed=seed,
-                progress=progress,
+                progress=progress, engine=runner,
             )  # fmt: skip
         except LogError as error:  # too short a log has no part to verify names on
             reason = f"How often a name is false was not measured: {error}"

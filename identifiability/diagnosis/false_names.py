@@ -7,8 +7,9 @@ the false names that filters make.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from scipy import stats
 from identifiability.diagnosis.autoregression import colour, durbin
 from identifiability.diagnosis.result import Diagnosis
 from identifiability.diagnosis.workflow import diagnose
+from identifiability.effects import FAMILIES, Effect
+from identifiability.engines.local import Engine, Serial
 from identifiability.logs import Log
 from identifiability.model import Model
 from identifiability.names import Array
@@ -110,6 +113,7 @@ def measure_false_names(
     trials: int = 40,
     seed: int = 0,
     progress: Progress | None = None,
+    engine: Engine | None = None,
 ) -> FalseNames:
     """Repeat the diagnosis on simulated logs of the same motion in which nothing is missing.
 
@@ -121,29 +125,87 @@ def measure_false_names(
     trials : int
     seed : int
     progress : callable(str, float), optional
+    engine : Engine, optional
+        Where the logs are diagnosed; by default here. The result does not depend on it.
     """
     say = progress or (lambda what, share: None)
     train, held = (in_memory(read_logs(x), Log) for x in (logs, validate))
     found = diagnose(robot, train, held, model=model, quick=True, seed=seed)
     make = null_maker(found, [*train, *held])
+    work = partial(_diagnose_null, make, len(train), found.base_effects, tuple(FAMILIES))
+    items = [(seed + k, s) for k, s in enumerate(np.random.SeedSequence(seed).spawn(trials))]
+    results = _reaching(engine).map(
+        work, items, progress=lambda done, total: say(f"repetition {done}", done / total)
+    )
     named, sizes = [], []
-    for k, stream in enumerate(np.random.SeedSequence(seed).spawn(trials)):
-        say(f"repetition {k + 1}", k / trials)
-        fake = make(np.random.default_rng(stream))
-        d = diagnose(
-            robot, fake[: len(train)], fake[len(train) :], model=Model(found.base_effects),
-            quick=True, seed=seed + k,
-        )  # fmt: skip
-        if d.effects:
-            named.append("; ".join(f"{e.name} in {', '.join(e.joints)}" for e in d.effects))
-        sizes.append(d.remainder.detectable)
+    for name, detectable in results:
+        named += [name] if name else []
+        sizes.append(detectable)
     families = dict.fromkeys(name for s in sizes for name in s)
     per_family = {f: np.array([s[f] for s in sizes if f in s]) for f in families}
     return FalseNames(trials, tuple(named), per_family)
 
 
-def null_maker(found: Diagnosis, logs: Sequence[Log]) -> Callable[[np.random.Generator], list[Log]]:
-    """Return a function that makes logs of the same motion with base torque and like noise.
+def _reaching(engine: Engine | None) -> Engine:
+    """Return the engine, or work here if its workers would not know families of the user's own."""
+    own = any(not f.build.__module__.startswith("identifiability.") for f in FAMILIES.values())
+    return Serial() if engine is None or own else engine
+
+
+def _diagnose_null(
+    make: NullMaker,
+    fitted: int,
+    model: tuple[Effect, ...],
+    families: tuple[str, ...],
+    item: tuple[int, np.random.SeedSequence],
+) -> tuple[str, dict[str, float]]:
+    """Return the name given to one repetition, if any, and what would have stood out."""
+    seed, stream = item
+    fake = make(np.random.default_rng(stream))
+    d = diagnose(
+        make.robot, fake[:fitted], fake[fitted:], model=Model(model), effects=families,
+        quick=True, seed=seed,
+    )  # fmt: skip
+    name = "; ".join(f"{e.name} in {', '.join(e.joints)}" for e in d.effects)
+    return name, dict(d.remainder.detectable)
+
+
+@dataclass(frozen=True)
+class NullMaker:
+    """Makes logs of the same motion with base torque and like noise.
+
+    Attributes
+    ----------
+    robot : Robot
+    logs : tuple of Log
+        With the robot's joints alone.
+    kept : tuple of (N,) int
+        Rows of each log whose torque is replaced.
+    torque : tuple of (N, n)
+        Of the base model.
+    series : tuple of ((p,), float)
+        Autoregression and innovation of each joint's noise.
+    """
+
+    robot: Robot
+    logs: tuple[Log, ...]
+    kept: tuple[np.ndarray, ...]
+    torque: tuple[Array, ...]
+    series: tuple[tuple[Array, float], ...]
+
+    def __call__(self, rng: np.random.Generator) -> list[Log]:
+        """Return new logs."""
+        out = []
+        for log, kept, tau in zip(self.logs, self.kept, self.torque, strict=True):
+            fake = np.array(log.tau)
+            noise = [sigma * colour(rng.standard_normal(len(tau)), p) for p, sigma in self.series]
+            fake[kept] = tau + np.stack(noise, axis=1)
+            out.append(replace(log, tau=fake))
+        return out
+
+
+def null_maker(found: Diagnosis, logs: Sequence[Log]) -> NullMaker:
+    """Return what makes logs of the same motion with base torque and like noise.
 
     The torque is that of the base model as it is fitted beside the named effects; the noise is
     autoregressive with the covariance of what both leave.
@@ -153,21 +215,11 @@ def null_maker(found: Diagnosis, logs: Sequence[Log]) -> Callable[[np.random.Gen
     W = [found.model.regressor(robot, s.motion) for s in samples]
     value = _fit(np.concatenate(W), np.concatenate([s.tau for s in samples]))
     width = len(Model(found.base_effects).parameters(robot))
-    torque = [w[:, :, :width] @ value[:width] for w in W]
+    torque = tuple(w[:, :, :width] @ value[:width] for w in W)
     left = [s.tau - w @ value for s, w in zip(samples, W, strict=True)]
-    series = [durbin(_covariance([r[:, j] for r in left])) for j in range(left[0].shape[1])]
-
-    def make(rng: np.random.Generator) -> list[Log]:
-        out = []
-        for log, s, tau in zip(logs, samples, torque, strict=True):
-            chosen = log.select(robot.joints)
-            fake = np.array(chosen.tau)
-            noise = [sigma * colour(rng.standard_normal(len(tau)), p) for p, sigma in series]
-            fake[s.motion.kept] = tau + np.stack(noise, axis=1)
-            out.append(replace(chosen, tau=fake))
-        return out
-
-    return make
+    series = tuple(durbin(_covariance([r[:, j] for r in left])) for j in range(left[0].shape[1]))
+    chosen = tuple(log.select(robot.joints) for log in logs)
+    return NullMaker(robot, chosen, tuple(s.motion.kept for s in samples), torque, series)
 
 
 def _fit(W: Array, tau: Array) -> Array:

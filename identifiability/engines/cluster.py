@@ -19,10 +19,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cloudpickle
 import joblib
 
 from identifiability.engines.fingerprint import root_module, source_digest
-from identifiability.engines.mapping import AHEAD, Item, OpenEngine, Result, in_order, run_limited
+from identifiability.engines.mapping import (
+    AHEAD,
+    LARGE,
+    Item,
+    OpenEngine,
+    Result,
+    in_order,
+    run_limited,
+)
 from identifiability.errors import EngineError
 
 #: Seconds to wait for a scheduler, and for its first worker.
@@ -81,13 +90,10 @@ class Dask(OpenEngine):
         from distributed import KilledWorker  # noqa: PLC0415
         from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
 
-        with self._reached(OSError), warnings.catch_warnings():
+        with self._reached(OSError):
             self._send_module(function)
-            # A regressor in a partial is large, and is sent only once.
-            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
-            stored = self.client.submit(_keep, function, pure=False)
+            submit = self._submitter(function)
             window = AHEAD * max(1, sum(self.client.ncores().values()))
-        submit = partial(self.client.submit, run_limited, stored, pure=False)
         try:
             with self._reached(CancelledError, CommClosedError, RPCClosed):
                 yield from in_order(submit, items, window, self._abandon)
@@ -96,6 +102,16 @@ class Dask(OpenEngine):
                 f"The workers of the cluster at {self.scheduler} died again and again on the same "
                 "item, most likely for lack of memory; give workers that have more."
             ) from None
+
+    def _submitter(self, function: Callable[[Item], Result]) -> Callable[[Item], Any]:
+        if len(cloudpickle.dumps(function)) <= LARGE:
+            return partial(self.client.submit, run_limited, function, pure=False)
+        # A regressor in a partial is sent once. Small functions go with each item, because the
+        # scheduler prefers workers that have what an item needs, and a new worker has nothing.
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
+            stored = self.client.submit(_keep, function, pure=False)
+        return partial(self.client.submit, run_limited, stored, pure=False)
 
     @contextlib.contextmanager
     def _reached(self, *lost: type[Exception]) -> Iterator[None]:

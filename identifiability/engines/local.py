@@ -25,6 +25,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 
 from identifiability.engines.mapping import (
     AHEAD,
+    LARGE,
     Engine,
     Item,
     OpenEngine,
@@ -41,9 +42,6 @@ Name = Literal["serial", "processes", "dask"]
 
 #: How often work is taken up again after a worker was lost without any result in between.
 RESTARTS = 2
-
-#: Functions that pickle to more bytes than this are put into a file that each worker reads once.
-LARGE = 100_000
 
 #: Seconds between a worker's looks at whether its parent still lives.
 WATCH = 1.0

@@ -20,6 +20,9 @@ Steps = Callable[[int, int], None]
 #: Items under way or unfetched for each worker: enough that one slow item does not idle the rest.
 AHEAD = 4
 
+#: Functions that pickle to more bytes than this are sent to each worker once, not with each item.
+LARGE = 100_000
+
 
 class Pending(Protocol[Result_co]):
     """A result that is being worked on; those of every executor and cluster are alike."""

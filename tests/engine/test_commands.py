@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 from identifiability import analyze, prune
 from identifiability.calibration import calibrate
 from identifiability.cli import app
+from identifiability.diagnosis.false_names import _reaching
+from identifiability.effects.family import Family, forget_family, joint_places, register_family
 from identifiability.engines.local import Processes, Serial
 
 
@@ -28,7 +30,7 @@ def log(simulated_session):
 
 def test_seeds_of_a_calibration_do_not_depend_on_who_does_it(log, two):
     analysis = analyze("two-link", log, replicates=0)
-    small = {"noise": (1.0,), "rho": (0.9,), "trials": 12, "replicates": 10}
+    small = {"noise": (1.0,), "rho": (0.9,), "trials": 6, "replicates": 10}
     found = [
         calibrate(analysis, **small, sbc=260, seed=3, engine=engine).to_dict()
         for engine in (None, Serial(), two)
@@ -48,14 +50,25 @@ def test_seeds_of_pruning_do_not_depend_on_who_does_it(log, two):
     assert here.replicates == 25
 
 
+def test_families_of_ones_own_are_looked_for_here_where_they_are_known(two):
+    assert _reaching(two) is two
+    own = register_family(Family("rope", "a rope", lambda shape, joint: None, joint_places))
+    try:
+        assert isinstance(_reaching(two), Serial)
+    finally:
+        forget_family(own.name)
+    assert _reaching(two) is two
+    assert isinstance(_reaching(None), Serial)
+
+
 def test_a_calibration_is_taken_up_again(log, tmp_path):
     path = log.write(tmp_path / "log.csv")
     words = ["calibrate", "two-link", str(path), "--quick", "--engine", "serial", "--no-sbc"]
-    words += ["--resume", str(tmp_path / "work"), "--json"]
+    words += ["--names", "0", "--resume", str(tmp_path / "work"), "--json"]
     first, again = tmp_path / "first.json", tmp_path / "again.json"
     assert CliRunner().invoke(app, [*words, str(first)]).exit_code == 0
     kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "work").rglob("*.result")}
-    assert len(kept) == 9  # a batch for each cell
+    assert len(kept) == 12  # four batches for the first cell, one for each of the other eight
     victim = min(kept)
     victim.unlink()
     assert CliRunner().invoke(app, [*words, str(again)]).exit_code == 0
@@ -88,7 +101,7 @@ def test_ctrl_c_ends_a_calibration_and_its_workers_at_once(log, spawn, group, tm
         path.write_text("old")
     running = spawn(
         "-m", "identifiability", "calibrate", "two-link", log.write(tmp_path / "log.csv"),
-        "--trials", 2000, "--workers", 2, "--resume", work, "--report", report, "--json", result,
+        "--trials", 500, "--workers", 2, "--resume", work, "--report", report, "--json", result,
     )  # fmt: skip
     until = time.monotonic() + 120
     while not list(work.rglob("*.result")) and time.monotonic() < until:
