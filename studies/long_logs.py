@@ -172,7 +172,7 @@ def run_frame(runs: Sequence[Run]) -> pd.DataFrame:
             {
                 "command": r.command,
                 "log": f"{r.form}, {r.file_mb:.0f} MB",
-                "samples": f"{r.samples:,}".replace(",", "\u2009"),
+                "samples": spaced(r.samples),
                 "wall [s]": f"{r.seconds:.1f}",
                 "processor [s]": f"{r.cpu:.1f}",
                 "µs a sample": text,
@@ -186,16 +186,22 @@ def run_frame(runs: Sequence[Run]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def spaced(count: int) -> str:
+    """Return a whole number with thin spaces between thousands."""
+    return f"{count:,}".replace(",", "\u2009")
+
+
 def write(runs: Sequence[Run], out: Path) -> None:
     """Write the page and the numbers, and print where."""
     longest = max(runs, key=lambda r: r.samples)
     text = (
-        f"`{longest.command}` of {longest.samples:.0e} samples: {longest.seconds:.0f} s, "
-        f"{longest.peak:.0f} MB in all {longest.processes} processes together at any time."
+        f"{longest.command} of {spaced(longest.samples)} samples: {longest.seconds:.0f} s, and "
+        f"never more than {longest.peak:.0f} MB in all {longest.processes} processes together."
     )
     lead = (
         f"{ROBOT}, trajectory {TRAJECTORY} repeated, torque noise {100 * NOISE:g} % with an AR(1) "
-        f"correlation of {RHO:g}. Wall time includes starting Python, the posterior and the report."
+        f"correlation of {RHO:g}. The largest count of processes includes helpers that only track "
+        "the others. Wall time includes starting Python, the posterior and the report."
     )
     section = Section("runs", "Commands", lead, (frame_table(run_frame(runs)),))
     out.parent.mkdir(parents=True, exist_ok=True)
