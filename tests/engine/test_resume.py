@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability import fingerprint as prints
+from identifiability.engines import fingerprint as prints
 from identifiability.engines.local import Resumed, Serial
 from identifiability.errors import OutputError
 
