@@ -27,6 +27,8 @@ BOUND = 3.5
 FLOOR = 1e-4
 #: Singular values below this share of the largest are rounding.
 RANK = 1e-9
+#: A residual below this share of the torque is rounding, and has no correlation to speak of.
+ROUNDING = 1e-8
 #: A step longer than this many usual ones ends a stretch.
 GAP = 1.5
 
@@ -129,7 +131,11 @@ def _fit(y: Array, X: Array, runs: Runs) -> tuple[Array, float]:
     """Return partial autocorrelations and innovation sd of y (N,) beside X (N, k), least BIC."""
     length = np.linalg.norm(X, axis=0)
     U, s, _ = np.linalg.svd(X[:, length > 0] / length[length > 0], full_matrices=False)
-    problem = RestrictedLikelihood(y, U[:, s > RANK * s.max(initial=0.0)], runs, FLOOR)
+    basis = U[:, s > RANK * s.max(initial=0.0)]
+    left = y - basis @ (basis.T @ y)
+    if np.linalg.norm(left) <= ROUNDING * np.linalg.norm(y):
+        return np.empty(0), float(np.linalg.norm(left) / np.sqrt(max(len(y) - basis.shape[1], 1)))
+    problem = RestrictedLikelihood(y, basis, runs, FLOOR)
     best = theta = np.empty(0)
     least = problem.deviance(theta)
     for order in range(1, HIGHEST_ORDER + 1):

@@ -240,6 +240,15 @@ def test_noise_of_higher_order_and_gaps_between_stretches_are_kept():
     assert fit_residual_noise(pairs, np.ones((4000, 1, 1)), many).pacf[0][0] > 0.85
 
 
+def test_a_log_without_noise_is_calibrated_without_a_word(analysis):
+    W = np.random.default_rng(0).normal(size=(200, 2, 5))
+    found = fit_residual_noise(W @ np.arange(5.0), W, [(0, 200)])
+    assert found.orders == (0, 0)
+    assert (found.sd < 1e-12).all()
+    zero = fit_residual_noise(np.zeros((200, 2)), W, [(0, 200)])
+    np.testing.assert_array_equal(zero.sd, 0.0)
+
+
 def test_stretches_end_at_gaps_and_at_the_ends_of_logs(analysis):
     samples = analysis.samples[0]
     cut = samples.motion[np.r_[0:100, 200 : len(samples.motion)]]
