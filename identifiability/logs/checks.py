@@ -106,7 +106,7 @@ class Numbers:
         self._first: tuple[int, str] | None = None
         self._large: tuple[int, float] | None = None
 
-    def add(self, given: pd.Series[Any]) -> Array:
+    def add(self, given: pd.Series) -> Array:
         """Return the next piece as floats, (N,); what is no number is NaN.
 
         Raises
@@ -162,7 +162,7 @@ class Numbers:
             )
 
 
-def to_floats(given: pd.Series[Any]) -> Array:
+def to_floats(given: pd.Series) -> Array:
     """Return a column as floats, (N,); NaN for what is no number."""
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
