@@ -185,7 +185,8 @@ def _gather_part(part: Part, basis: Array, size: int) -> list[tuple[tuple[int, i
     k = len(basis)
     inverse = solve_triangular(basis, np.eye(k))
     out: list[tuple[tuple[int, int], Array, int]] = []
-    for log, start, W, tau, *_ in part.chunks():
+    for chunk in part.chunks():
+        log, start, W, tau = chunk.log, chunk.start, chunk.W, chunk.tau
         n = tau.shape[1]
         Z = np.concatenate([W, tau[:, :, None]], axis=2).reshape(-1, k) @ inverse
         Z = Z.reshape(len(tau), n, k).transpose(1, 0, 2)

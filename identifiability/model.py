@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,7 +29,8 @@ CHUNK = 1024
 KEEP_BYTES = 200e6
 
 
-class Chunk(NamedTuple):
+@dataclass(frozen=True)
+class Chunk:
     """Consecutive rows of a regression.
 
     Attributes
@@ -95,7 +96,7 @@ class Regression:
         """
         for part in self.parts(whole=True):
             for chunk in part.chunks(size):
-                yield chunk[:4]
+                yield chunk.log, chunk.start, chunk.W, chunk.tau
 
     def parts(self, *, whole: bool = False) -> list[Part]:
         """Return the regression divided into tasks: stretches of long logs, others whole.
@@ -125,7 +126,7 @@ class Regression:
         kept = []
         for chunk in _chunks(self, self.samples[log], log, size):
             if self._small:
-                chunk = chunk._replace(W=chunk.W.copy())  # noqa: PLW2901 - its buffer is reused
+                chunk = replace(chunk, W=chunk.W.copy())  # noqa: PLW2901 - its buffer is reused
                 kept.append(chunk)
             yield chunk
         if self._small:
@@ -207,7 +208,7 @@ class Part:
     def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
         """Yield its chunks."""
         for chunk in self.regression.log_chunks(self.at, size):
-            yield chunk._replace(log=self.log, start=self.start + chunk.start)
+            yield replace(chunk, log=self.log, start=self.start + chunk.start)
 
 
 def map_parts(
