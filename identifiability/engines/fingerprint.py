@@ -24,7 +24,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
     while isinstance(function, partial):
         parts.append(str(joblib.hash((function.args, function.keywords), "sha1")))
         function = function.func
-    module, name = function.__module__, getattr(function, "__qualname__", "")
+    module, name = _module(function), getattr(function, "__qualname__", "")
     root, _ = root_module(function)
     text = source_digest(root) or source_digest(module)  # of a folder without __init__, the file
     parts += [module, name, text, source_digest("identifiability")]
@@ -38,9 +38,14 @@ def root_module(function: Callable[..., Any]) -> tuple[str, Path | None]:
     """Return the package or module at whose root a function lives, and its file if it has one."""
     while isinstance(function, partial):
         function = function.func
-    name = function.__module__.partition(".")[0]
+    name = _module(function).partition(".")[0]
     file = getattr(sys.modules.get(name), "__file__", None)
     return name, None if file is None else Path(file)
+
+
+def _module(function: Callable[..., Any]) -> str:
+    """Return the module of a function; ufuncs of NumPy 2.0 know that of their type only."""
+    return str(getattr(function, "__module__", None) or type(function).__module__)
 
 
 @cache
