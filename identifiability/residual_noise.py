@@ -12,17 +12,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import minimize
 
 from identifiability.diagnosis.autoregression import Runs, autocovariance, colour, levinson
-from identifiability.diagnosis.restricted_likelihood import HIGHEST_ORDER, RestrictedLikelihood
+from identifiability.diagnosis.restricted_likelihood import RestrictedLikelihood
 from identifiability.names import Array
 from identifiability.samples import Samples
 
 #: Rows that are fitted; more tell nothing new of the noise.
 MOST_ROWS = 20_000
-#: Partial autocorrelations are held below tanh(this): slower noise cannot be told from a drift.
-BOUND = 3.5
 #: White noise that is taken to be there beside the residual, as a share of its variance.
 FLOOR = 1e-4
 #: Singular values below this share of the largest are rounding.
@@ -136,16 +133,5 @@ def _fit(y: Array, X: Array, runs: Runs) -> tuple[Array, float]:
     if np.linalg.norm(left) <= ROUNDING * np.linalg.norm(y):
         return np.empty(0), float(np.linalg.norm(left) / np.sqrt(max(len(y) - basis.shape[1], 1)))
     problem = RestrictedLikelihood(y, basis, runs, FLOOR)
-    best = theta = np.empty(0)
-    least = problem.deviance(theta)
-    for order in range(1, HIGHEST_ORDER + 1):
-        start = np.append(theta, 0.3 if order == 1 else 0.0)
-        found = minimize(
-            problem.deviance, start, method="L-BFGS-B", bounds=[(-BOUND, BOUND)] * order,
-            options={"maxiter": 30, "ftol": 1e-7},
-        )  # fmt: skip
-        theta = found.x
-        value = found.fun + order * np.log(problem.dof)
-        if value < least - 1e-9:
-            best, least = theta, value
+    best = problem.maximise()
     return np.tanh(best), problem.sigma(best)

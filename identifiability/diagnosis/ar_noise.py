@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
 
 from identifiability.diagnosis.autoregression import (
     Runs,
@@ -22,13 +21,11 @@ from identifiability.diagnosis.autoregression import (
     durbin,
     whiten,
 )
-from identifiability.diagnosis.restricted_likelihood import HIGHEST_ORDER, RestrictedLikelihood
+from identifiability.diagnosis.restricted_likelihood import BOUND, RestrictedLikelihood
 from identifiability.names import Array
 
 #: Order of the whitening filter when misfit is added to the noise.
 MISFIT_ORDER = 8
-#: Partial autocorrelations are held below tanh(this): slower noise cannot be told from a drift.
-BOUND = 3.5
 #: Columns that explain the noise-free part may take at most this share of a joint's rows.
 MOST_COLUMNS = 0.45
 #: Directions of unit columns below this length are left to the noise.
@@ -139,18 +136,7 @@ def fit_noise(tau: Array, blocks: Sequence[Array], runs: Runs) -> ARNoise:
 def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:
     """Return the noise of one joint; the order is the one with the least BIC."""
     problem = RestrictedLikelihood(y, _span(blocks, int(MOST_COLUMNS * len(y))), runs)
-    best = theta = np.empty(0)
-    least = problem.deviance(theta)
-    for order in range(1, HIGHEST_ORDER + 1):
-        start = np.append(theta, 0.3 if order == 1 else 0.0)
-        found = minimize(
-            problem.deviance, start, method="L-BFGS-B", bounds=[(-BOUND, BOUND)] * order,
-            options={"maxiter": 30, "ftol": 1e-7},
-        )  # fmt: skip
-        theta = found.x
-        value = found.fun + order * np.log(problem.dof)
-        if value < least - 1e-9:
-            best, least = theta, value
+    best = problem.maximise()
     sigma = problem.sigma(best)
     return JointNoise(best, problem.spread(best), sigma, float(problem.dof), problem.left)
 

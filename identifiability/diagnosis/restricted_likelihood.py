@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import minimize
 
 from identifiability.diagnosis.autoregression import Runs, levinson
 from identifiability.names import Array
 
 #: Highest order that is tried.
 HIGHEST_ORDER = 4
+#: Partial autocorrelations are held below tanh(this): slower noise cannot be told from a drift.
+BOUND = 3.5
 #: White noise that is taken to be there beside the residual, as a share of its variance: logs that
 #: were filtered before they were stored have empty bands, which whitening would blow up.
 FLOOR = 0.05
@@ -87,3 +90,18 @@ class RestrictedLikelihood:
         limited = np.maximum(values, self.dof / 6)  # sd of Fisher's z is about 1/√dof
         covariance: Array = (vectors / limited) @ vectors.T
         return covariance
+
+    def maximise(self) -> Array:
+        """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
+        best = theta = np.empty(0)
+        least = self.deviance(theta)
+        for order in range(1, HIGHEST_ORDER + 1):
+            found = minimize(
+                self.deviance, np.append(theta, 0.3 if order == 1 else 0.0), method="L-BFGS-B",
+                bounds=[(-BOUND, BOUND)] * order, options={"maxiter": 30, "ftol": 1e-7},
+            )  # fmt: skip
+            theta = found.x
+            value = found.fun + order * np.log(self.dof)
+            if value < least - 1e-9:
+                best, least = theta, value
+        return best
