@@ -20,29 +20,22 @@ import pandas as pd
 
 from identifiability.analysis import Analysis
 from identifiability.diagnosis import FalseNames, measure_false_names
-from identifiability.diagnosis.autoregression import Runs
 from identifiability.engines.local import Engine, Serial
 from identifiability.errors import LogError, ModelError, near_match
-from identifiability.estimation import Method
-from identifiability.ladder import Rung
 from identifiability.model import Model, Regression
-from identifiability.names import Array
-from identifiability.outcome import Cell, Outcome, count_outcomes, judge_outcome
+from identifiability.outcome import Cell, count_outcomes
 from identifiability.output import write_json
 from identifiability.ranks import RankCheck, check_ranks
+from identifiability.repetitions import Judged, Repetitions, batches, judge_repetitions
 from identifiability.replicates import Experiment, spawn_seeds
 from identifiability.residual_noise import ResidualNoise, find_runs, fit_residual_noise
 from identifiability.samples import Samples
 from identifiability.stages import LogLike, in_memory
-from identifiability.verdict import Thresholds
 
 SCHEMA = "identifiability/calibration/1"
 
 #: How many times more repetitions the first cell has, by which single parameters are judged.
 FIRST = 4
-
-#: Repetitions that one item of an engine does, some tenths of a second.
-BATCH = 10
 
 
 @dataclass(frozen=True)
@@ -232,19 +225,19 @@ def calibrate(
     own = fit_residual_noise(tau, experiment.W, runs)
     pairs = [(level, r) for r in rho for level in noise]
     *streams, last = np.random.default_rng(seed).spawn(len(pairs) + 1)
-    judged = _Judged(
+    judged = Judged(
         experiment, runs, result.rung, truth, replicates, analysis.method, analysis.thresholds
     )
     noises = [own if np.isnan(r) else ResidualNoise.first_order(own.sd, r) for _, r in pairs]
     counts = [FIRST * trials, *[trials] * (len(pairs) - 1)]
     items = [
-        _Repetitions(like.scaled(level), part)
+        Repetitions(like.scaled(level), part)
         for (level, _), like, count, rng in zip(pairs, noises, counts, streams, strict=True)
-        for part in _parts(spawn_seeds(rng, count))
+        for part in batches(spawn_seeds(rng, count))
     ]
     runner, say = engine or Serial(), progress or (lambda _text, _share: None)
     found = runner.map(
-        partial(_judge, judged), items,
+        partial(judge_repetitions, judged), items,
         progress=lambda done, total: say("simulating repetitions", 0.9 * done / total),
     )  # fmt: skip
     outcomes = iter([outcome for part in found for outcome in part])
@@ -272,46 +265,6 @@ def calibrate(
         analysis.robot.name, result.name, len(truth), tuple(cells), seed, ranks,
         analysis.robot.joints, own, named, reason,
     )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Judged:
-    """What every repetition has in common."""
-
-    experiment: Experiment
-    runs: Runs
-    rung: Rung
-    truth: Array
-    replicates: int
-    method: Method
-    thresholds: Thresholds
-
-
-@dataclass(frozen=True)
-class _Repetitions:
-    """The noise, and the seed of each repetition."""
-
-    noise: ResidualNoise
-    seeds: tuple[np.random.SeedSequence, ...]
-
-
-def _parts(seeds: list[np.random.SeedSequence]) -> list[tuple[np.random.SeedSequence, ...]]:
-    return [tuple(seeds[k : k + BATCH]) for k in range(0, len(seeds), BATCH)]
-
-
-def _judge(judged: _Judged, item: _Repetitions) -> list[Outcome]:
-    """Simulate and judge some repetitions."""
-    outcomes = []
-    for rng in map(np.random.default_rng, item.seeds):
-        noise = item.noise.simulate(judged.runs, rng)
-        information, tau = judged.experiment.outcome(judged.truth, noise)
-        outcomes.append(
-            judge_outcome(
-                judged.rung, judged.experiment, information, tau, rng, method=judged.method,
-                thresholds=judged.thresholds, replicates=judged.replicates,
-            )
-        )  # fmt: skip
-    return outcomes
 
 
 def _regression(analysis: Analysis) -> Regression:

@@ -21,7 +21,6 @@ def two_link():
     return Robot.load("two-link")
 
 
-RNG = np.random.default_rng(0)
 BASE = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 
@@ -38,7 +37,7 @@ def test_the_torque_of_a_motion_leads_along_that_motion(name):
     robot = Robot.load(name)
     (samples,) = _samples(robot, 0)
     fit = forward.Physical(BASE, robot.nominal)
-    gap = forward.compare_forward(robot, fit, fit, [samples], RNG, stretches=8)
+    gap = forward.compare_forward(robot, fit, fit, [samples], np.random.default_rng(0), stretches=8)
     assert gap.measured, gap.note
     assert gap.error_before < 0.006
     assert np.array_equal(gap.before, gap.after)
@@ -54,7 +53,11 @@ def test_smaller_steps_of_the_log_leave_smaller_errors(two_link):
         zero = {k: 0.0 for k in two_link.nominal if "Fc" in k}
         log = simulate(two_link, move, parameters=zero)
         samples = prepare_samples(two_link, log, Preparation(keep_rest=True))
-        errors.append(forward.compare_forward(two_link, fit, fit, [samples], RNG).error_before)
+        errors.append(
+            forward.compare_forward(
+                two_link, fit, fit, [samples], np.random.default_rng(0)
+            ).error_before
+        )
     assert errors[1] < errors[0] / 4
 
 
@@ -64,7 +67,7 @@ def test_a_missing_effect_opens_a_gap_in_motion_that_adding_it_closes():
     effect = find_effect("load_dependent_friction")
     fuller = Model((*BASE.effects, Placed([Part(effect, j, ("Fl",)) for j in robot.joints])))
     before, after = (forward.fit_physical(robot, m, train) for m in (BASE, fuller))
-    gap = forward.compare_forward(robot, before, after, [unseen], RNG)
+    gap = forward.compare_forward(robot, before, after, [unseen], np.random.default_rng(0))
     low, high = gap.interval
     assert gap.error_after < 0.5 * gap.error_before
     assert low < high < 0
@@ -75,7 +78,7 @@ def test_a_wrong_effect_does_not_close_it():
     *train, unseen = _samples(robot, 1, 3, ["load_dependent_friction=0.08"])
     wrong = Model((*BASE.effects, find_effect("quadratic_friction")))
     before, after = (forward.fit_physical(robot, m, train) for m in (BASE, wrong))
-    gap = forward.compare_forward(robot, before, after, [unseen], RNG)
+    gap = forward.compare_forward(robot, before, after, [unseen], np.random.default_rng(0))
     assert gap.error_after > 0.8 * gap.error_before
 
 
@@ -88,7 +91,9 @@ def test_a_recorded_delay_is_taken_off_the_torque(two_link):
     recorded = replace(samples, tau=tau)
     known = {**two_link.nominal, **{f"{j}.delay": delay for j in two_link.joints}}
     before = forward.Physical(BASE, two_link.nominal)
-    gap = forward.compare_forward(two_link, before, forward.Physical(late, known), [recorded], RNG)
+    gap = forward.compare_forward(
+        two_link, before, forward.Physical(late, known), [recorded], np.random.default_rng(0)
+    )
     assert gap.error_after < 0.3 * gap.error_before
 
 
@@ -109,7 +114,9 @@ def test_a_model_that_runs_away_counts_as_wrong_by_all_of_the_distance(two_link)
     light = {k: (1e-4 * v if k.split(".")[0] in two_link.bodies else 0.0)
              for k, v in two_link.nominal.items()}  # fmt: skip
     fit = forward.Physical(BASE, two_link.nominal)
-    gap = forward.compare_forward(two_link, fit, forward.Physical(BASE, light), [samples], RNG)
+    gap = forward.compare_forward(
+        two_link, fit, forward.Physical(BASE, light), [samples], np.random.default_rng(0)
+    )
     assert gap.error_after > 0.9 > 0.1 > gap.error_before
     assert np.isfinite(gap.interval).all()
 
@@ -121,7 +128,7 @@ def test_no_log_file_is_left_behind(two_link, tmp_path, monkeypatch):
     light = {k: (1e-6 * v if k.split(".")[0] in two_link.bodies else 0.0)
              for k, v in two_link.nominal.items()}  # fmt: skip
     fit = forward.Physical(BASE, light)
-    forward.compare_forward(two_link, fit, fit, [samples], RNG)
+    forward.compare_forward(two_link, fit, fit, [samples], np.random.default_rng(0))
     assert not list(tmp_path.iterdir())
 
 
@@ -130,7 +137,7 @@ def test_motion_full_of_gaps_says_why_there_is_nothing(two_link):
     rows = np.arange(0, len(samples.tau), 7)
     holes = replace(samples, motion=samples.motion[rows], tau=samples.tau[rows])
     fit = forward.Physical(BASE, two_link.nominal)
-    gap = forward.compare_forward(two_link, fit, fit, [holes], RNG)
+    gap = forward.compare_forward(two_link, fit, fit, [holes], np.random.default_rng(0))
     assert not gap.measured
     assert "without gaps" in gap.note
     assert np.isnan(gap.error_before)
