@@ -61,6 +61,7 @@ class Stability:
             return "No log was resampled, so nothing is known of the stability of the choice."
         low, high = np.quantile(self.sizes, [0.05, 0.95])
         torn = int(((self.survives > 0.1) & (self.survives < 0.9)).sum())
+        most = "90 %" if high > low else "at least 90 %"
         span = f"{low:.0f} to {high:.0f}" if high > low else f"{low:.0f}"
         shaky = (
             f"{torn} of {len(self.columns)} parameters survive in some (10 to 90 %) and not in "
@@ -70,7 +71,7 @@ class Stability:
         )
         return (
             f"Of {self.replicates} resampled logs {100 * self.same:.0f} % lead to exactly this "
-            f"model, and 90 % to {span} parameters; {shaky}."
+            f"model, and {most} to {span} parameters; {shaky}."
         )
 
 
