@@ -27,7 +27,8 @@ def simulate(
     hide: Annotated[
         list[str] | None,
         typer.Option(
-            help="Effect in the data but not in the robot file, as EFFECT or EFFECT=SHARE."
+            help="Effect in the data but not in the robot file, as EFFECT or EFFECT=SHARE of this "
+            "motion's torque; another motion gets another size."
         ),
     ] = None,
     samples: Annotated[

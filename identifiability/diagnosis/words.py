@@ -44,7 +44,7 @@ def headline(d: Diagnosis) -> str:
     if not d.effects:
         return (
             f"No effect can be named: {start} predict{'' if d.fixed else 's'} unseen motion "
-            f"({d.verified_on}) with an error of {_percent(d.held_before)}."
+            f"({d.verified_on}) with an error of {_percent(d.held_before)}.{_state_refused(d)}"
         )
     named = ". ".join(_state_effect(e) for e in d.effects)
     low, high = d.interval
@@ -55,6 +55,18 @@ def headline(d: Diagnosis) -> str:
         f"{_points(high)} points)."
     )
     return " ".join([f"{named}.", change, *(_state_rivals(e) for e in d.effects if e.alternatives)])
+
+
+def _state_refused(d: Diagnosis) -> str:
+    """Return what stood out from the noise and was refused all the same."""
+    out = [s for s in d.steps if s.p_value <= d.rules.level and not s.accepted]
+    if not out:
+        return ""
+    name, place = out[0].best
+    return (
+        f" {name.replace('_', ' ').capitalize()} in {place} stands out from the noise (p = "
+        f"{out[0].p_value:.2g}) but is refused: {out[0].reason}."
+    )
 
 
 def remarks(d: Diagnosis) -> list[Remark]:

@@ -37,7 +37,8 @@ def simulate(
     noise : Noise, optional
     hide : sequence of str
         Effects that are in the data and not in the robot file: ``effect``, ``effect=share`` or
-        ``effect@joint+joint=share``.
+        ``effect@joint+joint=share``. The share and the effect's shape are those of this motion:
+        logs of one effect along several motions come from `Campaign`.
     parameters : mapping, optional
         Joint parameters that differ from the nominal ones (``slider1.Fv`` …).
     rng : numpy.random.Generator

@@ -59,6 +59,18 @@ def test_nothing_hidden_gives_an_empty_list_and_a_smallest_nameable_effect(diagn
     assert d.held_after == d.held_before
     assert d.remainder.detectable["stribeck_friction"] > 0
     assert "No effect can be named" in d.statement
+    assert "is refused" not in d.statement
+
+
+def test_what_stands_out_and_is_refused_is_said(diagnosis_of):
+    d = diagnosis_of("five-bar")
+    step = replace(
+        d.steps[0], best=("stribeck_friction", "left_shoulder"), p_value=0.005, accepted=False,
+        reason="it does not predict unseen motion better",
+    )  # fmt: skip
+    text = replace(d, steps=(step,)).statement
+    assert "Stribeck friction in left_shoulder stands out from the noise (p = 0.005)" in text
+    assert "is refused: it does not predict unseen motion better." in text
 
 
 def test_the_report_is_one_file_that_tells_the_story(diagnosis, tmp_path):
