@@ -103,12 +103,15 @@ def smooth_share(
     B = project_out(Q, smooth_basis(rows))
     U = orthonormal(B)
     simulated = noise.simulate(len(rows), draws, rng, rows.runs()) * weight[:, None]
-    null = ((U.T @ project_out(Q, simulated.reshape(-1, draws))) ** 2).sum(0)
+    free = project_out(Q, simulated.reshape(-1, draws))
+    # Shares, not sizes: the fitted noise may be larger than what is left here.
+    null = ((U.T @ free) ** 2).sum(0) / (free**2).sum(0)
     y = project_out(Q, (residual * weight).reshape(-1))
-    total = float(y @ y)
-    found = float(((U.T @ y) ** 2).sum())
-    share = (found - float(null.mean())) / total
-    limit = (found - float(np.quantile(null, 0.05))) / total
+    found = float(((U.T @ y) ** 2).sum()) / (float(y @ y) or 1.0)
+    share, limit = (
+        (found - level) / max(1.0 - level, 1e-12)
+        for level in (float(null.mean()), float(np.quantile(null, 0.05)))
+    )
     return float(np.clip(share, 0, 1)), float(np.clip(limit, 0, 1))
 
 
