@@ -16,7 +16,7 @@ import joblib
 
 from identifiability.engines.fingerprint import fingerprint
 from identifiability.engines.mapping import Engine, Item, OpenEngine, Result
-from identifiability.errors import OutputError
+from identifiability.engines.private_folder import is_private, open_private
 from identifiability.output import write_bytes
 
 _MAGIC = b"identifiability result 1\n"
@@ -26,9 +26,10 @@ _DIGEST = hashlib.sha256().digest_size
 class Resumed(OpenEngine):
     """An engine that keeps the results of finished items and does not do them again.
 
-    Results are pickled: give only folders that you trust. Each file has a checksum and is written
-    whole or not at all; a damaged one is done again. After an interruption at most the items that
-    were under way are lost.
+    Results are pickled, and a pickle can run any program: the folder must be the user's own, and
+    what others wrote there is not read. Each file has a checksum and is written whole or not at
+    all; a damaged one is done again. After an interruption at most the items that were under way
+    are lost.
 
     What an item stands for must be part of it: of a file, not only its name but a digest of its
     content.
@@ -38,7 +39,7 @@ class Resumed(OpenEngine):
     engine : Engine
         Does what is missing.
     folder : path
-        Made if it does not exist. One folder serves any number of different runs.
+        Made if it does not exist, for the user alone. One folder serves any number of runs.
 
     Attributes
     ----------
@@ -48,19 +49,13 @@ class Resumed(OpenEngine):
     Raises
     ------
     OutputError
-        If the folder cannot be made.
+        If the folder cannot be made, or others could have written to it.
     """
 
     def __init__(self, engine: Engine, folder: str | Path) -> None:
         self.engine = engine
-        self.folder = Path(folder)
+        self.folder = open_private(folder)
         self.found = self.done = 0
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(
-                f"'{folder}' cannot keep finished work: {error.strerror or error}; give a folder."
-            ) from None
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         program = fingerprint(function)
@@ -89,14 +84,16 @@ class Resumed(OpenEngine):
 
     def _keep(self, path: Path, result: Any) -> None:
         content = pickle.dumps(result, protocol=5)
-        path.parent.mkdir(exist_ok=True)
-        write_bytes(path, _MAGIC + hashlib.sha256(content).digest() + content)
+        path.parent.mkdir(mode=0o700, exist_ok=True)
+        write_bytes(path, _MAGIC + hashlib.sha256(content).digest() + content).chmod(0o600)
         self.done += 1
 
 
 def _read(path: Path) -> bytes | None:
     """Return the pickled result, or None if there is none that can be believed."""
     try:
+        if not (is_private(path.parent) and is_private(path)):
+            return None
         whole = path.read_bytes()
     except OSError:
         return None
