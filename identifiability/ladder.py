@@ -159,7 +159,7 @@ def full_rung(base: BaseParameters, name: str = "full model", description: str =
 
 def default_ladder(robot: Robot) -> LadderEntry:
     """Return the ladder for a robot that has none: asymmetric, then symmetric friction."""
-    tie = {f"{a.name}.Fc": [f"{a.name}.Fc+", f"{a.name}.Fc-"] for a in robot.axes}
+    tie = {f"{joint}.Fc": [f"{joint}.Fc+", f"{joint}.Fc-"] for joint in robot.joints}
     return LadderEntry(
         models=[
             RungEntry(

@@ -110,7 +110,7 @@ for _family in (
     ),
     Family(
         "coulomb_asymmetry", "asymmetric Coulomb friction",
-        lambda shape, joint: _plain("coulomb_asymmetry"), joint_places,
+        lambda shape, joint: _plain("coulomb_asymmetry"), _actuated,
         needs="coulomb_friction",
     ),
     Family(

@@ -55,23 +55,36 @@ class CoulombFriction(Effect):
 
 
 class CoulombAsymmetry(Effect):
-    """Coulomb friction with a level for each direction; both are positive numbers."""
+    """Coulomb friction with a level for each direction; both are positive numbers.
+
+    A motor that mixes joints has one level: what its two directions differ by is a constant torque
+    on its joints, which their own levels hold already.
+    """
 
     name = "coulomb_asymmetry"
     equation = "τ = Fc⁺ for q̇ > 0, −Fc⁻ for q̇ < 0"
     supersedes = ("coulomb_friction",)
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return Fc+ and Fc- of every axis."""
-        kinds = ("Fc+", "Fc-")
-        return tuple(joint_parameter(a, kind, self.name) for a in robot.axes for kind in kinds)
+        """Return Fc+ and Fc- of every joint, Fc of every motor that mixes joints."""
+        return tuple(
+            joint_parameter(a, kind, self.name)
+            for a in robot.axes
+            for kind in (("Fc",) if a.mixed else ("Fc+", "Fc-"))
+        )
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write two columns an axis."""
-        for k, axis in enumerate(robot.axes):
+        """Write two columns a joint, one a motor that mixes joints."""
+        k = 0
+        for axis in robot.axes:
             speed, _, row = axis_motion(robot, motion, axis)
-            put(out, 2 * k, row, (speed > 0).astype(float))
-            put(out, 2 * k + 1, row, -(speed < 0).astype(float))
+            if axis.mixed:
+                put(out, k, row, np.sign(speed))
+                k += 1
+                continue
+            put(out, k, row, (speed > 0).astype(float))
+            put(out, k + 1, row, -(speed < 0).astype(float))
+            k += 2
 
 
 class PassiveJointFriction(Effect):

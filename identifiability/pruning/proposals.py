@@ -47,7 +47,7 @@ def propose_moves(robot: Robot, base: BaseParameters, columns: Sequence[str]) ->
 
 def merge_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
     """Return the merges of a joint's two Coulomb levels."""
-    pairs = ((f"{a.name}.Fc+", f"{a.name}.Fc-") for a in robot.axes)
+    pairs = ((f"{joint}.Fc+", f"{joint}.Fc-") for joint in robot.joints)
     why = "Friction of the same size in both directions"
     return [Move(Kind.MERGE, tie=(p,), why=why) for p in pairs if set(p) <= set(columns)]
 

@@ -57,3 +57,8 @@ class Axis:
     row: Array | None
     dof: int
     prismatic: bool
+
+    @property
+    def mixed(self) -> bool:
+        """Whether it is the axis of a motor that drives several joints."""
+        return self.row is not None and int(np.count_nonzero(self.row)) > 1
