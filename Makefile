@@ -1,5 +1,6 @@
 # make demo: run the main job; make paper: check the paper's tables; make test: run the tests;
-# make lint: style, types, layers; make docs: the reference of every module.
+# make lint: style, types, layers; make docs: the reference of every module;
+# make mutants: would the tests notice faults?; make check-all: what takes too long for make test.
 # Each needs Python 3.11 or newer and nothing else: it makes .venv itself.
 
 PYTHON ?= python3
@@ -10,7 +11,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo paper test lowest lint format bench docs clean
+.PHONY: demo paper test lowest lint format bench docs mutants check-all clean
 
 demo: $(VENV)/run
 	$(BIN)/identifiability demo
@@ -45,6 +46,11 @@ lint: $(VENV)/dev
 format: $(VENV)/dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+mutants: $(VENV)/dev
+	$(BIN)/python tests/mutants.py
+
+check-all: lint test mutants
 
 MODULES = $(shell find identifiability -name '*.py' ! -name __main__.py | \
   sed 's,/__init__,,; s,\.py$$,,; s,/,.,g' | sort)

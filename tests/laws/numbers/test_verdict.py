@@ -1,0 +1,217 @@
+"""Every verdict, its threshold and its words, from numbers alone."""
+
+import numpy as np
+import pytest
+
+from identifiability.verdict import Class, Evidence, Thresholds, Verdict, holm, judge
+
+from .made import fit_of
+
+
+def verdicts(value, robust, *, white=None, recurrence=1.0, noise=1.0, known=None, alias="", **rest):
+    """Return the verdicts on parameters with these values and robust standard deviations."""
+    value, robust = np.atleast_1d(value).astype(float), np.atleast_1d(robust).astype(float)
+    k = len(value)
+    evidence = Evidence(
+        estimate=fit_of(value, robust if white is None else np.atleast_1d(white), known),
+        sigma_robust=robust,
+        recurrence=np.broadcast_to(recurrence, k).astype(float),
+        column_rms=np.full(k, 3.0),
+        column_noise=np.broadcast_to(noise, k).astype(float),
+        tau_rms=12.0,
+        aliases=(alias,) * k,
+    )
+    return judge([f"label {j}" for j in range(k)], ["kg"] * k, evidence, **rest)
+
+
+def verdict(value, robust, **options):
+    (found,) = verdicts(value, robust, **options)
+    return found
+
+
+def test_the_thresholds_are_those_that_the_method_states():
+    stated = {
+        "sigma_percent": 20.0,
+        "sign_level": 0.05,
+        "recurrence": 0.9,
+        "negligible_share": 0.1,
+        "constraint_variance": 0.5,
+        "contraction": 0.5,
+    }
+    assert vars(Thresholds()) | stated == vars(Thresholds())
+
+
+def test_the_words_of_the_classes_are_public():
+    words = {c.name: c.value for c in Class}
+    assert (
+        words
+        | {
+            "IDENTIFIABLE": "identifiable",
+            "WEAK": "weak",
+            "NEGLIGIBLE": "negligible",
+            "NOT_IDENTIFIABLE": "not identifiable",
+            "CONSTRAINT": "constraint-determined",
+            "PRIOR": "prior-dominated",
+        }
+        == words
+    )
+
+
+@pytest.mark.parametrize("value", [1.0, -1.0])
+@pytest.mark.parametrize(("robust", "kind"), [(0.2, Class.IDENTIFIABLE), (0.201, Class.WEAK)])
+def test_identifiable_means_known_to_twenty_percent(value, robust, kind):
+    found = verdict(value, robust, noise=1e3)
+    assert found.verdict is kind
+    assert ("Known to ±20 % (limit 20 %) and its sign is certain." in found.reason) == (
+        kind is Class.IDENTIFIABLE
+    )
+    if kind is Class.WEAK:
+        assert "certain, but it is known only to ±20.1 %" in found.reason
+
+
+def test_the_limit_is_the_users():
+    kinds = [
+        verdict(1.0, 0.1, noise=1e3, thresholds=Thresholds(sigma_percent=limit)).verdict
+        for limit in (10.0, 9.9)
+    ]
+    assert kinds == [Class.IDENTIFIABLE, Class.WEAK]
+
+
+def test_the_verdict_rests_on_the_robust_deviation_not_on_the_white_one():
+    assert verdict(1.0, 0.3, white=0.01, noise=1e3).verdict is Class.WEAK
+    assert verdict(1.0, 0.1, white=0.3, noise=1e3).verdict is Class.IDENTIFIABLE
+
+
+@pytest.mark.parametrize(("z", "certain"), [(1.95, False), (1.97, True)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_sign_is_certain_at_five_percent_of_a_two_sided_test(z, certain, sign):
+    """Φ(-1.96) is .025: half of the level on each side."""
+    found = verdict(sign * z, 1.0, noise=1e3)
+    assert (found.verdict is Class.WEAK) == certain
+    assert ("even the sign may be chance" in found.reason) == (not certain)
+
+
+def test_p_values_are_adjusted_as_holm_does():
+    found = holm(np.array([0.01, 0.04, 0.03, 0.005, 0.5]))
+    # Sorted: 5 × .005, 4 × .01, 3 × .03, 2 × .04 (not below the one before), 1 × .5.
+    np.testing.assert_allclose(found, [0.04, 0.09, 0.09, 0.025, 0.5])
+    np.testing.assert_allclose(holm(np.array([0.4, 0.9])), [0.8, 0.9])
+    np.testing.assert_allclose(holm(np.array([0.6, 0.9])), [1.0, 1.0])
+    assert len(holm(np.empty(0))) == 0
+
+
+def test_many_parameters_make_each_sign_less_certain():
+    """z = 2.5 has p = .0124: certain alone, chance among ten."""
+    assert verdict(2.5, 1.0, noise=1e3).verdict is Class.WEAK
+    assert {v.verdict for v in verdicts([2.5] * 10, [1.0] * 10, noise=1e3)} == {
+        Class.NOT_IDENTIFIABLE
+    }
+
+
+def test_parameters_that_are_certain_anyway_do_not_take_the_sign_of_the_last():
+    found = verdicts([2.5] + [30.0] * 9, [1.0] * 10, noise=1e3)
+    assert found[0].verdict is Class.WEAK
+    assert {v.verdict for v in found[1:]} == {Class.IDENTIFIABLE}
+
+
+@pytest.mark.parametrize(
+    ("robust", "kind"), [(0.0459, Class.NEGLIGIBLE), (0.0460, Class.NOT_IDENTIFIABLE)]
+)
+@pytest.mark.parametrize("value", [0.01, -0.01])
+def test_negligible_is_said_of_the_whole_interval(value, robust, kind):
+    """.01 + 1.96 × .0459 = .09996 of the residual; the value by itself is far below the tenth."""
+    found = verdict(value, robust)
+    assert found.verdict is kind
+    assert found.verdict is not Class.NEGLIGIBLE or (
+        "torque of any joint by more than 10 % of its residual: about zero for this motion, safe "
+        "to leave out" in found.reason
+    )
+
+
+def test_negligible_is_said_of_torque_not_of_the_number():
+    assert verdict(1.0, 0.9, noise=0.02).verdict is Class.NEGLIGIBLE
+    assert verdict(1e-3, 0.9e-3, noise=1e3).verdict is Class.NOT_IDENTIFIABLE
+
+
+def test_what_is_certain_is_never_called_negligible():
+    found = verdict(0.01, 0.004)  # 2.5 σ, known to 40 %, 2 % of the residual
+    assert found.verdict is Class.WEAK
+    assert "certain" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("share", "kind"), [(0.9, Class.IDENTIFIABLE), (0.89, Class.WEAK), (0.0, Class.WEAK)]
+)
+def test_an_identifiable_parameter_recurs_in_nine_of_ten_resampled_logs(share, kind):
+    found = verdict(1.0, 0.05, noise=1e3, recurrence=share)
+    assert found.verdict is kind
+    if kind is Class.WEAK:
+        assert f"but only {100 * share:.0f} % of the resampled logs say so (limit 90 %)" in (
+            found.reason
+        )
+
+
+def test_what_is_not_determined_is_not_identifiable_and_says_what_it_hides_behind():
+    first, second = verdicts(
+        [5.0, 1.0], [0.0, 0.01], known=[False, True], alias="Only with another.", noise=1e-9
+    )
+    assert first.verdict is Class.NOT_IDENTIFIABLE
+    assert first.reason == "Only with another."
+    assert second.verdict is Class.IDENTIFIABLE
+
+
+@pytest.mark.parametrize(
+    ("robust", "words"),
+    [(0.99, "σ is 99 % of the value: with this many parameters even the sign may be chance"),
+     (1.01, "σ is 101 % of the value: zero and the other sign fit as well"),
+     (0.6e4, "σ is more than 100000 % of the value"),
+     (0.09e2, "σ is 900 % of the value"),
+     (50.0, "σ is 5000 % of the value")],
+)  # fmt: skip
+def test_what_is_not_identifiable_says_by_how_much(robust, words):
+    found = verdict(1.0, robust, noise=1e3)
+    assert found.verdict is Class.NOT_IDENTIFIABLE
+    assert words in found.reason
+
+
+def test_a_value_without_spread_is_certain_and_zero_is_not():
+    assert verdict(1.0, 0.0, noise=1e3).verdict is Class.IDENTIFIABLE
+    assert verdict(0.0, 0.0).verdict is Class.NEGLIGIBLE
+
+
+def test_the_ninety_five_percent_interval_is_so_many_robust_deviations():
+    found = verdict(3.0, 0.5, white=0.1)
+    np.testing.assert_allclose(found.interval95, [3 - 0.98, 3 + 0.98], rtol=1e-4)
+    assert found.data_interval95 == found.interval95
+    row = found.to_row()
+    assert row["interval95"] == list(found.interval95)
+    assert row["sigma_robust_percent"] == pytest.approx(100 * 0.5 / 3)
+    assert row["sigma_percent"] == pytest.approx(100 * 0.1 / 3)
+
+
+def test_where_physics_decides_the_interval_is_the_posteriors_and_the_datas_stays():
+    data = verdict(3.0, 0.5)
+    told = Verdict(**{**vars(data), "believed": (1.0, 2.0)})
+    assert told.interval95 == (1.0, 2.0)
+    assert told.data_interval95 == data.data_interval95
+
+
+def test_the_share_of_torque_is_the_columns_size_times_the_value():
+    assert verdict(-2.0, 0.1).share == pytest.approx(2 * 3 / 12)
+
+
+def test_the_papers_rule_is_ten_times_the_smallest_white_deviation():
+    white = np.array([0.001, 0.0099, 0.0101])
+    found = verdicts([1.0, 1.0, 1.0], [0.001, 0.3, 0.01], white=white, noise=1e3)
+    assert [v.paper_rule for v in found] == [True, True, False]
+    assert "10× rule" not in found[0].reason
+    assert "The 10× rule passes it (white-noise σ 0.99 % < 10 × 0.1 %)" in found[1].reason
+    assert "The 10× rule rejects it (white-noise σ 1 % > 10 × 0.1 %)" in found[2].reason
+
+
+def test_labels_units_and_the_files_values_stay_with_their_parameters():
+    found = verdicts([1.0, 2.0], [0.1, 0.1], nominal=np.array([7.0, 8.0]))
+    assert [(v.name, v.label, v.unit, v.nominal) for v in found] == [
+        ("p0", "label 0", "kg", 7.0), ("p1", "label 1", "kg", 8.0),
+    ]  # fmt: skip
+    assert verdict(1.0, 0.1).nominal is None

@@ -1,0 +1,42 @@
+"""The lists of mutants fit the package as it is; `make mutants` tries all of them."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).with_name("mutants.py")
+
+
+@pytest.fixture(scope="module")
+def mutants():
+    spec = importlib.util.spec_from_file_location("mutants_script", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules[spec.name]
+
+
+def test_every_mutant_can_be_applied_and_has_its_own_name(mutants):
+    assert mutants.find_mistakes(mutants.read_mutants(), mutants.read_sources()) == []
+
+
+def test_a_text_that_stands_twice_or_nowhere_is_a_mistake(mutants):
+    sources = {Path("a.py"): "x = 1\ny = 1\n", Path("b.py"): "x = 2\n"}
+    assert mutants.find_anchor("x = 2", sources) == Path("b.py")
+    for text, said in (("x = ", "1 × in a.py, 1 × in b.py"), ("= 1", "2 × in a.py"),
+                       ("z", "stands nowhere")):  # fmt: skip
+        with pytest.raises(LookupError, match=said):
+            mutants.find_anchor(text, sources)
+
+
+def test_a_fault_that_the_laws_know_is_noticed_and_taken_out_again(mutants, tmp_path):
+    known = mutants.Mutant(
+        "a one-sided test", "holm(2 * norm.sf(z))", "holm(norm.sf(z))",
+        ("laws/numbers/test_verdict.py",),
+    )  # fmt: skip
+    copy = mutants.copy_checkout(tmp_path)
+    assert mutants.try_mutant(copy, known)[0] == "failed"
+    assert mutants.read_sources(copy) == mutants.read_sources()
