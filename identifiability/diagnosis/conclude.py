@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from identifiability.diagnosis.confusable import find_rivals
 from identifiability.diagnosis.evidence import solve_values
 from identifiability.diagnosis.find import find_discrepancies
+from identifiability.diagnosis.held_out import Gap
 from identifiability.diagnosis.material import Material
 from identifiability.diagnosis.named_effect import Curve, NamedEffect, Placement
 from identifiability.diagnosis.naming import Naming, keep_surviving
@@ -70,7 +71,9 @@ def stress_named(
     )  # fmt: skip
     pairs = list(zip(naming.chosen, survivals, strict=True))
     refuted = [c for c, fares in pairs if any(s.refutes for s in fares)]
-    kept = keep_surviving(naming, refuted, m.model.names)
+    kept = keep_surviving(
+        naming, refuted, m.model.names, "it does not survive another preparation of the motion"
+    )
     return kept, [fares for c, fares in pairs if c in kept.chosen]
 
 
@@ -87,6 +90,79 @@ def conclude(
     rng: np.random.Generator,
 ) -> Diagnosis:
     """Return the diagnosis: refit, rungs of added effects, errors on unseen motion, remainder."""
+    naming, stress, found, refuted = _keep_verified(m, naming, stress, rules, rng)
+    gap, fitted, errors, real = found.gap, found.fitted, found.errors, found.real
+    residual = fitted.residual
+    remainder = find_remainder(
+        m.train, residual[:, :, -1], m.white, m.noise, naming.chosen, m.candidates,
+        naming.steps[-1].critical if naming.steps else 8.0, rng,
+    )  # fmt: skip
+    parts = [
+        Placed([c.part for c in naming.chosen if c.family.name == e.name]) for e in found.effects
+    ]
+    joints = m.robot.joints
+    return Diagnosis(
+        robot=m.robot, base=m.model.names, fixed=fixed, effects=found.effects, refuted=refuted,
+        error_before=float(fitted.relative_error()[0]),
+        error_after=float(fitted.relative_error()[-1]),
+        held_before=float(errors[0]), held_after=float(errors[-1]),
+        interval=gap.interval(0, len(errors) - 1, rng), real_before=float(real[0]),
+        real_after=float(real[-1]), chosen_by=roles.chosen_by, verified_on=roles.verified_on,
+        discrepancies=tuple(find_discrepancies(m.train, residual[:, :, 0], joints)),
+        discrepancies_after=tuple(find_discrepancies(m.train, residual[:, :, -1], joints)),
+        aliases=m.aliases, refusals=m.refusals, steps=naming.steps, remainder=remainder,
+        model=Model((*m.model.effects, *parts)), samples=tuple(train), validation=tuple(verify),
+        gap=gap, curves=tuple(_curves(m, naming, residual[:, :, -1])), rules=rules, seed=seed,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Verified:
+    """What adding each family does, on fitted motion and on the motion that verifies.
+
+    `errors` and `real` are ε_RA before and after each family, the latter of real robots.
+    """
+
+    effects: tuple[NamedEffect, ...]
+    gap: Gap
+    fitted: Gap
+    errors: Array
+    real: Array
+
+
+def _keep_verified(
+    m: Material,
+    naming: Naming,
+    stress: list[list[Survival]],
+    rules: Rules,
+    rng: np.random.Generator,
+) -> tuple[Naming, list[list[Survival]], _Verified, tuple[NamedEffect, ...]]:
+    """Take out, one after the other, what the motion that verifies surely contradicts."""
+    refuted: list[NamedEffect] = []
+    while True:
+        found = _verify(m, naming, stress, rules, rng)
+        worst = max(
+            (e for e in found.effects if e.refuted), key=lambda e: e.interval[0], default=None
+        )
+        if worst is None:
+            return naming, stress, found, tuple(refuted)
+        refuted.append(worst)
+        gone = [c for c in naming.chosen if c.family.name == worst.name]
+        kept = keep_surviving(
+            naming, gone, m.model.names, "the motion that verifies contradicts it"
+        )
+        pairs = zip(naming.chosen, stress, strict=True)
+        naming, stress = kept, [fares for c, fares in pairs if c in kept.chosen]
+
+
+def _verify(
+    m: Material,
+    naming: Naming,
+    stress: list[list[Survival]],
+    rules: Rules,
+    rng: np.random.Generator,
+) -> _Verified:
+    """Return every named family with its errors on the motion that verifies."""
     titles = {c.family.name: c.family.title for c in naming.chosen}
     order = list(titles)
     rungs = [[c for c in naming.chosen if c.family.name in order[:k]]
@@ -107,26 +183,7 @@ def conclude(
         )
         for k, name in enumerate(order)
     )  # fmt: skip
-    residual = fitted.residual
-    remainder = find_remainder(
-        m.train, residual[:, :, -1], m.white, m.noise, naming.chosen, m.candidates,
-        naming.steps[-1].critical if naming.steps else 8.0, rng,
-    )  # fmt: skip
-    parts = [Placed([c.part for c in naming.chosen if c.family.name == name]) for name in order]
-    joints = m.robot.joints
-    return Diagnosis(
-        robot=m.robot, base=m.model.names, fixed=fixed, effects=effects,
-        error_before=float(fitted.relative_error()[0]),
-        error_after=float(fitted.relative_error()[-1]),
-        held_before=float(errors[0]), held_after=float(errors[-1]),
-        interval=gap.interval(0, len(rungs) - 1, rng), real_before=float(real[0]),
-        real_after=float(real[-1]), chosen_by=roles.chosen_by, verified_on=roles.verified_on,
-        discrepancies=tuple(find_discrepancies(m.train, residual[:, :, 0], joints)),
-        discrepancies_after=tuple(find_discrepancies(m.train, residual[:, :, -1], joints)),
-        aliases=m.aliases, refusals=m.refusals, steps=naming.steps, remainder=remainder,
-        model=Model((*m.model.effects, *parts)), samples=tuple(train), validation=tuple(verify),
-        gap=gap, curves=tuple(_curves(m, naming, residual[:, :, -1])), rules=rules, seed=seed,
-    )  # fmt: skip
+    return _Verified(effects, gap, fitted, errors, real)
 
 
 def _place(

@@ -102,6 +102,11 @@ class NamedEffect:
         return self.interval[1] < 0
 
     @property
+    def refuted(self) -> bool:
+        """Whether the motion that verifies surely has more error with it."""
+        return self.interval[0] > 0
+
+    @property
     def joints(self) -> tuple[str, ...]:
         """Where it is."""
         return tuple(dict.fromkeys(p.place for p in self.placements))

@@ -247,8 +247,10 @@ def name_effects(
     return Naming(tuple(search.chosen), dict(search.p_values), _judged(search, withdrawn))
 
 
-def keep_surviving(naming: Naming, refuted: Sequence[Candidate], present: Iterable[str]) -> Naming:
-    """Return a naming without candidates that another preparation of the motion refutes.
+def keep_surviving(
+    naming: Naming, refuted: Sequence[Candidate], present: Iterable[str], reason: str
+) -> Naming:
+    """Return a naming without candidates that are refuted, and without what only refines them.
 
     Parameters
     ----------
@@ -256,6 +258,8 @@ def keep_surviving(naming: Naming, refuted: Sequence[Candidate], present: Iterab
     refuted : sequence of Candidate
     present : iterable of str
         Families that the base model has at every place.
+    reason : str
+        What refutes them, for the steps that named them.
     """
     kept = [c for c in naming.chosen if c not in refuted]
     there = {c.group for c in kept}
@@ -266,9 +270,7 @@ def keep_surviving(naming: Naming, refuted: Sequence[Candidate], present: Iterab
     ]
     lost = {c.family.name for c in naming.chosen} - {c.family.name for c in kept}
     steps = tuple(
-        replace(s, accepted=False, reason="it does not survive another preparation of the motion")
-        if s.accepted and s.best[0] in lost
-        else s
+        replace(s, accepted=False, reason=reason) if s.accepted and s.best[0] in lost else s
         for s in naming.steps
     )
     return Naming(tuple(kept), naming.p_values, steps)

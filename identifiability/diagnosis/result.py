@@ -40,6 +40,9 @@ class Diagnosis:
         Whether it kept the values of the robot file.
     effects : tuple of NamedEffect
         In order of addition; empty when nothing can be named.
+    refuted : tuple of NamedEffect
+        What the fitted motion named and the motion that verifies surely contradicts, each beside
+        what was named then; in no model.
     error_before, error_after : float
         ε_RA on the fitted logs.
     held_before, held_after : float
@@ -76,6 +79,7 @@ class Diagnosis:
     base: tuple[str, ...]
     fixed: bool
     effects: tuple[NamedEffect, ...]
+    refuted: tuple[NamedEffect, ...]
     error_before: float
     error_after: float
     held_before: float
@@ -163,6 +167,7 @@ class Diagnosis:
             "statement": self.statement,
             "before": {"error_ra": self.error_before, "error_ra_validation": self.held_before},
             "effects": [_effect_row(e) for e in self.effects],
+            "refuted": [_effect_row(e) for e in self.refuted],
             "after": {"error_ra": self.error_after, "error_ra_validation": self.held_after},
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {

@@ -59,7 +59,11 @@ def headline(d: Diagnosis) -> str:
 
 def _state_refused(d: Diagnosis) -> str:
     """Return what stood out from the noise and was refused all the same."""
-    out = [s for s in d.steps if s.p_value <= d.rules.level and not s.accepted]
+    known = [e.name for e in d.refuted]
+    out = [
+        s for s in d.steps
+        if s.p_value <= d.rules.level and not s.accepted and s.best[0] not in known
+    ]  # fmt: skip
     if not out:
         return ""
     name, place = out[0].best
@@ -70,9 +74,10 @@ def _state_refused(d: Diagnosis) -> str:
 
 
 def remarks(d: Diagnosis) -> list[Remark]:
-    """Return what else should be known of the named effects."""
+    """Return what else should be known of the named effects, and what was refuted."""
+    refuted = [Remark("Refuted", _state_contradicted(e, d.verified_on)) for e in d.refuted]
     if not d.effects:
-        return []
+        return refuted
     out = []
     if np.isfinite(d.real_after):
         text = (
@@ -83,13 +88,22 @@ def remarks(d: Diagnosis) -> list[Remark]:
     if d.forward is not None and d.forward.measured:
         better = d.forward.interval[1] < 0
         out.append(Remark("In simulated motion", d.forward.statement, better))
-    return [*out, *(r for e in d.effects for r in _caveats(e))]
+    return [*out, *(r for e in d.effects for r in _caveats(e)), *refuted]
 
 
 def _state_effect(e: NamedEffect) -> str:
     title = e.names[0].upper() + e.names[1:]
     where = "" if e.joints == ("base",) else f" in {join(e.joints)}"
     return f"{title}{where} (p = {e.p_value:.2g}, family-wise)"
+
+
+def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
+    low, high = e.interval
+    return (
+        f"{_state_effect(e)} stood out from the fitted motion and is refuted: on {verified_on} it "
+        f"raises the error from {_percent(e.before)} to {_percent(e.after)} (95 %: "
+        f"{_points(low)} … {_points(high)} points)."
+    )
 
 
 def _state_rivals(e: NamedEffect) -> str:

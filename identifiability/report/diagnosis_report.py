@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.diagnosis.named_effect import Curve
 from identifiability.diagnosis.result import Diagnosis
 from identifiability.diagnosis.words import headline, remarks
 from identifiability.effects import FAMILIES, find_effect
@@ -25,13 +24,12 @@ from identifiability.report.blocks import (
 )
 from identifiability.report.figures.diagnosis import (
     draw_against,
-    draw_curve,
     draw_evidence,
     draw_gap,
-    draw_shrink,
 )
 from identifiability.report.numbers import format_number
 from identifiability.report.page import Page, render_page
+from identifiability.report.sections.effects import section_effects
 from identifiability.report.sections.facts import torque_units, velocity_units
 from identifiability.report.sections.forward import section_forward
 from identifiability.report.tables import Cell, Column, Table
@@ -49,7 +47,7 @@ def build_diagnosis_page(d: Diagnosis) -> Page:
         title=d.robot.title or d.robot.name,
         statement=headline(d),
         sections=(
-            _section_effects(d), _section_gap(d), *_section_motion(d), _section_where(d),
+            section_effects(d), _section_gap(d), *_section_motion(d), _section_where(d),
             _section_evidence(d), _section_aliases(d), _section_remainder(d), _section_method(d),
         ),
         overline="What the model misses",
@@ -94,63 +92,6 @@ def _summary(d: Diagnosis) -> tuple[Block, ...]:
                 notes.append(Note("note", "Fragile", text))
     notes.append(Note("note", "What is left", d.unexplained))
     return (Notes(tuple(notes)),)
-
-
-def _section_effects(d: Diagnosis) -> Section:
-    columns = (
-        Column("effect"), Column("where"), Column("parameter", "code"), Column("value", "number"),
-        Column("± se", "number"), Column("unit"), Column("p", "number", "Family-wise."),
-        Column("adds, rms", "number"), Column("resembles"),
-    )  # fmt: skip
-    rows = []
-    for e in d.effects:
-        close = next(((n, s) for n, s in e.similar.items() if s > 0.5), None)
-        for p in e.placements:
-            for name, unit, value, error in zip(
-                p.parameters, p.units, p.values, p.errors, strict=True
-            ):
-                note = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
-                rows.append((
-                    Cell(e.names, note=note), Cell(p.place), Cell(name),
-                    Cell(format_number(float(value), 3), float(value)),
-                    Cell(format_number(float(error), 2), float(error)), Cell(unit),
-                    Cell(format_number(p.p_value, 2), p.p_value),
-                    Cell(format_number(p.rms, 3), p.rms),
-                    Cell(f"{close[0].replace('_', ' ')} ({close[1]:.2f})" if close else "nothing"),
-                ))  # fmt: skip
-    blocks: list[Block] = []
-    if rows:
-        blocks.append(Table("Effects that were added", columns, tuple(rows)))
-        labels = ["model as it was", *(f"+ {e.title}" for e in d.effects)]
-        errors = np.array([d.held_before, *(e.after for e in d.effects)])
-        blocks.append(Picture(draw_shrink(labels, errors), f"Error on {d.verified_on}."))
-        blocks.append(_curves(d))
-    else:
-        blocks.append(Prose(("No effect stands out from the noise and helps on unseen motion.",)))
-    lead = "Each was found by the data, added to the model and refitted."
-    return Section("effects", "What was missing", lead, tuple(blocks))
-
-
-def _curves(d: Diagnosis) -> Gallery:
-    units = torque_units(d.robot)
-    pictures = []
-    for c in d.curves[:SHOWN]:
-        axis, unit = _axis(d, c)
-        labels = (f"{axis} [{unit}]", f"torque [{units[c.joint]}]")
-        title = f"{c.title}, {d.robot.joints[c.joint]}"
-        figure = draw_curve(c.x, c.learned, c.spread, c.data, title, labels)
-        pictures.append(Picture(figure, alt=f"{title} as learned from the data"))
-    return Gallery(
-        tuple(pictures),
-        "What each effect was learned to be, against the residual that it should explain.",
-    )
-
-
-def _axis(d: Diagnosis, c: Curve) -> tuple[str, str]:
-    speed = velocity_units(d.robot)[c.joint]
-    if c.against == "velocity":
-        return "velocity", speed
-    return "position", speed.removesuffix("/s")
 
 
 def _section_gap(d: Diagnosis) -> Section:

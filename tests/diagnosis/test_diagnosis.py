@@ -73,6 +73,42 @@ def test_what_stands_out_and_is_refused_is_said(diagnosis_of):
     assert "is refused: it does not predict unseen motion better." in text
 
 
+def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_of, tmp_path):
+    """The robot that verifies has nothing of what the fitted one has, so adding it does harm."""
+    ripple = "position_ripple@left_shoulder"
+    fitted = logs_of("five-bar", f"{ripple}=0.05")[:4]
+    held = logs_of("five-bar")[4]
+    d = diagnose("five-bar", fitted, held, effects=["position_ripple"], quick=True)
+    assert d.effects == ()
+    (refuted,) = d.refuted
+    assert (refuted.name, refuted.joints) == ("position_ripple", ("left_shoulder",))
+    assert refuted.interval[0] > 0
+    assert d.model.names == d.base
+    assert d.held_after == d.held_before == pytest.approx(refuted.before, rel=1e-12)
+    assert refuted.after > refuted.before
+    assert d.statement.startswith("No effect can be named")
+    assert "Position ripple in left_shoulder (p = " in d.statement
+    assert "is refused" not in d.statement
+    content = json.loads(d.to_json(tmp_path / "d.json").read_text())
+    assert content["effects"] == []
+    assert [e["effect"] for e in content["refuted"]] == ["position_ripple"]
+    page = d.write_report(tmp_path / "d.html").read_text()
+    assert "Refuted by the motion that verifies" in page
+
+
+def test_what_survives_beside_a_refuted_name_is_judged_without_it(logs_of):
+    both = ("position_ripple@left_shoulder=0.05", "stribeck_friction@right_shoulder=0.05")
+    d = diagnose(
+        "five-bar", logs_of("five-bar", *both)[:4], logs_of("five-bar", both[1])[4],
+        effects=["position_ripple", "stribeck_friction"], quick=True,
+    )  # fmt: skip
+    assert [e.name for e in d.effects] == ["stribeck_friction"]
+    assert [e.name for e in d.refuted] == ["position_ripple"]
+    assert d.effects[0].before == d.held_before
+    assert d.effects[0].after == d.held_after < d.held_before
+    assert not any("left_shoulder" in name for name in d.to_frame().parameter)
+
+
 def test_the_report_is_one_file_that_tells_the_story(diagnosis, tmp_path):
     page = diagnosis.write_report(tmp_path / "d.html").read_text()
     for words in ("Stribeck friction", "The gap before and after", "The evidence", "slider3.Fs"):

@@ -110,20 +110,21 @@ def test_a_shifted_clock_warns_and_another_preparation_refutes(material):
     naming = Naming(chosen, {}, (step,))
     assert not Survival(CLOCK[0], 0.0, False).refutes
     assert Survival("filter 20 % lower", 0.0, True).refutes
-    left = keep_surviving(naming, chosen[:1], BASE_EFFECTS)
+    why = "another preparation of the motion refutes it"
+    left = keep_surviving(naming, chosen[:1], BASE_EFFECTS, why)
     assert left.chosen == chosen[1:]
-    gone = keep_surviving(naming, chosen, BASE_EFFECTS)
+    gone = keep_surviving(naming, chosen, BASE_EFFECTS, why)
     assert gone.chosen == ()
     assert not gone.steps[0].accepted
-    assert "preparation" in gone.steps[0].reason
+    assert gone.steps[0].reason == why
 
 
 def test_a_refinement_goes_with_what_it_refines(material):
     """Without the base model's Coulomb friction, Stribeck needs the one that was named."""
     bump = pick(material, "stribeck_friction", "elbow")[:1]
     naming = Naming(tuple(bump), {}, ())
-    assert keep_surviving(naming, (), BASE_EFFECTS).chosen == tuple(bump)
-    assert keep_surviving(naming, (), ("rigid_body",)).chosen == ()
+    assert keep_surviving(naming, (), BASE_EFFECTS, "").chosen == tuple(bump)
+    assert keep_surviving(naming, (), ("rigid_body",), "").chosen == ()
 
 
 def test_a_shifted_torque_is_the_torque_of_another_sample():
