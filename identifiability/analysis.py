@@ -139,7 +139,7 @@ def analyze(
         at = select_model(results)
         belief = None
         if posterior:
-            results, belief = believe(robot, base, information, results, at, streams[2], say)
+            results, belief = believe(robot, base, information, results, at, streams[2], say, train)
         return Analysis(
             robot, base, train, held, information, results, at,
             fitted.first(len(rungs)), out.first(len(rungs)), model.names, method, seed, belief,

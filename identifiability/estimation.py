@@ -26,6 +26,9 @@ PAPER_FACTOR = 10.0
 #: Share of a unit column in a dependent one from which on the two are not told apart.
 MIXED = 1e-6
 
+#: A residual below this share of the torque is rounding, which must weigh no actuator.
+ROUNDING = 1e-12
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -106,10 +109,17 @@ def estimate(information: Information, method: Method = "wls") -> Estimate:
     if method == "ols":
         return plain
     floor = 1e-12 * float(np.max(plain.variance, initial=0.0))
+    floor = max(floor, ROUNDING**2 * _mean_square(information))
     if floor == 0.0:
         return plain
-    scale = float(np.mean(plain.variance))
-    return _solve(information, scale / np.maximum(plain.variance, floor))
+    variance = np.maximum(plain.variance, floor)
+    return _solve(information, float(np.mean(variance)) / variance)
+
+
+def _mean_square(information: Information) -> float:
+    """Return the mean square of the torque over all rows."""
+    root = information.factor()[:, -1]
+    return float(root @ root) / max(information.rows, 1)
 
 
 def _solve(information: Information, weights: Array) -> Estimate:

@@ -29,10 +29,20 @@ WINDOWS, WINDOW = 8, 16_384
 #: still be small beside 1e-8.
 FORGOTTEN = 1e-14
 
+#: A joint whose position spans less than this never moves [rad or m, and of its largest position]:
+#: encoders resolve nothing below it, and conversions of units leave less.
+STILL = 1e-9
+
 
 def sampling_step(t: Array) -> float:
     """Return the sampling step of uniform times, their median difference [s]."""
     return float(np.median(np.diff(t)))
+
+
+def never_moves(low: Array, high: Array) -> np.ndarray:
+    """Return which joints stand still, from the range of their positions, each (n,)."""
+    still: np.ndarray = high - low <= STILL * (1 + np.maximum(np.abs(low), np.abs(high)))
+    return still
 
 
 def motion_bandwidth(t: Array, q: Array, share: float = 0.99) -> float:

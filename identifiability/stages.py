@@ -129,8 +129,15 @@ def believe(
     at: int,
     rng: np.random.Generator,
     say: Progress,
+    samples: Sequence[Prepared],
 ) -> tuple[tuple[RungResult, ...], Belief]:
-    """Sample the posteriors of one model and let its verdicts know."""
+    """Sample the posteriors of one model and let its verdicts know.
+
+    Of a robot that never moved nothing is sampled: its posterior is the prior along a handful of
+    exact equations, which no chain walks.
+    """
+    if not any(s.survey.moves for s in samples):
+        return results, Belief(None, None, None, "the robot does not move in these logs")
     chosen = results[at]
     belief = form_belief(
         robot, base, chosen.rung, chosen.rung.reduce(information), chosen.estimate,

@@ -47,7 +47,8 @@ class Convergence:
     Attributes
     ----------
     rhat, ess_bulk, ess_tail, tau : (p,)
-        `tau` in draws of one walker.
+        `tau` in draws of one walker. Where no chain ever moved R-hat is infinite and no draw is
+        effective.
     acceptance : float
     reasons : tuple of str
         Why the posterior may not be shown; empty when it may.
@@ -100,9 +101,14 @@ def diagnose_convergence(
     axes = {"chain_axis": 0, "draw_axis": 1}
     stats: Any = array_stats
     members = np.repeat(np.arange(E), K)
-    rhat = np.asarray(stats.rhat_nested(chains, superchain_ids=members, **axes))
-    bulk = np.asarray(stats.ess(chains, method="bulk", **axes))
-    tail = np.asarray(stats.ess(chains, method="tail", prob=(0.05, 0.95), **axes))
+    # Chains that stand still say nothing of a distribution: no R-hat, and no effective draw.
+    walked = np.ptp(chains, axis=1).any(axis=0)
+    rhat, bulk, tail = np.full(p, np.inf), np.zeros(p), np.zeros(p)
+    if walked.any():
+        some = chains[..., walked]
+        rhat[walked] = stats.rhat_nested(some, superchain_ids=members, **axes)
+        bulk[walked] = stats.ess(some, method="bulk", **axes)
+        tail[walked] = stats.ess(some, method="tail", prob=(0.05, 0.95), **axes)
     tau = autocorrelation_time(chains)
     labels = tuple(names) or tuple(f"parameter {j}" for j in range(p))
     found = Convergence(rhat, bulk, tail, tau, posterior.acceptance, ())
@@ -139,7 +145,9 @@ def _reasons(
 ) -> tuple[str, ...]:
     reasons = []
     worst = int(np.argmax(np.nan_to_num(found.rhat, nan=np.inf)))
-    if not found.rhat[worst] <= limits.rhat:
+    if np.isposinf(found.rhat[worst]):
+        reasons.append(f"The chains of {names[worst]} never moved.")
+    elif not found.rhat[worst] <= limits.rhat:
         reasons.append(
             f"The ensembles disagree: nested R-hat of {names[worst]} is {found.rhat[worst]:.3f} "
             f"(at most {limits.rhat:g}); sample longer."

@@ -63,13 +63,23 @@ class Plan:
         return self.filter_reach + (0 if self.decimation is None else self.decimation.reach)
 
     def derive(self, log: Log) -> tuple[Array, Array, Array]:
-        """Return position, velocity and acceleration of the actuated joints, each (N, n)."""
-        if self.series is not None:
-            return self.series.motion(log.t - self.start)
-        if self.cutoff is None:
+        """Return position, velocity and acceleration of the actuated joints, each (N, n).
+
+        The computed derivatives of a joint that never moves are zero: the sign of what rounding
+        leaves there would pass for friction, another one on every processor.
+        """
+        if self.cutoff is None and self.series is None:
             assert log.dq is not None
             assert log.ddq is not None
             return log.q, log.dq, log.ddq
+        q, dq, ddq = self._compute(log)
+        moves = ~signals.never_moves(log.q.min(0), log.q.max(0))
+        return q, np.where(moves, dq, 0.0), np.where(moves, ddq, 0.0)
+
+    def _compute(self, log: Log) -> tuple[Array, Array, Array]:
+        if self.series is not None:
+            return self.series.motion(log.t - self.start)
+        assert self.cutoff is not None
         q = signals.lowpass(log.q, self.step, self.cutoff)
         if log.dq is None:
             dq = signals.differentiate(q, self.step)

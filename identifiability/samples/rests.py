@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identifiability.names import Array
-from identifiability.signals import WINDOW, bandwidth_of_windows, sampling_step
+from identifiability.signals import WINDOW, bandwidth_of_windows, never_moves, sampling_step
 
 #: A joint slower than this share of its largest speed stands still.
 REST_SPEED = 0.01
@@ -56,10 +56,9 @@ def choose_rest_rule(q: Sequence[Array], dq: Sequence[Array], dt: float) -> Rest
     dt : float [s]
     """
     high, low = np.max([x.max(0) for x in q], axis=0), np.min([x.min(0) for x in q], axis=0)
-    # The computed speed of a joint that never moves is rounding, not motion.
-    moves = high - low > 1e-9 * (1 + np.maximum(np.abs(high), np.abs(low)))
     speed = np.max([np.abs(x).max(0) for x in dq], axis=0)
-    limit = REST_SPEED * np.where(moves, speed, np.inf)
+    # A joint that never moves has no largest speed to compare with.
+    limit = REST_SPEED * np.where(never_moves(low, high), np.inf, speed)
     still = [np.all(np.abs(x) <= limit, axis=1) for x in dq]
     if all(s.all() for s in still):
         return None

@@ -8,6 +8,7 @@ import numpy as np
 
 from identifiability.names import Array
 from identifiability.robot import Motion
+from identifiability.signals import never_moves
 
 #: Rows that a note lists.
 LISTED = 5
@@ -88,7 +89,7 @@ class Survey:
     @property
     def moves(self) -> bool:
         """Whether any actuated joint moves."""
-        return bool(np.max(self.high[0] - self.low[0], initial=0.0) > 1e-9)
+        return not never_moves(self.low[0], self.high[0]).all()
 
     def notes(self, total: int) -> list[str]:
         """Return what happened to the samples of a log with `total` of them, for the report."""

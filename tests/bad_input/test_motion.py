@@ -10,7 +10,7 @@ from identifiability.analysis import analyze
 from identifiability.errors import ClosureError, LogError
 from identifiability.logs import Log
 from identifiability.robot import Robot, complete_motion
-from identifiability.samples import prepare_samples
+from identifiability.samples import Preparation, prepare_samples
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.verdict import Class
 
@@ -43,6 +43,31 @@ def test_a_robot_at_rest_gives_a_result_and_exit_code_0(derivatives, command, wr
     rows = content["parameters"] + content["full_parameters"]
     assert {r["verdict"] for r in rows}.isdisjoint({"identifiable", "weak"})
     assert all(r["reason"] for r in rows)
+
+
+@pytest.mark.parametrize("derivatives", ["given", "butterworth", "fourier"])
+def test_a_robot_at_rest_is_answered_without_sampling(derivatives, arm, monkeypatch):
+    def refuse(*_, **__):
+        raise AssertionError("sampled")
+
+    monkeypatch.setattr("identifiability.inference.sample_posterior", refuse)
+    how = Preparation(derivatives=derivatives)
+    out = analyze("two-link", at_rest(arm), preparation=how, replicates=20, posterior=True)
+    assert out.belief.note == "the robot does not move in these logs"
+    assert not any(m.estimate.determined.any() for m in out.models)
+    assert all(m.paper_identified == 0 for m in out.models)
+    for m in out.models:  # a residual that is rounding weighs no actuator
+        np.testing.assert_array_equal(m.estimate.weights, 1.0)
+
+
+@pytest.mark.parametrize("derivatives", ["butterworth", "fourier"])
+def test_the_computed_derivatives_of_a_joint_that_never_moves_are_zero(derivatives, arm):
+    arm["elbow.q"] = 0.3
+    log = Log.from_frame(arm.drop(columns=[c for c in arm if c.endswith(("dq", "ddq"))]))
+    motion = prepare_samples(Robot.load("two-link"), log, Preparation(derivatives)).motion
+    assert not motion.actuated_v[:, 1].any()
+    assert not motion.actuated_a[:, 1].any()
+    assert motion.actuated_v[:, 0].any()
 
 
 @pytest.mark.xfail(

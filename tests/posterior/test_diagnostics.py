@@ -56,9 +56,20 @@ def test_thresholds_can_be_stated(rng):
 
 def test_a_chain_that_never_moved_is_not_shown():
     stuck = np.ones((4, 4, 20, 1)) * np.arange(4)[:, None, None, None]
-    with np.errstate(all="ignore"):
-        found = diagnose_convergence(Posterior(stuck, 1.0))
+    found = diagnose_convergence(Posterior(stuck, 1.0))
     assert not found.trustworthy
+
+
+def test_chains_of_one_parameter_that_stand_still_leave_the_others_judged(rng):
+    draws = rng.normal(size=(4, 16, 100, 3))
+    draws[..., 1] = 7.0
+    found = diagnose_convergence(Posterior(draws, 1.0), ["a.Fv", "b.Fv", "c.Fv"])
+    assert found.reasons[0] == "The chains of b.Fv never moved."
+    assert not any("nan" in r for r in found.reasons)
+    assert np.isposinf(found.rhat[1])
+    assert found.ess_bulk[1] == found.ess_tail[1] == 0
+    assert (found.rhat[[0, 2]] < 1.01).all()
+    assert (found.ess_bulk[[0, 2]] > 4000).all()
 
 
 def test_too_few_ensembles_are_refused(rng):
