@@ -1,0 +1,141 @@
+"""Least squares from compressed numbers: values, spread, and what is not determined."""
+
+import numpy as np
+import pytest
+
+from identifiability.estimation import PAPER_FACTOR, dependence, estimate
+
+from .made import fit_of, gather
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """Three columns, two actuators of which the second is ten times noisier."""
+    rng = np.random.default_rng(0)
+    W = rng.normal(size=(160, 2, 3))
+    return W, W @ [1.0, -2.0, 0.5] + rng.normal(size=(160, 2)) * [0.1, 1.0]
+
+
+def weighted(W, tau, weights):
+    root = np.sqrt(weights)
+    flat, right = (W * root[:, None]).reshape(-1, W.shape[2]), (tau * root).ravel()
+    x = np.linalg.lstsq(flat, right, rcond=None)[0]
+    return x, right - flat @ x, flat
+
+
+def test_ordinary_least_squares_weighs_all_actuators_alike(rows):
+    fit = estimate(gather(*rows), "ols")
+    x, residual, flat = weighted(*rows, np.ones(2))
+    np.testing.assert_allclose(fit.value, x, rtol=1e-9)
+    np.testing.assert_array_equal(fit.weights, [1.0, 1.0])
+    assert fit.dof == 320 - 3
+    sigma2 = residual @ residual / fit.dof
+    np.testing.assert_allclose(fit.covariance, sigma2 * np.linalg.inv(flat.T @ flat), rtol=1e-8)
+
+
+def test_actuators_are_weighted_by_their_own_residual_variance(rows):
+    information = gather(*rows)
+    plain, fit = estimate(information, "ols"), estimate(information, "wls")
+    residual = rows[1] - rows[0] @ plain.value
+    # Each of two actuators pays for half of three parameters.
+    variance = (residual**2).sum(0) / (160 - 1.5)
+    np.testing.assert_allclose(plain.variance, variance, rtol=1e-9)
+    np.testing.assert_allclose(fit.weights, variance.mean() / variance, rtol=1e-9)
+    x, residual, flat = weighted(*rows, fit.weights)
+    np.testing.assert_allclose(fit.value, x, rtol=1e-9)
+    sigma2 = residual @ residual / fit.dof
+    np.testing.assert_allclose(fit.covariance, sigma2 * np.linalg.inv(flat.T @ flat), rtol=1e-8)
+    np.testing.assert_allclose(fit.rss, ((rows[1] - rows[0] @ x) ** 2).sum(0), rtol=1e-9)
+    assert abs(fit.value[0] - 1) < abs(plain.value[0] - 1)
+
+
+def test_weights_are_the_method_unless_it_is_named(rows):
+    information = gather(*rows)
+    np.testing.assert_array_equal(
+        estimate(information).weights, estimate(information, "wls").weights
+    )
+
+
+def test_the_condition_is_that_of_columns_of_equal_length(rows):
+    W, tau = rows
+    for units in (np.ones(3), np.array([1e3, 1.0, 1e-3])):
+        fit = estimate(gather(W * units, tau), "ols")
+        flat = W.reshape(-1, 3)
+        scaled = np.linalg.svd(flat / np.linalg.norm(flat, axis=0), compute_uv=False)
+        np.testing.assert_allclose(fit.singular_values, scaled / scaled[0], rtol=1e-6)
+        assert fit.condition == pytest.approx(scaled[0] / scaled[-1], rel=1e-6)
+
+
+def test_dependent_columns_are_dropped_and_have_no_variance_that_could_be_believed(rows):
+    """p3 repeats p1, p4 never acts: p1 is known only together with p3, p0 and p2 by themselves."""
+    W, tau = rows
+    more = np.concatenate([W, 3 * W[:, :, 1:2], 0 * W[:, :, :1]], axis=2)
+    fit = estimate(gather(more, tau), "ols")
+    alone = estimate(gather(W, tau), "ols")
+    assert fit.kept == (0, 1, 2)
+    np.testing.assert_array_equal(fit.determined, [True, False, True, False, False])
+    np.testing.assert_allclose(fit.value, [*alone.value, 0, 0], rtol=1e-7)
+    np.testing.assert_allclose(fit.sigma[[0, 2]], alone.sigma[[0, 2]], rtol=1e-7)
+    assert np.isinf(fit.sigma[[1, 3, 4]]).all()
+    assert np.isinf(fit.sigma_percent[[1, 3, 4]]).all()
+    off = np.where(np.eye(5, dtype=bool), 0.0, fit.covariance)
+    np.testing.assert_array_equal(off[[1, 3, 4]], 0.0)
+    np.testing.assert_array_equal(off[:, [1, 3, 4]], 0.0)
+
+
+@pytest.mark.parametrize("share", [0.2, 1e-3, 1e-5])
+def test_a_column_that_enters_a_dropped_one_ever_so_little_is_not_told_apart(rows, share):
+    W, tau = rows
+    mixed = W[:, :, :1] + share * W[:, :, 1:2]
+    fit = estimate(gather(np.concatenate([W, mixed], axis=2), tau), "ols")
+    np.testing.assert_array_equal(fit.determined, [False, False, True, False])
+
+
+def test_dependence_is_counted_in_columns_of_unit_length(rows):
+    W, tau = rows
+    W = np.concatenate([W, 2 * W[:, :, :1] + 0 * W[:, :, 1:2], 0 * W[:, :, :1]], axis=2)
+    W[:, :, 1] *= 1e3
+    leans = dependence(gather(W, tau), [0, 1, 2], np.ones(2))
+    np.testing.assert_allclose(leans, [[1, 0], [0, 0], [0, 0]], atol=1e-7)
+
+
+def test_columns_that_lean_on_each_other_to_the_eighth_digit_count_as_one(rows):
+    W, tau = rows
+    for apart, count in ((1e-6, 4), (1e-9, 3)):
+        near = W[:, :, :1] + apart * np.random.default_rng(1).normal(size=(160, 2, 1))
+        fit = estimate(gather(np.concatenate([W, near], axis=2), tau), "ols")
+        assert len(fit.kept) == count
+
+
+def test_a_perfect_fit_needs_no_weights(rows):
+    W, _ = rows
+    fit = estimate(gather(W, W @ [1.0, -2.0, 0.5]))
+    np.testing.assert_allclose(fit.value, [1.0, -2.0, 0.5], rtol=1e-9)
+    assert np.isfinite(fit.weights).all()
+
+
+def test_one_silent_actuator_does_not_take_all_the_weight(rows):
+    W, tau = rows
+    tau = tau.copy()
+    tau[:, 0] = W[:, 0] @ [1.0, -2.0, 0.5]
+    fit = estimate(gather(W, tau))
+    assert np.isfinite(fit.weights).all()
+    assert np.isfinite(fit.sigma).all()
+
+
+def test_relative_deviations_are_percent_of_the_size():
+    fit = fit_of([2.0, -4.0, 0.0, 1.0], [0.1, 0.1, 0.1, 0.1], [True, True, True, False])
+    np.testing.assert_allclose(fit.sigma_percent, [5.0, 2.5, np.inf, np.inf])
+
+
+def test_the_papers_rule_passes_what_is_below_ten_times_the_least():
+    fit = fit_of([1.0, 1.0, 1.0, 1.0], [0.01, 0.0999, 0.1001, 0.01], [True] * 3 + [False])
+    assert PAPER_FACTOR == 10
+    np.testing.assert_array_equal(fit.paper_rule, [True, True, False, False])
+    assert not fit_of([1.0], [1.0], [False]).paper_rule.any()
+
+
+def test_no_columns_leave_the_torque(rows):
+    fit = estimate(gather(rows[0][:, :, :0], rows[1]), "ols")
+    assert fit.kept == ()
+    np.testing.assert_allclose(fit.rss, (rows[1] ** 2).sum(0), rtol=1e-9)

@@ -1,0 +1,186 @@
+"""Blocks, refits on resampled blocks, and the scatter of scores, against formulas."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm, t
+
+from identifiability.bootstrap import Bootstrap, bootstrap, draw_blocks, merge_blocks, refit
+from identifiability.errors import IdentifiabilityError
+from identifiability.estimation import estimate
+from identifiability.scores import scatter_scores
+
+from .made import gather
+
+
+def rows(samples=192, seed=0, noise=(0.1, 1.0)):
+    rng = np.random.default_rng(seed)
+    W = rng.normal(size=(samples, len(noise), 3))
+    tau = W @ [1.0, -2.0, 0.5] + rng.normal(size=(samples, len(noise))) * noise
+    return W, tau
+
+
+def test_blocks_are_joined_to_equal_ones_of_the_length_that_is_wanted():
+    information = gather(*rows(), size=8)
+    for length, counts in ((1, [8] * 24), (8, [8] * 24), (16, [16] * 12), (32, [32] * 6),
+                           (48, [48] * 4), (64, [64] * 3), (96, [96] * 2), (192, [192]),
+                           (1e9, [192])):  # fmt: skip
+        merged = merge_blocks(information, length)
+        np.testing.assert_array_equal(merged.counts, counts)
+        np.testing.assert_allclose(merged.per_actuator, information.per_actuator, rtol=1e-12)
+
+
+def test_a_joined_block_holds_the_samples_between_its_edges_and_no_others():
+    W, tau = rows()
+    merged = merge_blocks(gather(W, tau, size=8), 48)
+    Z = np.concatenate([W, tau[:, :, None]], axis=2) @ np.linalg.inv(merged.basis)
+    for block, (a, b) in enumerate(((0, 48), (48, 96), (96, 144), (144, 192))):
+        gram = np.einsum("tai,taj->aij", Z[a:b], Z[a:b])
+        np.testing.assert_allclose(merged.gram[block], gram, atol=1e-9)
+
+
+def test_no_joined_block_is_much_longer_or_shorter_than_wanted():
+    information = gather(*rows(), size=8)
+    for length in range(9, 97):
+        merged = merge_blocks(information, length)
+        assert len(merged.counts) == 192 // length
+        assert np.ptp(merged.counts) <= 8  # edges move by at most half of a small block
+        assert merged.counts.min() > length - 8
+
+
+def test_blocks_of_several_logs_are_joined_within_each():
+    information = gather(*rows(), size=8, logs=(64, 128))
+    merged = merge_blocks(information, 40)
+    np.testing.assert_array_equal(merged.log, [0, 1, 1, 1])
+    np.testing.assert_array_equal(merged.counts, [64, 48, 40, 40])
+    assert merge_blocks(information, 1e9).log.tolist() == [0, 1]
+
+
+def test_a_replicate_draws_as_many_blocks_as_there_are():
+    counts = draw_blocks(24, 500, np.random.default_rng(0))
+    np.testing.assert_array_equal(counts.sum(1), 24)
+    # Binomial: mean 1, variance 1 - 1/24.
+    assert np.abs(counts.mean(0) - 1).max() < 5 / np.sqrt(500)
+    assert counts.var() == pytest.approx(1 - 1 / 24, rel=0.05)
+
+
+def test_a_refit_is_weighted_least_squares_on_the_drawn_rows():
+    W, tau = rows()
+    information = gather(W, tau, size=8)
+    weights = np.array([30.0, 0.1])
+    counts = draw_blocks(24, 5, np.random.default_rng(1))
+    values = refit(information, weights, counts)
+    for value, drawn in zip(values, counts, strict=True):
+        repeat = np.sqrt(np.repeat(drawn, 8))[:, None] * np.sqrt(weights)
+        expected = np.linalg.lstsq(
+            (W * repeat[..., None]).reshape(-1, 3), (tau * repeat).ravel(), rcond=None
+        )[0]
+        np.testing.assert_allclose(value, expected, rtol=1e-8)
+
+
+def test_the_bootstrap_refits_with_the_weights_of_the_fit():
+    information = gather(*rows(), size=8)
+    fit = estimate(information, "wls")
+    assert fit.weights[0] > 20 * fit.weights[1]
+    found = bootstrap(information, fit, np.random.default_rng(3), replicates=40, length=16)
+    counts = draw_blocks(12, 40, np.random.default_rng(3))
+    expected = refit(merge_blocks(information, 16), fit.weights, counts)
+    np.testing.assert_allclose(found.values, expected, rtol=1e-12)
+    assert found.blocks == 12
+
+
+def test_columns_that_the_fit_dropped_stay_zero_in_every_replicate():
+    W, tau = rows()
+    information = gather(np.concatenate([W[:, :, :1], W], axis=2), tau, size=8)
+    fit = estimate(information)
+    assert fit.kept == (0, 2, 3)
+    found = bootstrap(information, fit, np.random.default_rng(0), replicates=20)
+    np.testing.assert_array_equal(found.values[:, 1], 0.0)
+    assert (found.sd[[0, 2, 3]] > 0).all()
+
+
+def test_seven_blocks_say_nothing_and_eight_do():
+    information = gather(*rows(), size=8)
+    fit, rng = estimate(information), np.random.default_rng(0)
+    with pytest.raises(IdentifiabilityError, match="make only 7 independent blocks.*needs 8"):
+        bootstrap(information, fit, rng, length=192 / 7)
+    assert bootstrap(information, fit, rng, replicates=20, length=192 / 8).blocks == 8
+
+
+def test_percentiles_correlations_and_deviations_are_those_of_the_replicates():
+    values = np.random.default_rng(0).normal(size=(4001, 2)) @ [[1.0, 0.6], [0.0, 0.8]]
+    found = Bootstrap(("a", "b"), values, 20, 10.0)
+    np.testing.assert_allclose(found.interval(), np.quantile(values, [0.025, 0.975], axis=0).T)
+    np.testing.assert_allclose(found.interval(0.5), np.quantile(values, [0.25, 0.75], axis=0).T)
+    np.testing.assert_allclose(found.sd, np.std(values, axis=0, ddof=1))
+    assert found.correlation[0, 1] == pytest.approx(0.6, abs=0.05)
+
+
+def constant(residual, size):
+    """Return the information of one constant column and its fit."""
+    W = np.ones((len(residual), 1, 1))
+    information = gather(W, residual[:, None], size=size)
+    return information, estimate(information, "ols")
+
+
+def by_hand(residual, length):
+    """Return the deviation of a mean by the scatter of sums over stretches, by the formulas.
+
+    Leverage of a stretch is 1/B; of scores that remember τ samples, sums over L have τ (1 - τ/2L)
+    times the variance of white ones.
+    """
+    N, B = len(residual), len(residual) // length
+    e = residual - residual.mean()
+    sums = e.reshape(B, length).sum(1)
+    variance = (sums**2).sum() / (1 - 1 / B) / N**2
+    white = (e @ e) / (N - 1) / N
+    seen = min(variance / white / length, 0.5)  # = τ/L (1 - τ/2L), at most 1/2
+    tau = length * (1 - np.sqrt(1 - 2 * seen))
+    return np.sqrt(variance * tau / (length * seen))
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9, 0.99])
+def test_the_scatter_of_scores_is_extrapolated_to_stretches_without_end(rho):
+    rng, residual = np.random.default_rng(7), np.zeros(960)
+    white = rng.normal(size=960)
+    for k in range(960):
+        residual[k] = (rho * residual[k - 1] if k else 0.0) + white[k]
+    found = scatter_scores(*constant(residual, 8), time=8.0)
+    assert found.stretches == 24
+    np.testing.assert_allclose(found.sd, [by_hand(residual, 40)], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("time", "stretches"), [(1.6, 120), (8.0, 24), (16.0, 12), (1e4, 12)])
+def test_a_stretch_is_five_memories_long_while_twelve_are_left(time, stretches):
+    residual = np.random.default_rng(0).normal(size=960)
+    assert scatter_scores(*constant(residual, 8), time).stretches == stretches
+
+
+def test_eleven_stretches_say_nothing():
+    residual = np.random.default_rng(0).normal(size=960)
+    assert scatter_scores(*constant(residual, 960 // 12), 1.0).stretches == 12
+    assert scatter_scores(*constant(residual[:880], 880 // 11), 1.0) is None
+
+
+def test_intervals_of_few_stretches_are_students():
+    residual = np.random.default_rng(0).normal(size=960)
+    found = scatter_scores(*constant(residual, 8), 16.0)
+    factor = t.ppf(0.975, 11) / norm.ppf(0.975)
+    assert factor == pytest.approx(1.123, abs=1e-3)
+    np.testing.assert_allclose(found.widened, found.sd * factor)
+
+
+def test_scores_weigh_actuators_as_the_fit_does():
+    """With the noisy actuator's weight next to none, the other's rows alone say how far off."""
+    W, tau = rows(960, noise=(0.1, 100.0))
+    both = gather(W, tau, size=8)
+    one = gather(W[:, :1], tau[:, :1], size=8)
+    many, few = (scatter_scores(i, estimate(i), 1.0) for i in (both, one))
+    # The white variance that both are compared with is known to √(2/960) = 4.6 %.
+    np.testing.assert_allclose(many.sd, few.sd, rtol=0.05)
+
+
+def test_scores_of_what_is_not_determined_are_infinitely_uncertain():
+    W, tau = rows()
+    information = gather(np.concatenate([W, W[:, :, :1]], axis=2), tau, size=8)
+    found = scatter_scores(information, estimate(information), 1.0)
+    np.testing.assert_array_equal(np.isfinite(found.sd), [False, True, True, False])

@@ -1,0 +1,166 @@
+"""σ robust is the largest of its roads; a verdict recurs only with the same sign."""
+
+import numpy as np
+import pytest
+
+from identifiability.bootstrap import Bootstrap
+from identifiability.estimation import estimate
+from identifiability.noise import autocorrelation, autocorrelation_time, block_length
+from identifiability.scores import ScoreScatter
+from identifiability.uncertainty import Uncertainty, assess_uncertainty, recurrence, residual_times
+from identifiability.verdict import Thresholds
+
+from .made import ar1, fit_of, gather
+
+
+def replicates(sd, count=5):
+    """Return replicates with exactly these standard deviations around zero."""
+    unit = np.linspace(-1, 1, count)
+    return np.outer(unit / unit.std(ddof=1), sd)
+
+
+def roads(white, inflated, resampled, scores, stretches=10**6):
+    names = tuple("abcd"[: len(white)])
+    return Uncertainty(
+        white=np.array(white, float),
+        inflated=np.array(inflated, float),
+        bootstrap=None if resampled is None else Bootstrap(names, replicates(resampled), 20, 9.0),
+        scores=None if scores is None else ScoreScatter(np.array(scores, float), stretches),
+        times=np.ones(1),
+        block=1.0,
+    )
+
+
+def test_the_robust_deviation_is_the_largest_of_three_roads():
+    found = roads([1, 1, 1], [3, 2, 2], [2, 3, 2], [2, 2, 3])
+    np.testing.assert_allclose(found.robust, [3, 3, 3], rtol=1e-5)
+    np.testing.assert_allclose(roads([1, 1], [2, 2], None, [1, 3]).robust, [2, 3], rtol=1e-5)
+    np.testing.assert_allclose(roads([1, 1], [2, 2], [1, 3], None).robust, [2, 3])
+    np.testing.assert_allclose(roads([1, 1], [2, 2], None, None).robust, [2, 2])
+
+
+def test_the_score_road_counts_with_students_width():
+    assert roads([1], [1], [1], [1], stretches=12).robust[0] == pytest.approx(1.123, abs=1e-3)
+
+
+def test_what_is_not_determined_is_infinitely_uncertain_on_every_road():
+    found = roads([1, np.inf], [2, np.inf], [3, 0], [1, np.inf])
+    np.testing.assert_allclose(found.robust, [3, np.inf])
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """Two actuators: the residual of the first remembers and is small, the second's is white."""
+    rng = np.random.default_rng(2)
+    W = rng.normal(size=(2000, 2, 2))
+    noise = np.column_stack([0.3 * ar1(rng, 0.9, 2000)[:, 0], rng.normal(size=2000)])
+    return W, W @ [1.0, -2.0] + noise
+
+
+@pytest.mark.parametrize("method", ["ols", "wls"])
+def test_the_formulas_deviation_grows_by_the_root_of_the_time_of_those_that_carry_it(rows, method):
+    W, tau = rows
+    information = gather(W, tau)
+    fit = estimate(information, method)
+    residual, one = tau - W @ fit.value, np.zeros(2000, int)
+    found = assess_uncertainty(information, fit, residual, one, np.random.default_rng(0), 0)
+    times = autocorrelation_time(residual)
+    assert times[0] > 8
+    assert times[1] < 2
+    share = fit.weights * (residual**2).sum(0)
+    expected = (share @ times) / share.sum()
+    np.testing.assert_allclose((found.inflated / fit.sigma) ** 2, expected, rtol=1e-9)
+    np.testing.assert_allclose(found.times, times)
+    # With equal weights the large white residual decides, with its own each counts half.
+    assert expected < (2.5 if method == "ols" else 12)
+    assert expected > (1.2 if method == "ols" else 5)
+    np.testing.assert_array_equal(found.white, fit.sigma)
+    assert found.bootstrap is None
+
+
+def test_the_bootstraps_blocks_are_as_long_as_the_longest_memory_asks(rows):
+    W, tau = rows
+    information = gather(W, tau)
+    fit = estimate(information)
+    residual = tau - W @ fit.value
+    rng = np.random.default_rng(0)
+    found = assess_uncertainty(information, fit, residual, np.zeros(2000, int), rng, 50)
+    assert found.block == max(block_length(residual[:, :1]), block_length(residual[:, 1:]))
+    assert len(found.bootstrap.values) == 50
+    assert found.bootstrap.block_samples >= found.block
+    assert found.scores is not None
+    assert (found.robust >= np.max([found.inflated, found.bootstrap.sd, found.scores.sd], 0)).all()
+
+
+def test_too_short_a_log_says_why_there_is_no_bootstrap(rows):
+    W, tau = rows
+    information = gather(W[:200], tau[:200], size=100)
+    fit = estimate(information)
+    residual = tau[:200] - W[:200] @ fit.value
+    rng = np.random.default_rng(0)
+    found = assess_uncertainty(information, fit, residual, np.zeros(200, int), rng, 50)
+    assert found.bootstrap is None
+    assert "2 independent blocks" in found.note
+
+
+def test_times_are_averaged_over_stretches_by_their_length_and_blocks_are_the_longest():
+    rng = np.random.default_rng(1)
+    parts = [ar1(rng, 0.9, 900), ar1(rng, 0.0, 300)]
+    series = np.repeat([4, 7], [900, 300])
+    times, length = residual_times(np.concatenate(parts), series)
+    own = [autocorrelation_time(p)[0] for p in parts]
+    assert times[0] == pytest.approx(0.75 * own[0] + 0.25 * own[1])
+    assert length == max(block_length(p) for p in parts)
+    assert length > block_length(parts[1])
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6, 0.9])
+def test_the_autocorrelation_time_is_that_of_the_noise(rho):
+    """(1 + ρ) / (1 - ρ); the estimate of 40,000 samples is within a fifth."""
+    noise = ar1(np.random.default_rng(3), rho, 40_000, 2)
+    np.testing.assert_allclose(autocorrelation_time(noise), (1 + rho) / (1 - rho), rtol=0.2)
+    acf = autocorrelation(noise)
+    np.testing.assert_allclose(acf[0], 1.0)
+    np.testing.assert_allclose(acf[1:4].mean(1), rho ** np.arange(1, 4), atol=0.03)
+
+
+def test_noise_that_turns_back_does_not_count_as_less_than_white():
+    turns = np.where(np.arange(100) % 2, 1.0, -1.0)[:, None]
+    np.testing.assert_array_equal(autocorrelation_time(turns), [1.0])
+
+
+def test_the_autocorrelation_is_that_of_definition():
+    x = np.random.default_rng(0).normal(size=(50, 1))
+    e = x[:, 0] - x.mean()
+    expected = [e[: 50 - k] @ e[k:] / (e @ e) for k in range(50)]
+    np.testing.assert_allclose(autocorrelation(x)[:, 0], expected, atol=1e-12)
+
+
+def recurring(value, resampled, robust, **rules):
+    uncertain = Uncertainty(
+        white=np.array([robust]), inflated=np.array([robust]), scores=None, times=np.ones(1),
+        bootstrap=Bootstrap(("a",), np.array(resampled, float)[:, None], 20, 9.0), block=1.0,
+    )  # fmt: skip
+    uncertain = Uncertainty(**{**vars(uncertain), "inflated": np.array([robust])})
+    return recurrence(fit_of([value], [robust]), uncertain, Thresholds(**rules))[0]
+
+
+def test_a_verdict_recurs_where_the_value_is_again_known_well_and_of_the_same_sign():
+    """σ robust is .2 or a little more, so a replicate must be of size 1 or a little more."""
+    wide = [1.3, 1.2, 1.25, 1.28, 1.22]
+    assert recurring(1.0, wide, 0.2) == 1.0
+    assert recurring(1.0, [*wide, -1.3, -1.2, -1.3, -1.2, -1.3], 0.2) < 0.6
+    assert recurring(1.0, [*wide[:4], -1.3], 0.21) < 0.9
+    assert recurring(1.0, [-w for w in wide], 0.2) == 0.0
+    assert recurring(-1.0, [-w for w in wide], 0.2) == 1.0
+
+
+def test_a_replicate_near_zero_is_not_known_well():
+    resampled = [1.3, 1.25, 1.2, 1.15, 0.95]
+    assert recurring(1.0, resampled, 0.2) == 0.8
+    assert recurring(1.0, resampled, 0.2, sigma_percent=25.0) == 1.0
+
+
+def test_without_a_bootstrap_nothing_recurs_and_nothing_does_not():
+    found = recurrence(fit_of([1.0], [0.1]), roads([1], [1], None, None), Thresholds())
+    assert np.isnan(found).all()
