@@ -18,6 +18,7 @@ from identifiability.errors import IdentifiabilityError
 from identifiability.estimation import Estimate
 from identifiability.information import Information
 from identifiability.names import Array
+from identifiability.shares import LEVEL
 
 #: Fewer blocks than this say nothing about the spread between blocks.
 FEWEST_BLOCKS = 8
@@ -60,7 +61,7 @@ class Bootstrap:
         whole: Array = np.nan_to_num(np.atleast_2d(rho))
         return whole
 
-    def interval(self, level: float = 0.95) -> Array:
+    def interval(self, level: float = LEVEL) -> Array:
         """Return percentile intervals, (k, 2)."""
         tail = 0.5 * (1 - level)
         bounds: Array = np.quantile(self.values, [tail, 1 - tail], axis=0).T

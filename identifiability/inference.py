@@ -37,6 +37,7 @@ from identifiability.posterior.exact import Progress
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target, make_proper
 from identifiability.robot import Robot
+from identifiability.shares import ENDS
 
 
 def form_belief(
@@ -216,7 +217,7 @@ def _summarise(
     chains: Array, rung: Rung, rng: np.random.Generator, convergence: Convergence
 ) -> Summary:
     draws = chains.reshape(-1, chains.shape[-1])
-    interval = np.quantile(draws, [0.025, 0.975], axis=0).T
+    interval = np.quantile(draws, ENDS, axis=0).T
     width = interval[:, 1] - interval[:, 0]
     edge = np.where(rung.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
     shown = draws[rng.permutation(len(draws))[:SHOWN]]

@@ -14,7 +14,7 @@ from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.names import Array
 from identifiability.replicates import Experiment
-from identifiability.shares import LEVEL, Share, clustered_share, each_share
+from identifiability.shares import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.uncertainty import assess_uncertainty, recurrence
 from identifiability.verdict import Class, Evidence, Thresholds, judge
 
@@ -165,8 +165,8 @@ def count_outcomes(
     """
     value = np.array([t.value for t in trials])
     off = np.abs(value - truth)
-    white = off <= 1.96 * np.array([t.white for t in trials])
-    robust = off <= 1.96 * np.array([t.robust for t in trials])
+    white = off <= REACH * np.array([t.white for t in trials])
+    robust = off <= REACH * np.array([t.robust for t in trials])
     wrong = off > WRONG * np.abs(truth)
     called = np.array([t.identifiable for t in trials])
     paper = np.array([t.paper for t in trials])

@@ -18,6 +18,7 @@ from identifiability.bootstrap import merge_blocks
 from identifiability.estimation import Estimate
 from identifiability.information import Information
 from identifiability.names import Array
+from identifiability.shares import ENDS
 
 #: A stretch is so many autocorrelation times long, as long as there are `FEWEST` of them.
 MEMORIES, FEWEST = 5.0, 12
@@ -45,7 +46,7 @@ class ScoreScatter:
         """Standard deviations with which a normal interval has the width of Student's t, (k,)."""
         if self.stretches < 2:
             return self.sd
-        factor = t.ppf(0.975, self.stretches - 1) / norm.ppf(0.975)
+        factor = t.ppf(ENDS[1], self.stretches - 1) / norm.ppf(ENDS[1])
         wider: Array = self.sd * factor
         return wider
 

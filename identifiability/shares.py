@@ -7,8 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import beta
 
-#: Level of every interval here.
+#: Level of every interval.
 LEVEL = 0.95
+
+#: Standard deviations to each side of a normal interval of that level, and quantiles at its ends.
+REACH, ENDS = 1.96, (0.025, 0.975)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from scipy.stats import norm
 
 from identifiability.estimation import PAPER_FACTOR, Estimate
 from identifiability.names import Array
+from identifiability.shares import REACH
 
 
 class Class(StrEnum):
@@ -99,7 +100,7 @@ class Verdict:
     @property
     def data_interval95(self) -> tuple[float, float]:
         """The 95 % interval that the data alone leave."""
-        half = 1.96 * self.sigma_robust
+        half = REACH * self.sigma_robust
         return self.value - half, self.value + half
 
     @property
@@ -203,7 +204,7 @@ def judge(
     least = float(e.sigma_percent.min(initial=np.inf))
     out = []
     for k, name in enumerate(e.columns):
-        reach = abs(e.value[k]) + 1.96 * sigma[k] if e.determined[k] else 0.0
+        reach = abs(e.value[k]) + REACH * sigma[k] if e.determined[k] else 0.0
         effect = reach * evidence.column_noise[k]
         percent = _percent(float(sigma[k]), float(e.value[k]))
         kind, reason = _decide(

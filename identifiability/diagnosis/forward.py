@@ -26,6 +26,7 @@ from identifiability.model import Model, Regression
 from identifiability.names import INERTIAL_KINDS, Array
 from identifiability.robot import Robot, complete_motion
 from identifiability.samples import Samples
+from identifiability.shares import ENDS
 from identifiability.simulation.forward import Extra, ForwardRobot
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def _change(gap: ForwardGap, rng: np.random.Generator) -> tuple[float, float]:
     before, after = gap.shares()
     change = after[:, -1] - before[:, -1]
     drawn = change[rng.integers(0, len(change), (DRAWS, len(change)))].mean(1)
-    low, high = np.quantile(drawn, [0.025, 0.975])
+    low, high = np.quantile(drawn, ENDS)
     return float(low), float(high)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from identifiability.diagnosis.real_robot import RealRobot
 from identifiability.diagnosis.rows import Candidate, Rows, fit_weighted
 from identifiability.names import Array
+from identifiability.shares import ENDS
 
 #: Stretches that one log is divided into when there is no other.
 FOLDS = 5
@@ -54,7 +55,7 @@ class Gap:
         change = np.array([float(np.sum(p[:, 1] - p[:, 0])) for p in parts])
         counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), size=draws)
         ratio = (counts @ change) / (counts @ size)
-        low, high = np.quantile(ratio, [0.025, 0.975])
+        low, high = np.quantile(ratio, ENDS)
         return float(low), float(high)
 
     def _spread(self) -> float:

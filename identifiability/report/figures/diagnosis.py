@@ -20,6 +20,7 @@ from identifiability.report.drawing import (
     thin,
 )
 from identifiability.report.figures.residuals import binned_median
+from identifiability.shares import REACH
 
 #: Points of a scatter.
 POINTS = 500
@@ -151,7 +152,7 @@ def draw_curve(
     rows = np.unique(np.linspace(0, len(x) - 1, POINTS).astype(int))
     dots(axes, x[rows], data[rows], MUTED, 2.4, 0.4)
     order = np.argsort(x)
-    low, high = learned - 1.96 * spread, learned + 1.96 * spread
+    low, high = learned - REACH * spread, learned + REACH * spread
     axes.fill_between(x[order], low[order], high[order], color=COLOURS["blue"], alpha=0.2,
                       linewidth=0, label="95 %")  # fmt: skip
     axes.plot(x[order], learned[order], color=COLOURS["blue"], linewidth=1.2, label="learned")

@@ -12,6 +12,7 @@ from identifiability.names import Array
 from identifiability.report.drawing import COLOURS, INK, MUTED, SURFACE, drawn, plain, strokes
 from identifiability.report.figures.rows import log_scale, row_canvas, row_lines, top_label
 from identifiability.report.marks import mark_of
+from identifiability.shares import REACH
 
 #: Relative standard deviations above this are drawn at the edge [%].
 MOST_PERCENT = 1e4
@@ -109,7 +110,7 @@ def draw_pulls(
     order = precision_order(robust)
     figure, axes = row_canvas([names[k] for k in order], top=48)
     axes.set_xlim(-MOST_SIGMA - 0.5, MOST_SIGMA + 0.5)
-    axes.axvspan(-1.96, 1.96, color=COLOURS["grey"], alpha=0.1, linewidth=0)
+    axes.axvspan(-REACH, REACH, color=COLOURS["grey"], alpha=0.1, linewidth=0)
     axes.axvline(0, color=INK, linewidth=1)
     row_lines(axes, len(order))
     for kind in dict.fromkeys(verdicts):

@@ -15,6 +15,7 @@ from identifiability.report.drawing import (
     drawn,
     plain,
 )
+from identifiability.shares import REACH
 
 _SPAN = 4.5
 
@@ -57,7 +58,7 @@ def draw_autocorrelation(correlation: Array, worst: int, name: str, samples: int
     """
     figure, (axes,) = canvas(440, 270, (52, 12, 34, 38))
     lags = np.arange(len(correlation))
-    band = 1.96 / np.sqrt(max(samples, 1))
+    band = REACH / np.sqrt(max(samples, 1))
     axes.axhspan(-band, band, color=COLOURS["grey"], alpha=0.16, linewidth=0, label="white noise")
     for joint in range(correlation.shape[1]):
         if joint != worst:

@@ -13,6 +13,7 @@ from identifiability.report.blocks import Block, Gallery, Note, Notes, Picture, 
 from identifiability.report.figures import draw_forest, draw_pair
 from identifiability.report.sections.facts import model_title, stated_values
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.shares import REACH
 
 #: Pairs of parameters that are drawn, and the least correlation worth a picture.
 PAIRS, LEAST_CORRELATION = 6, 0.3
@@ -113,7 +114,7 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
     robust = np.array([v.sigma_robust for v in chosen.verdicts], float)
     open_ = ~(np.isfinite(robust) & (robust > 0) & chosen.estimate.determined)
     physical, drawn = shown(belief.physical), chosen.uncertainty.bootstrap
-    half = 1.96 * np.array([0.0, -1.0, 1.0])
+    half = REACH * np.array([0.0, -1.0, 1.0])
     roads = {"white σ": value[:, None] + np.outer(np.where(open_, np.nan, white), half)}
     roads["robust σ"] = value[:, None] + np.outer(np.where(open_, np.nan, robust), half)
     if drawn is not None:

@@ -101,7 +101,7 @@ def test_columns_that_the_fit_dropped_stay_zero_in_every_replicate():
 def test_seven_blocks_say_nothing_and_eight_do():
     information = gather(*rows(), size=8)
     fit, rng = estimate(information), np.random.default_rng(0)
-    with pytest.raises(IdentifiabilityError, match="make only 7 independent blocks.*needs 8"):
+    with pytest.raises(IdentifiabilityError, match=r"make only 7 independent blocks.*needs 8"):
         bootstrap(information, fit, rng, length=192 / 7)
     assert bootstrap(information, fit, rng, replicates=20, length=192 / 8).blocks == 8
 

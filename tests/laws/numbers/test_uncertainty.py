@@ -141,7 +141,6 @@ def recurring(value, resampled, robust, **rules):
         white=np.array([robust]), inflated=np.array([robust]), scores=None, times=np.ones(1),
         bootstrap=Bootstrap(("a",), np.array(resampled, float)[:, None], 20, 9.0), block=1.0,
     )  # fmt: skip
-    uncertain = Uncertainty(**{**vars(uncertain), "inflated": np.array([robust])})
     return recurrence(fit_of([value], [robust]), uncertain, Thresholds(**rules))[0]
 
 

@@ -1,0 +1,282 @@
+"""Prediction errors and their standard errors, folds and turns, over several logs."""
+
+import itertools
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.errorsums import Layout, Tally
+from identifiability.evaluation import (
+    Task,
+    Turns,
+    choose_folds,
+    leave_out,
+    parameter_error,
+    predict,
+    predict_all,
+    take_turns,
+)
+from identifiability.model import Chunk
+from identifiability.noise import autocorrelation_time
+from identifiability.prediction import FEWEST, MEMORIES, STRETCHES, Prediction, standard_error
+
+from .made import ar1, gather
+
+
+def prediction(tau, predicted, counts):
+    times = [np.arange(n, dtype=float) for n in counts]
+    log = np.repeat(np.arange(len(counts)), counts)
+    return Prediction.of(times, tau, predicted, log)
+
+
+@pytest.fixture(scope="module")
+def two_logs():
+    """Two logs of different length and level, three models."""
+    rng = np.random.default_rng(0)
+    tau = rng.normal(size=(300, 2)) * [1.0, 5.0] + np.repeat([[0.0], [8.0]], [100, 200], axis=0)
+    predicted = tau[:, :, None] + rng.normal(size=(300, 2, 3)) * [0.1, 0.5, 1.0]
+    return tau, predicted, prediction(tau, predicted, (100, 200))
+
+
+def test_the_relative_error_is_that_of_the_paper(two_logs):
+    """Σ|τ̂ - τ*| / Σ|τ* - mean τ*|, the mean over everything."""
+    tau, predicted, found = two_logs
+    wrong = np.abs(tau[:, :, None] - predicted).sum((0, 1))
+    np.testing.assert_allclose(found.relative_error(), wrong / np.abs(tau - tau.mean()).sum())
+    np.testing.assert_allclose(found.rms, np.sqrt((tau**2).mean(0)))
+    assert found.samples == 300
+    assert found.whole
+
+
+def test_a_logs_own_error_is_relative_to_how_its_own_torque_varies(two_logs):
+    tau, predicted, found = two_logs
+    for log, rows in enumerate((slice(0, 100), slice(100, 300))):
+        wrong = np.abs(tau[rows, :, None] - predicted[rows]).sum((0, 1))
+        spread = np.abs(tau[rows] - tau[rows].mean()).sum()
+        np.testing.assert_allclose(found.relative_error(log), wrong / spread)
+
+
+def test_a_joints_own_error_is_relative_to_its_own_torque(two_logs):
+    tau, predicted, found = two_logs
+    spread = np.abs(tau - tau.mean(0)).sum(0)
+    wrong = np.abs(tau[:, :, None] - predicted).sum(0)
+    np.testing.assert_allclose(found.joint_error(), wrong / spread[:, None])
+    assert found.constant_error() == pytest.approx(spread.sum() / np.abs(tau - tau.mean()).sum())
+
+
+def test_some_models_can_be_looked_at_alone(two_logs):
+    _, predicted, found = two_logs
+    np.testing.assert_allclose(
+        found.select([2, 0]).relative_error(), found.relative_error()[[2, 0]]
+    )
+    np.testing.assert_array_equal(found.select([2, 0]).predicted, predicted[:, :, [2, 0]])
+    assert found.first(2).relative_error().shape == (2,)
+
+
+def by_hand(x, deviation, pieces):
+    """Standard error of Σx/Σdeviation by how stretches differ from their share of the sum."""
+    total = np.array([x[a:b].sum() for a, b in pieces])
+    size = np.array([b - a for a, b in pieces])
+    apart = total - size * total.sum() / size.sum()
+    k = len(pieces)
+    return np.sqrt(k / (k - 1) * (apart**2).sum()) / deviation
+
+
+def even(*counts, parts):
+    out, start = [], 0
+    for count, n in zip(counts, parts, strict=True):
+        edges = start + np.arange(n + 1) * count // n
+        out += list(itertools.pairwise(edges))
+        start += count
+    return out
+
+
+def test_white_errors_are_counted_over_twenty_stretches():
+    rng = np.random.default_rng(1)
+    tau = rng.normal(size=(2000, 2))
+    predicted = tau[:, :, None] + rng.normal(size=(2000, 2, 1))
+    found = prediction(tau, predicted, (2000,))
+    x = np.abs(tau - predicted[:, :, 0]).sum(1)
+    expected = by_hand(x, np.abs(tau - tau.mean()).sum(), even(2000, parts=[20]))
+    np.testing.assert_allclose(found.standard_error(), [expected], rtol=1e-9)
+    # Of independent errors it is what their scatter says, known to 1/√38 = 16 %.
+    white = x.std() * np.sqrt(2000) / np.abs(tau - tau.mean()).sum()
+    assert found.standard_error()[0] == pytest.approx(white, rel=0.5)
+
+
+@pytest.mark.parametrize(
+    ("memory", "parts"), [(1.0, 20), (20.0, 20), (20.1, 10), (40.1, 5), (400.0, 5)]
+)
+def test_a_stretch_is_five_memories_long_while_four_are_left(memory, parts):
+    assert (STRETCHES, MEMORIES, FEWEST) == (20, 5.0, 4)
+    rng = np.random.default_rng(1)
+    tau, predicted = rng.normal(size=(2000, 1)), rng.normal(size=(2000, 1, 1))
+    found = prediction(tau, predicted, (2000,))
+    x = np.abs(tau - predicted[:, :, 0]).sum(1)
+    expected = by_hand(x, np.abs(tau - tau.mean()).sum(), even(2000, parts=[parts]))
+    np.testing.assert_allclose(standard_error(found.sums, memory), [expected], rtol=1e-9)
+
+
+def test_a_difference_has_the_memory_of_the_difference_not_of_either_error():
+    """Two models that share a slow error differ by white noise; a third differs slowly."""
+    rng = np.random.default_rng(4)
+    slow, slower = (6 + ar1(rng, 0.99, 4000) for _ in range(2))
+    tau = 10 * rng.normal(size=(4000, 1))
+    white = np.abs(rng.normal(size=(4000, 1)))
+    errors = np.stack([slow, slow + white, slower], axis=2)
+    assert errors.min() > 0
+    found = prediction(tau, tau[:, :, None] - errors, (4000,))
+    size = np.abs(tau - tau.mean()).sum()
+    alone = autocorrelation_time(errors[:, 0])
+    assert alone.min() > 40 > 5 * autocorrelation_time(white)[0]
+
+    def expected(x):
+        parts = 20
+        while parts > 5 and 4000 / parts < 5 * autocorrelation_time(x)[0]:
+            parts //= 2
+        return by_hand(x[:, 0], size, even(4000, parts=[parts]))
+
+    apart = [white, slower - slow]
+    assert expected(white) != pytest.approx(by_hand(white[:, 0], size, even(4000, parts=[5])))
+    np.testing.assert_allclose(
+        found.standard_error(0), [0.0, *(expected(x) for x in apart)], rtol=1e-6, atol=1e-12
+    )
+    own = [expected(errors[:, 0, [k]]) for k in range(3)]
+    np.testing.assert_allclose(found.standard_error(), own, rtol=1e-6)
+
+
+def test_no_stretch_crosses_from_one_log_to_another():
+    rng = np.random.default_rng(2)
+    tau, predicted = rng.normal(size=(1000, 1)), rng.normal(size=(1000, 1, 1))
+    found = prediction(tau, predicted, (250, 750))
+    x = np.abs(tau - predicted[:, :, 0]).sum(1)
+    size = np.abs(tau - tau.mean()).sum()
+    for memory, parts in ((1.0, (5, 15)), (15.0, (3, 8))):
+        first = found.sums.merge(5 * memory, 4)
+        assert np.bincount(found.sums.log[first]).tolist() == list(parts)
+    expected = by_hand(x, size, even(250, 750, parts=(5, 15)))
+    np.testing.assert_allclose(standard_error(found.sums, 1.0), [expected], rtol=1e-9)
+
+
+def test_one_stretch_has_no_standard_error():
+    tau = np.array([[1.0], [2.0]])
+    found = prediction(tau[:1], tau[:1, :, None], (1,))
+    assert np.isnan(found.standard_error()).all()
+    assert np.isnan(found.relative_error()).all()
+
+
+def test_torque_that_does_not_vary_has_no_relative_error():
+    tau = np.ones((40, 2)) * [1.0, 1.0]
+    found = prediction(tau, tau[:, :, None] + 0.1, (40,))
+    assert np.isnan(found.relative_error()).all()
+    assert np.isnan(found.joint_error()).all()
+
+
+def test_sums_of_parts_are_those_of_the_whole():
+    rng = np.random.default_rng(3)
+    tau, predicted = rng.normal(size=(90, 2)), rng.normal(size=(90, 2, 3))
+    layout = Layout.of([60, 30], np.array([tau[:60].sum(0), tau[60:].sum(0)]), 20)
+    whole, parts = Tally(layout, 3), Tally(layout, 3)
+    whole.add(0, 0, tau[:60], predicted[:60])
+    whole.add(1, 0, tau[60:], predicted[60:])
+    for log, start, stop, offset in ((1, 0, 30, 60), (0, 37, 60, 0), (0, 0, 37, 0)):
+        one = Tally(layout, 3)
+        rows = slice(offset + start, offset + stop)
+        one.add(log, start, tau[rows], predicted[rows])
+        parts.merge(one.sums())
+    for name, value in vars(whole.sums()).items():
+        np.testing.assert_allclose(getattr(parts.sums(), name), value, rtol=1e-12)
+
+
+# Folds and turns
+
+
+def information(*logs, size=8):
+    rng = np.random.default_rng(5)
+    N = sum(logs)
+    W = rng.normal(size=(N, 1, 2))
+    return W, gather(W, W @ [1.0, 2.0] + rng.normal(size=(N, 1)), size=size, logs=logs)
+
+
+def test_several_logs_are_left_out_one_by_one_and_one_in_five_stretches():
+    np.testing.assert_array_equal(choose_folds(information(16, 24)[1]), [0, 0, 1, 1, 1])
+    folds = choose_folds(information(160)[1])
+    np.testing.assert_array_equal(folds, np.repeat(np.arange(5), 4))
+    np.testing.assert_array_equal(choose_folds(information(24)[1]), [0, 1, 2])
+
+
+def test_what_is_left_out_of_a_fold_is_the_fold_and_nothing_else():
+    _, every = information(16, 24, 16)
+    rest = leave_out(every, choose_folds(every), 1)
+    np.testing.assert_array_equal(rest.log, [0, 0, 2, 2])
+    np.testing.assert_array_equal(rest.gram, every.gram[[0, 1, 5, 6]])
+    np.testing.assert_array_equal(rest.counts, every.counts[[0, 1, 5, 6]])
+
+
+def test_turns_change_between_the_last_sample_of_a_block_and_the_first_of_the_next():
+    _, every = information(16, 24, size=8)
+    turns = take_turns(every, np.array([0, 1, 2, 0, 1]))
+    expected = np.repeat([0, 1, 2, 0, 1], 8)
+    np.testing.assert_array_equal(turns.of(0, 40), expected)
+    for start, stop in ((7, 9), (8, 8), (15, 17), (39, 40)):
+        np.testing.assert_array_equal(turns.of(start, stop), expected[start:stop])
+
+
+class Rows:
+    """Rows of several logs, handed out in uneven chunks like those of a regression."""
+
+    def __init__(self, W, tau, logs, size=7):
+        self.W, self.tau, self.logs, self.size = W, tau, logs, size
+        edges = np.cumsum([0, *logs])
+        self.spans = list(itertools.pairwise(edges))
+        self.samples = [
+            SimpleNamespace(survey=SimpleNamespace(outputs=b - a, torque=tau[a:b].sum(0)))
+            for a, b in self.spans
+        ]
+
+    def parts(self):
+        return [
+            SimpleNamespace(remote=False, chunks=lambda k=k: self.chunks(k))
+            for k in range(len(self.logs))
+        ]
+
+    def chunks(self, log):
+        first, last = self.spans[log]
+        for a in range(first, last, self.size):
+            rows = slice(a, min(a + self.size, last))
+            tau = self.tau[rows]
+            yield Chunk(
+                log=log, start=a - first, W=self.W[rows], tau=tau,
+                t=np.arange(len(tau)) + float(a), velocity=np.sign(tau),
+            )  # fmt: skip
+
+
+def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_logs():
+    rng = np.random.default_rng(6)
+    logs = (24, 40, 16)
+    W, tau = rng.normal(size=(80, 2, 3)), rng.normal(size=(80, 2))
+    fold = np.repeat(np.arange(10) % 3, 8)  # block k of all logs is predicted by fit k mod 3
+    values = rng.normal(size=(3, 3, 2))
+    turns = Turns(np.arange(8, 81, 8), np.arange(10) % 3)
+    whole, plain = predict_all(
+        Rows(W, tau, logs), [Task(values, turns), Task(values[:1], excerpt=False)]
+    )
+    expected = np.einsum("tak,tkm->tam", W, values[fold])
+    np.testing.assert_allclose(whole.predicted, expected, rtol=1e-12)
+    np.testing.assert_array_equal(whole.tau, tau)
+    np.testing.assert_array_equal(whole.log, np.repeat([0, 1, 2], logs))
+    np.testing.assert_array_equal(np.concatenate(whole.t), np.arange(80.0))
+    wrong = np.abs(tau[:, :, None] - expected).sum((0, 1))
+    np.testing.assert_allclose(whole.relative_error(), wrong / np.abs(tau - tau.mean()).sum())
+    wrong = np.abs(tau[:, :, None] - W @ values[0]).sum((0, 1))
+    np.testing.assert_allclose(plain.relative_error(), wrong / np.abs(tau - tau.mean()).sum())
+    assert len(plain.tau) == 0
+    one = predict(Rows(W, tau, logs), values[0])
+    np.testing.assert_allclose(one.relative_error(), plain.relative_error())
+
+
+def test_the_parameter_error_is_the_mean_relative_one_of_those_chosen():
+    value, exact = np.array([1.1, 2.0, 5.0, 3.0]), np.array([1.0, 4.0, 0.0, 1.0])
+    assert parameter_error(value, exact, [True, True, True, False]) == pytest.approx(0.3)
+    assert np.isnan(parameter_error(value, exact, [False, False, True, False]))

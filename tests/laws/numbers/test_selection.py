@@ -1,0 +1,185 @@
+"""Which model is used: the smallest within one standard error, possible ones first."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from identifiability.assessment import assess_ladder, column_noise, column_rms, select_model
+from identifiability.bootstrap import merge_blocks
+from identifiability.estimation import estimate
+from identifiability.feasibility import PhysicalResult
+from identifiability.ladder import Rung
+from identifiability.physical.certify import Certificate
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.prediction import Prediction
+from identifiability.verdict import Class, Thresholds
+
+from .made import gather
+
+
+@dataclass
+class Judged:
+    """What selection asks of a model."""
+
+    size: int
+    error_ra_validation: float
+    error_se: float = 0.0
+    feasible: bool = True
+    signs_possible: bool = True
+
+    @property
+    def rung(self):
+        return range(self.size)
+
+
+def test_the_smallest_model_within_one_standard_error_is_used():
+    models = [Judged(9, 0.100), Judged(7, 0.104, 0.005), Judged(5, 0.106, 0.005)]
+    assert select_model(models) == 1
+    models[2].error_se = 0.0061
+    assert select_model(models) == 2
+    models[1].error_se = models[2].error_se = 0.0
+    assert select_model(models) == 0
+
+
+def test_the_best_model_need_not_be_the_largest():
+    assert select_model([Judged(9, 0.3, 0.1), Judged(5, 0.1), Judged(3, 0.2, 0.05)]) == 1
+
+
+def test_of_models_that_predict_as_well_one_that_a_real_robot_can_have_comes_first():
+    models = [Judged(9, 0.1), Judged(5, 0.101, 0.01, False), Judged(3, 0.102, 0.01, False, False)]
+    assert select_model(models) == 0
+    models[0].feasible = False
+    assert select_model(models) == 1  # no forbidden sign, though no real robot
+    models[0].signs_possible = models[1].signs_possible = False
+    assert select_model(models) == 2
+
+
+def test_possible_models_come_first_only_among_those_that_predict_as_well():
+    assert select_model([Judged(9, 0.1, 0.0, False), Judged(5, 0.2, 0.01)]) == 0
+
+
+def test_of_equal_sizes_the_better_one_is_used():
+    assert select_model([Judged(5, 0.102, 0.01), Judged(5, 0.1), Judged(5, 0.101, 0.01)]) == 1
+
+
+def test_without_errors_the_last_model_is_used_and_without_a_standard_error_the_best():
+    assert select_model([Judged(9, np.nan), Judged(5, np.nan)]) == 1
+    assert select_model([Judged(9, 0.1, np.nan), Judged(5, 0.11, np.nan)]) == 0
+
+
+# A ladder of two models, assessed from numbers alone
+
+
+def rung(name, kept, names, nonnegative=()):
+    """Return the model of some of four columns."""
+    M = np.eye(4)[:, kept]
+    columns = tuple(names[k] for k in kept)
+    return Rung(
+        name=name, description="", columns=columns, labels=columns, units=("kg",) * len(kept),
+        M=M, held=np.zeros(4), nonnegative=np.isin(kept, nonnegative),
+    )  # fmt: skip
+
+
+def physics(margin):
+    certificate = Certificate(
+        margin=margin, phi=np.zeros(0), combination=np.zeros(0), bound=0.0, value=0.0
+    )
+    region = PhysicalSet(np.empty((0, 10), int), np.zeros(0, bool))
+    return PhysicalResult(
+        region=region, certificate=certificate, nearest=None, value=np.zeros(0), sentence=""
+    )
+
+
+@pytest.fixture(scope="module")
+def ladder():
+    rng = np.random.default_rng(0)
+    W = rng.normal(size=(1920, 2, 4)) * [1.0, 2.0, 1.0, 1.0]
+    W[:, :, 3] = W[:, :, 2]  # c and d are never told apart
+    tau = W @ [1.0, -0.5, 0.0, 0.0] + rng.normal(size=(1920, 2)) * [0.1, 0.2]
+    names = ("a", "b", "c", "d")
+    every = gather(W, tau, columns=names)
+    rungs = [rung("full", [0, 1, 2, 3], names, [1]), rung("small", [0], names)]
+    fits = [estimate(r.reduce(every)) for r in rungs]
+    values = np.stack([r.expand(f.value) for r, f in zip(rungs, fits, strict=True)], 1)
+    values = np.concatenate([values, 0.9 * values], axis=1)  # "the nearest real robots"
+    half = [slice(0, 960), slice(960, 1920)]
+    made = [
+        Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
+    ]
+    results = assess_ladder(
+        rungs, fits, every, [physics(0.1), physics(-0.1)], *made, np.array([1.0, 2.0, 3.0, 4.0]),
+        Thresholds(), np.random.default_rng(0), 50,
+    )  # fmt: skip
+    return W, tau, every, fits, made, results
+
+
+def test_every_model_gets_its_own_errors(ladder):
+    *_, made, results = ladder
+    fitted, held = (p.relative_error() for p in made)
+    for k, r in enumerate(results):
+        assert (r.error_ra, r.error_ra_validation) == (fitted[k], held[k])
+        assert r.error_ra_physical == held[2 + k]
+    assert results[0].error_se == 0.0  # it is the best
+    assert results[1].error_se == made[1].standard_error(0)[1] > 0
+
+
+def test_signs_that_physics_forbids_are_named_and_make_a_model_impossible(ladder):
+    results = ladder[-1]
+    assert results[0].infeasible == ("b",)
+    assert not results[0].signs_possible
+    assert not results[0].feasible
+    assert results[1].infeasible == ()
+    assert results[1].signs_possible
+    assert not results[1].feasible  # the certificate says so
+
+
+def test_verdicts_say_what_a_column_cannot_be_told_from(ladder):
+    found = {v.name: v for v in ladder[-1][0].verdicts}
+    assert found["a"].verdict is found["b"].verdict is Class.IDENTIFIABLE
+    assert found["c"].verdict is found["d"].verdict is Class.NOT_IDENTIFIABLE
+    assert "determines only its combination with d" in found["c"].reason
+    assert "determines only its combination with c" in found["d"].reason
+    assert [found[n].nominal for n in "abcd"] == pytest.approx([1.0, 2.0, 3.0, 4.0])
+
+
+def test_counts_and_rows_are_those_of_the_verdicts(ladder):
+    results = ladder[-1]
+    assert results[0].count(Class.IDENTIFIABLE) == 2
+    row = results[0].row()
+    assert row["identifiable"] == 2
+    assert row["parameters"] == 4
+    assert row["feasible"] is False
+    assert row["physical_margin"] == 0.1
+    assert row["error_ra_validation_se"] == results[0].error_se
+    assert row["condition"] == results[0].estimate.condition
+
+
+def test_a_column_that_never_acts_says_so(ladder):
+    W, tau, *_, made, _ = ladder
+    W = W.copy()
+    W[:, :, 2:] = 0.0
+    names = ("a", "b", "c", "d")
+    every = gather(W, tau, columns=names)
+    full = rung("full", [0, 1, 2, 3], names)
+    (result,) = assess_ladder(
+        [full], [estimate(every)], every, [physics(0.1)], made[0], made[1], np.zeros(4),
+        Thresholds(), np.random.default_rng(0), 0,
+    )  # fmt: skip
+    assert result.verdicts[3].reason.startswith("This motion never makes it act on the torque.")
+
+
+def test_a_columns_size_is_its_root_mean_square_over_all_rows(ladder):
+    W, _, every, *_ = ladder
+    expected = np.sqrt((W**2).mean((0, 1)))
+    np.testing.assert_allclose(column_rms(every), expected, rtol=1e-5)
+    np.testing.assert_allclose(column_rms(merge_blocks(every, 1e9)), expected, rtol=1e-5)
+
+
+def test_a_columns_effect_is_told_at_the_joint_that_feels_it_most(ladder):
+    W, tau, every, fits, *_ = ladder
+    residual = tau - W @ fits[0].value
+    each = np.sqrt((W**2).sum(0) / (residual**2).sum(0)[:, None])
+    found = column_noise(every, fits[0])
+    np.testing.assert_allclose(found, each.max(0), rtol=1e-5)
+    assert (found > 1.5 * each.min(0)).all()
