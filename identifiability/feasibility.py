@@ -2,11 +2,16 @@
 
 The stages before this one speak of base parameters; physics speaks of bodies. Here the information
 about base parameters becomes a problem in the full standard parameters, ``W_base G phi``.
+
+What a model leaves out is never free. Of friction, rotors and whatever else belongs to no body it
+is exactly zero (or what it is held at, or equal to what it is tied to). Of bodies that may be
+impossible: a body whose mass were zero has no first moment. There its torque counts as error in
+full, and as no help in explaining the log.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,10 +24,14 @@ from identifiability.names import Array
 from identifiability.physical.cad_prior import CadPrior, nominal_cones
 from identifiability.physical.certify import Certificate, certify
 from identifiability.physical.feasible_set import PhysicalSet, scale_from
+from identifiability.physical.held import find_held, left_out
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import FeasibleEstimate, build_projection
 from identifiability.physical.pseudo_inertia import INERTIAL, BodyCheck, check_body
 from identifiability.robot import Robot
+
+#: Share of the torque from which on what a model leaves out, and bodies need, is spoken of.
+LEFT_OUT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -39,6 +48,8 @@ class PhysicalResult:
         The real robot nearest to the data under the model; None where the solver found none.
     value : (m,)
         Its values of the model's parameters; NaN where there is none.
+    base : (b,)
+        Its base parameters, with what of the model's left-out ones its bodies cannot do without.
     sentence : str
         The certificate in words.
     """
@@ -47,6 +58,7 @@ class PhysicalResult:
     certificate: Certificate | None
     nearest: FeasibleEstimate | None
     value: Array
+    base: Array
     sentence: str
 
     @property
@@ -74,9 +86,16 @@ def nominal_vector(robot: Robot, base: BaseParameters) -> Array:
 def body_index(robot: Robot, base: BaseParameters) -> np.ndarray:
     """Return the columns of each body's ten parameters in the order of `INERTIAL`, (nb, 10)."""
     at = {p.name: k for k, p in enumerate(base.parameters)}
-    rows = [[at[f"{body}.{kind}"] for kind in INERTIAL] for body in robot.bodies if
-            f"{body}.m" in at]  # fmt: skip
+    rows = [[at[f"{stem}{kind}"] for kind in INERTIAL] for stem in _body_stems(robot, base)]
     return np.array(rows, int).reshape(-1, 10)
+
+
+def _body_stems(robot: Robot, base: BaseParameters) -> dict[str, str]:
+    """Return the bodies of a model, loads among them: the start of their parameters' names."""
+    names = {p.name for p in base.parameters}
+    known = {f"{b}.": b for b in robot.bodies}
+    known |= {f"{b}.payload_": f"the payload of {b}" for b in robot.bodies}
+    return {stem: title for stem, title in known.items() if f"{stem}m" in names}
 
 
 def physical_set(robot: Robot, base: BaseParameters) -> PhysicalSet:
@@ -86,7 +105,7 @@ def physical_set(robot: Robot, base: BaseParameters) -> PhysicalSet:
     return PhysicalSet(
         bodies,
         np.array([p.nonnegative for p in base.parameters]),
-        tuple(b for b in robot.bodies if f"{b}.m" in {p.name for p in base.parameters}),
+        tuple(_body_stems(robot, base).values()),
         tuple(p.name for p in base.parameters),
         mass,
         length,
@@ -166,6 +185,7 @@ def assess_feasibility(
     robot: Robot,
     base: BaseParameters,
     rung: Rung,
+    whole: Information,
     information: Information,
     estimate: Estimate,
     cad_weight: float = 0.0,
@@ -178,8 +198,8 @@ def assess_feasibility(
     base : BaseParameters
     rung : Rung
         The model that was fitted.
-    information : Information
-        About the rung's columns.
+    whole, information : Information
+        About all base parameters, and about the rung's columns.
     estimate : Estimate
     cad_weight : float
         Weight of a log-det prior around the bodies of the robot file, in σ² of the residual.
@@ -195,7 +215,7 @@ def assess_feasibility(
     to_x = np.linalg.pinv(rung.M) @ base.G if len(rung) else np.zeros((0, base.G.shape[1]))
     certificate, nearest = None, None
     sentence = "The motion leaves parameters of the model undetermined."
-    value = np.full(len(rung), np.nan)
+    value, found = np.full(len(rung), np.nan), np.full(len(base), np.nan)
     try:
         if len(estimate.kept) == len(rung) and len(rung):
             certificate = certify(to_x, estimate.value, region)
@@ -204,10 +224,33 @@ def assess_feasibility(
         sentence = f"Whether a real robot has these values was not decided: {error}"
     try:
         prior = _cad_prior(robot, region, nominal, cad_weight)
-        nearest = build_projection(region, reference=nominal, prior=prior).solve(data)
-        value = to_x @ nearest.phi
+        held = find_held(region, base.G, rung.M, rung.held)
+        R = whole.factor(estimate.weights)
+        rows, aim = left_out(R[:-1, :-1], base.G, rung.M, rung.held)
+        program = build_projection(
+            replace(region, nonnegative=region.nonnegative & ~held.fixed),
+            reference=nominal, prior=prior, held=held,
+        )  # fmt: skip
+        nearest = program.solve(
+            LeastSquares(
+                np.vstack([data.R, rows]), np.concatenate([data.z, aim]), data.rss_min, data.dof
+            )
+        )
+        value, found = to_x @ nearest.phi, base.G @ nearest.phi
         if not nearest.accurate:
             sentence += f" The nearest real robot is within {nearest.gap:.2g} σ² of the optimum."
+        sentence += _say_left_out(rows @ nearest.phi - aim, R[:, -1])
     except ValueError as error:
         sentence += f" The nearest real robot was not found: {error}"
-    return PhysicalResult(region, certificate, nearest, value, sentence)
+    return PhysicalResult(region, certificate, nearest, value, found, sentence)
+
+
+def _say_left_out(rest: Array, torque: Array) -> str:
+    """Return what the nearest real robot has although the model leaves it out, if that matters."""
+    share = float(np.linalg.norm(rest) / max(np.linalg.norm(torque), np.finfo(float).tiny))
+    if share < LEFT_OUT:
+        return ""
+    return (
+        " Real bodies cannot keep to all that the model leaves out or holds: in the nearest real "
+        f"robot the difference makes {100 * share:.2g} % of the torque."
+    )

@@ -162,9 +162,11 @@ def fit_ladder(
     for rung in rungs:
         reduced = rung.reduce(information)
         fits.append(estimate(reduced, method))
-        physical.append(assess_feasibility(robot, base, rung, reduced, fits[-1], cad_weight))
+        physical.append(
+            assess_feasibility(robot, base, rung, information, reduced, fits[-1], cad_weight)
+        )
     values = [r.expand(e.value) for r, e in zip(rungs, fits, strict=True)]
-    values += [r.expand(p.value) for r, p in zip(rungs, physical, strict=True)]
+    values += [p.base for p in physical]
     return fits, physical, np.stack(values, 1)
 
 

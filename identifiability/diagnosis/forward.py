@@ -83,7 +83,7 @@ def fit_physical(robot: Robot, model: Model, samples: Sequence[Samples]) -> Phys
     base = find_base_parameters(robot, model)
     information = gather_information(Regression(robot, model, tuple(samples), base.kept))
     rung = full_rung(base)
-    found = assess_feasibility(robot, base, rung, information, estimate(information))
+    found = assess_feasibility(robot, base, rung, information, information, estimate(information))
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence)
     return Physical(model, found.parameters())

@@ -87,6 +87,14 @@ def semidefinite(Z: Floats) -> Floats:
     return positive.reshape(-1, 16)
 
 
+def most_gain(e: Floats, F: Floats, reach: float) -> float:
+    """Bound of eᵀd − ‖F d‖² over ‖d‖ ≤ reach, direction by direction."""
+    _, s, Vt = np.linalg.svd(F)
+    force = np.abs(Vt @ e)
+    d = np.minimum(force / (2 * s**2), reach)
+    return float(np.sum(force * d - (s * d) ** 2))
+
+
 def solve_program(problem: cp.Problem) -> str:
     """Solve with Clarabel and return its status; whether that is good enough is the caller's.
 

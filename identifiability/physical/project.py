@@ -1,6 +1,6 @@
 """The parameters of a real robot nearest to the data: a semidefinite program, and its evidence.
 
-    minimise  ‖R phi − z‖²   over   J_k(phi) ⪰ margin (every body k),  A phi ≥ c
+    minimise  ‖R phi − z‖²   over   J_k(phi) ⪰ margin (every body k),  A phi ≥ c,  H phi = h
 
 What to use when: `project` for one estimate; `build_projection` when many data sets share one
 robot, since the program is compiled once and each further `Projection.solve` takes milliseconds. A
@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.physical.cad_prior import CadPrior, divergence, prior_gap
 from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.held import Held, Plane
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.program import (
     ADVICE,
@@ -32,6 +33,7 @@ from identifiability.physical.program import (
     body_scale,
     check_room,
     matrix,
+    most_gain,
     scaled_cones,
     scaled_rows,
     semidefinite,
@@ -93,6 +95,7 @@ class _Scaled:
     scale: Floats
     factor: Floats
     target: Floats
+    plane: Plane
 
 
 @dataclass(frozen=True)
@@ -105,16 +108,19 @@ class Projection:
     margin : float
     reference : (p,)
     prior : CadPrior or None
+    held : Held
     """
 
     region: PhysicalSet
     margin: float
     reference: Floats
     prior: CadPrior | None
+    held: Held
     _problem: cp.Problem
     _step: cp.Variable
     _factor: cp.Parameter
     _free: cp.Parameter
+    _normal: cp.Parameter | None
     _rows: cp.Constraint
 
     def solve(self, data: LeastSquares) -> FeasibleEstimate:
@@ -136,10 +142,12 @@ class Projection:
             )
         with threadpool_limits(1):
             scaled = self._scale(data)
-            free = np.asarray(np.linalg.solve(scaled.factor, scaled.target), float)
+            free = scaled.plane.solve(scaled.factor, scaled.target)
             if self.prior is None and self._holds(free):
                 return self._read(data, scaled, free, np.zeros(self._rows.shape), "optimal")
             self._factor.value, self._free.value = scaled.factor[np.triu_indices(free.size)], free
+            if self._normal is not None:
+                self._normal.value = scaled.plane.normal.T
             status = solve_program(self._problem)
             if self._step.value is None or self._rows.dual_value is None:
                 raise ValueError(
@@ -147,7 +155,8 @@ class Projection:
                     f"body has room; {ADVICE}."
                 )
             y = np.maximum(self._rows.dual_value, 0.0)
-            return self._read(data, scaled, free + self._step.value, y, status)
+            x = scaled.plane.project(free + self._step.value)
+            return self._read(data, scaled, x, y, status)
 
     def _scale(self, data: LeastSquares) -> _Scaled:
         norms = np.linalg.norm(data.R, axis=0)
@@ -159,7 +168,7 @@ class Projection:
         stacked = np.vstack([data.R * scale / data.unit, pull * np.eye(scale.size)])
         Q, factor = np.linalg.qr(stacked)
         wanted = np.concatenate([data.z / data.unit, pull * self.reference / scale])
-        return _Scaled(scale, factor, Q.T @ wanted)
+        return _Scaled(scale, factor, Q.T @ wanted, self.held.scaled(scale))
 
     def _holds(self, x: Floats) -> bool:
         A, c = scaled_rows(self.region)
@@ -169,7 +178,7 @@ class Projection:
     def _read(
         self, data: LeastSquares, scaled: _Scaled, x: Floats, y: Floats, status: str
     ) -> FeasibleEstimate:
-        region, phi = self.region, x * scaled.scale
+        region, phi = self.region, self.held.settle(x * scaled.scale)
         Z, gap = self._judge(scaled, x, y)
         excess = (float(data.rss(phi)) - data.rss_min) / data.unit**2
         allowed = GAP * (1 + excess) + ROUNDING * float(scaled.target @ scaled.target)
@@ -194,16 +203,17 @@ class Projection:
         """
         (A, c), cones = scaled_rows(self.region), scaled_cones(self.region)
         slope = 2 * scaled.factor.T @ (scaled.factor @ x - scaled.target) - y @ A
+        slope = scaled.plane.turn(slope)  # what is held has a multiplier of its own
         reach, held = 2 * float(np.linalg.norm(x)), float(y @ (A @ x - c))
         if self.prior is not None:
             rest = np.where(body_columns(self.region), 0.0, slope)
             gap = prior_gap(self.region, self.prior, x, slope)
-            gap += abs(held) + _most(rest, scaled.factor, reach)
+            gap += abs(held) + most_gain(rest, scaled.factor, reach)
             return np.zeros(cones.shape[:2]), gap  # the divergence keeps bodies off the edge
         Z = semidefinite(adjoint_inverse(cones, slope))
         room = cones @ x - self.margin * np.eye(4).ravel()
         error = slope - adjoint(cones, Z)
-        gap = abs(held + float(np.sum(Z * room))) + _most(error, scaled.factor, reach)
+        gap = abs(held + float(np.sum(Z * room))) + most_gain(error, scaled.factor, reach)
         return Z, gap
 
 
@@ -213,6 +223,7 @@ def build_projection(
     margin: float = MARGIN,
     reference: Floats | None = None,
     prior: CadPrior | None = None,
+    held: Held | None = None,
 ) -> Projection:
     """Compile the program of a robot.
 
@@ -226,6 +237,8 @@ def build_projection(
         Where the parameters go that the data do not determine; the CAD values, else zero.
     prior : CadPrior, optional
         Nominal robot that pulls.
+    held : Held, optional
+        Combinations of parameters outside the bodies that keep their values.
 
     Returns
     -------
@@ -237,6 +250,7 @@ def build_projection(
         When bounds leave no room for a body, or the prior holds one that cannot exist; it is named.
     """
     check_room(region, margin)
+    held = Held.none(region.size) if held is None else held
     # The unknown is the step from the unconstrained optimum, so that the solver's accuracy is
     # relative to what feasibility changes, not to the data.
     step, free = cp.Variable(region.size), cp.Parameter(region.size)
@@ -247,11 +261,15 @@ def build_projection(
     bodies = [above(matrix(map_, x), margin) for map_ in scaled_cones(region)]
     atoms: Any = cp
     cost = atoms.sum_squares(atoms.vec_to_upper_tri(factor) @ step)
+    normal = cp.Parameter(held.rows.shape) if len(held.rows) else None
+    fixed = [] if normal is None else [normal @ step == 0]
     if prior is not None:
         cost = cost + prior.weight * divergence(region, prior, x)
-    problem = cp.Problem(cp.Minimize(cost), [rows, *bodies])
+    problem = cp.Problem(cp.Minimize(cost), [rows, *bodies, *fixed])
     centre = np.zeros(region.size) if reference is None else np.array(reference, float)
-    return Projection(region, margin, centre, prior, problem, step, factor, free, rows)
+    return Projection(
+        region, margin, centre, prior, held, problem, step, factor, free, normal, rows
+    )
 
 
 def project(
@@ -278,11 +296,3 @@ def project(
     FeasibleEstimate
     """
     return build_projection(region, margin=margin, reference=reference, prior=prior).solve(data)
-
-
-def _most(e: Floats, F: Floats, reach: float) -> float:
-    """Bound of eᵀd − ‖F d‖² over ‖d‖ ≤ reach, direction by direction."""
-    _, s, Vt = np.linalg.svd(F)
-    force = np.abs(Vt @ e)
-    d = np.minimum(force / (2 * s**2), reach)
-    return float(np.sum(force * d - (s * d) ** 2))

@@ -102,7 +102,7 @@ def predict_rungs(
     progress : callable(int, int), optional
     """
     values = np.stack([m.expand(e.value) for m, e in zip(models, fits, strict=True)], 1)
-    pair = np.stack([values[:, chosen], models[chosen].expand(physical.value)], 1)
+    pair = np.stack([values[:, chosen], physical.base], 1)
     every, two = Task(values[None], excerpt=False), Task(pair[None])
     fitted, crossed, own = predict_all(
         regression, [every, unseen, two], engine=engine, progress=progress

@@ -234,7 +234,7 @@ def _choose(task: _Task, search: Search, criterion: Criterion) -> tuple[int, Phy
         part = rung.reduce(task.information)
         fit = estimate(part, task.method)
         try:
-            physical = assess_feasibility(task.robot, task.base, rung, part, fit)
+            physical = assess_feasibility(task.robot, task.base, rung, task.information, part, fit)
         except IdentifiabilityError as error:
             problem = error
             continue

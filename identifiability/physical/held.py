@@ -1,0 +1,147 @@
+"""What a model leaves out, holds or ties, as a projection knows it.
+
+Base parameters are ``G phi``, and the model says that they are ``value + M x``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identifiability.linalg import SPAN_TOLERANCE
+from identifiability.physical.feasible_set import PhysicalSet
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Held:
+    """Independent combinations of parameters with their values; of no inertial parameter.
+
+    Attributes
+    ----------
+    rows : (k, p)
+    value : (k,)
+    """
+
+    rows: Floats
+    value: Floats
+
+    @staticmethod
+    def none(size: int) -> Held:
+        """Return the absence of held combinations of so many parameters."""
+        return Held(np.zeros((0, size)), np.zeros(0))
+
+    @property
+    def fixed(self) -> NDArray[np.bool_]:
+        """The parameters that are held by themselves, (p,)."""
+        alone = np.count_nonzero(self.rows, axis=1) == 1
+        mask: NDArray[np.bool_] = (self.rows[alone] != 0).any(axis=0)
+        return mask
+
+    def settle(self, phi: Floats) -> Floats:
+        """Return parameters (p,) with those that are held by themselves at exactly their values."""
+        alone = np.count_nonzero(self.rows, axis=1) == 1
+        out = np.array(phi)
+        at = np.argmax(self.rows[alone] != 0, axis=1)
+        out[at] = self.value[alone] / self.rows[alone, at]
+        return out
+
+    def scaled(self, scale: Floats) -> Plane:
+        """Return what is left to scaled parameters ``phi = scale * x``."""
+        rows = self.rows * scale
+        Q, R = np.linalg.qr(rows.T, mode="complete")
+        k = len(rows)
+        return Plane(Q[:, :k], Q[:, k:], np.linalg.solve(R[:k].T, self.value))
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Scaled parameters x with ``normalᵀ x = value``.
+
+    Attributes
+    ----------
+    normal : (p, k)
+        Orthonormal.
+    along : (p, p − k)
+        Orthonormal directions in the plane.
+    value : (k,)
+    """
+
+    normal: Floats
+    along: Floats
+    value: Floats
+
+    def project(self, x: Floats) -> Floats:
+        """Return the nearest point of the plane, (p,)."""
+        nearest: Floats = x - self.normal @ (self.normal.T @ x - self.value)
+        return nearest
+
+    def turn(self, slope: Floats) -> Floats:
+        """Return the part of a gradient (p,) that lies in the plane."""
+        part: Floats = slope - self.normal @ (self.normal.T @ slope)
+        return part
+
+    def solve(self, factor: Floats, target: Floats) -> Floats:
+        """Return the x of the plane with the least ``‖factor x − target‖``, (p,)."""
+        if not len(self.value):
+            return np.asarray(np.linalg.solve(factor, target), float)
+        start = self.normal @ self.value
+        step = np.linalg.lstsq(factor @ self.along, target - factor @ start, rcond=None)[0]
+        return self.project(start + self.along @ step)
+
+
+def find_held(region: PhysicalSet, G: Floats, M: Floats, value: Floats) -> Held:
+    """Return what a model leaves out, holds or ties outside the bodies.
+
+    Parameters
+    ----------
+    region : PhysicalSet
+        Of the p standard parameters.
+    G : (b, p)
+    M : (b, m)
+    value : (b,)
+
+    Raises
+    ------
+    ValueError
+        If it holds what no real robot has: a sum of friction levels below zero, for one.
+    """
+    outside = ~np.any(G[:, np.unique(region.bodies)] != 0, axis=1)
+    alone = outside & ~M.any(axis=1)
+    tied = outside & ~alone
+    _, s, Vt = np.linalg.svd(M[tied].T)
+    apart = Vt[int((s > SPAN_TOLERANCE * s.max(initial=0.0)).sum()) :]
+    found: dict[bytes, tuple[Floats, float]] = {}
+    for row, at in zip(
+        [*G[alone], *apart @ G[tied]], [*value[alone], *apart @ value[tied]], strict=True
+    ):
+        members = np.flatnonzero(row)
+        signed = bool((row[members] > 0).all() and region.nonnegative[members].all())
+        if signed and at < 0:
+            raise ValueError(
+                f"the model holds {region.columns[members[0]]} at {at:g}, and no real robot has "
+                "it below zero."
+            )
+        # A sum of what cannot be negative is zero only if every one is.
+        parts = np.eye(len(row))[members] if signed and at == 0 else row[None]
+        found |= {part.tobytes(): (part, float(at)) for part in parts}
+    rows = np.array([row for row, _ in found.values()]).reshape(-1, region.size)
+    return Held(rows, np.array([at for _, at in found.values()]))
+
+
+def left_out(R: Floats, G: Floats, M: Floats, value: Floats) -> tuple[Floats, Floats]:
+    """Return the torque of what a model leaves out, ``rows phi − aim``: (b, p) and (b,).
+
+    Parameters
+    ----------
+    R : (b, b)
+        Weighted torque of the base parameters, compressed.
+    G : (b, p)
+    M : (b, m)
+    value : (b,)
+    """
+    rest = R @ (np.eye(len(G)) - M @ np.linalg.pinv(M)) if M.size else R
+    return rest @ G, rest @ value

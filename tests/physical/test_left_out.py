@@ -1,0 +1,102 @@
+"""What a model leaves out, holds or ties is so in the nearest real robot, and never free."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import analyze
+from identifiability.ladder import LadderEntry, RungEntry
+from identifiability.physical.held import Held, find_held
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.project import build_projection, project
+
+EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
+
+
+def fit(simulated, **rung):
+    entry = LadderEntry(models=[RungEntry(name="reduced", effects=EFFECTS, **rung)])
+    return analyze("two-link", simulated("two-link", "a", 0), ladder=entry, replicates=0)
+
+
+def base_values(result):
+    phi = np.array([result.chosen.physical.parameters()[p.name] for p in result.base.parameters])
+    return dict(zip(result.base.names, result.base.G @ phi, strict=True))
+
+
+def test_what_a_rung_leaves_out_is_zero_in_the_nearest_real_robot(simulated):
+    result = fit(simulated, zero=["elbow.Ia", "elbow.Fv", "elbow.Fc", "link1.mz"])
+    found = result.chosen.physical.parameters()
+    assert [found[f"elbow.{kind}"] for kind in ("Ia", "Fv", "Fc")] == [0.0, 0.0, 0.0]
+    assert abs(base_values(result)["link1.mz"]) < 1e-6  # of 0.1 kg·m that noise would fit to it
+
+
+def test_what_a_rung_holds_is_held_in_the_nearest_real_robot(simulated):
+    result = fit(simulated, hold={"elbow.Ia": 0.05, "link1.mx": 2.0})
+    assert result.chosen.physical.parameters()["elbow.Ia"] == 0.05
+    assert base_values(result)["link1.mx"] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_what_a_rung_ties_is_equal_in_the_nearest_real_robot(simulated):
+    tie = {"Fv": ["shoulder.Fv", "elbow.Fv"], "mz": ["link1.mz", "link2.mz"]}
+    result = fit(simulated, tie=tie)
+    found = base_values(result)
+    assert found["shoulder.Fv"] == pytest.approx(found["elbow.Fv"], rel=1e-12)
+    assert found["link1.mz"] == pytest.approx(found["link2.mz"], abs=1e-6)
+
+
+def test_the_stated_error_of_the_nearest_real_robot_is_that_of_all_its_parameters(simulated):
+    result = fit(simulated, zero=["elbow.Ia", "link2.mx"])  # the bodies need some of the latter
+    physical = result.chosen.physical
+    phi = np.array([physical.parameters()[p.name] for p in result.base.parameters])
+    np.testing.assert_allclose(physical.base, result.base.G @ phi)
+    rows = list(result.base.names).index("link2.mx")
+    assert physical.base[rows] == pytest.approx(0.0, abs=0.02)
+
+
+def test_bodies_that_need_what_is_left_out_are_told_of(simulated):
+    easy = fit(simulated, zero=["elbow.Ia"])
+    assert "leaves out" not in easy.chosen.physical.sentence
+    hard = fit(simulated, zero=["link2.Iyy"])  # no body turns without inertia
+    assert "leaves out or holds: in the nearest real robot" in hard.chosen.physical.sentence
+    assert base_values(hard)["link2.Iyy"] > 0
+
+
+def test_a_level_that_is_held_below_zero_has_no_real_robot(simulated):
+    result = fit(simulated, hold={"elbow.Fc": -0.5})
+    assert result.chosen.physical.nearest is None
+    assert "holds elbow.Fc at -0.5, and no real robot has it below zero" in (
+        result.chosen.physical.sentence
+    )
+
+
+def test_a_held_column_is_a_column_less(robot):
+    rng = np.random.default_rng(1)
+    data = robot.data(rng)
+    outside = np.setdiff1d(np.arange(robot.region.size), robot.region.bodies)
+    at, value = int(outside[0]), 0.3
+    rows = np.eye(robot.region.size)[[at]]
+    free = replace(robot.region, nonnegative=robot.region.nonnegative & (rows[0] == 0))
+    found = build_projection(free, held=Held(rows, np.array([value]))).solve(data)
+    R = np.array(data.R)
+    shifted = data.z - R[:, at] * value
+    R[:, at] = 0.0
+    wanted = project(LeastSquares(R, shifted, data.rss_min, data.dof), robot.region)
+    assert found.phi[at] == value
+    assert found.accurate
+    assert found.rss == pytest.approx(wanted.rss, rel=1e-7)
+    torque = data.R @ found.phi
+    reached = R @ wanted.phi + data.R[:, at] * value
+    np.testing.assert_allclose(torque, reached, atol=1e-4 * np.linalg.norm(reached))
+
+
+def test_a_sum_of_what_cannot_be_negative_is_zero_part_by_part(robot):
+    p = robot.region.size
+    outside = np.setdiff1d(np.arange(p), robot.region.bodies)
+    region = replace(robot.region, nonnegative=np.isin(np.arange(p), outside))
+    G = np.zeros((1, p))
+    G[0, outside[:2]] = 1.0, 2.0
+    held = find_held(region, G, np.zeros((1, 0)), np.zeros(1))
+    assert held.fixed.nonzero()[0].tolist() == outside[:2].tolist()
+    kept = find_held(region, G, np.ones((1, 1)), np.zeros(1))
+    assert not len(kept.rows)
