@@ -1,0 +1,263 @@
+"""Every effect's columns are its equation: value, sign, unit and scale, with no free level."""
+
+import numpy as np
+import pytest
+
+from identifiability.effects import find_effect
+from identifiability.effects.actuator import ActuatorInertia, TorqueOffset
+from identifiability.effects.friction import (
+    CoulombAsymmetry,
+    CoulombFriction,
+    PassiveJointFriction,
+    ViscousFriction,
+)
+from identifiability.effects.nonlinear_friction import (
+    LoadDependentFriction,
+    QuadraticFriction,
+    StribeckFriction,
+)
+from identifiability.effects.placed import Part, Placed
+from identifiability.effects.position import JointStiffness, PositionRipple
+from identifiability.effects.rigid_body import RigidBody
+from identifiability.errors import ModelError
+from identifiability.model import Model
+
+G = 9.81
+T = np.linspace(0, 2.5, 60)
+#: The row of the motor that mixes both joints of the pair: its speed is 2 q̇_a − q̇_b.
+MIXED = np.array([2.0, -1.0])
+
+
+def along_joints(force):
+    """Columns of a force (N, n) at each joint alone, by joint."""
+    return [force[:, [k]] * np.eye(force.shape[1])[k] for k in range(force.shape[1])]
+
+
+def check(found, expected):
+    """The same names in the same order, the same units, the same columns."""
+    assert list(found) == list(expected)
+    for name, (unit, column) in expected.items():
+        assert found[name][0] == unit, name
+        np.testing.assert_allclose(found[name][1], column, rtol=1e-12, atol=1e-12, err_msg=name)
+
+
+def per_joint(kind, units, force):
+    """What `check` wants of an effect with one column a joint of the polar arm."""
+    return {
+        f"{joint}.{kind}": (unit, column)
+        for joint, unit, column in zip(
+            ("lift", "reach"), units, along_joints(force), strict=True
+        )
+    }
+
+
+def test_friction_inertia_and_offset_on_a_hinge_and_a_slide(polar, move, columns):
+    m = move(polar, T)
+    v, a = m.actuated_v, m.actuated_a
+    one = np.ones_like(v)
+    for effect, kind, units, force in (
+        (ViscousFriction(), "Fv", ("N·m·s/rad", "N·s/m"), v),
+        (CoulombFriction(), "Fc", ("N·m", "N"), np.sign(v)),
+        (QuadraticFriction(), "Fq", ("N·m·s²/rad²", "N·s²/m²"), np.where(v < 0, -(v**2), v**2)),
+        (ActuatorInertia(), "Ia", ("kg·m²", "kg"), a),
+        (TorqueOffset(), "off", ("N·m", "N"), one),
+    ):
+        check(columns(polar, m, effect), per_joint(kind, units, force))
+
+
+def test_each_direction_has_a_positive_level_and_standing_still_has_none(polar, move, columns):
+    m = move(polar, T)
+    forward, backward = along_joints((m.actuated_v > 0) * 1.0), along_joints(
+        (m.actuated_v < 0) * -1.0
+    )  # fmt: skip
+    check(
+        columns(polar, m, CoulombAsymmetry()),
+        {
+            "lift.Fc+": ("N·m", forward[0]), "lift.Fc-": ("N·m", backward[0]),
+            "reach.Fc+": ("N", forward[1]), "reach.Fc-": ("N", backward[1]),
+        },
+    )  # fmt: skip
+    for name in ("coulomb_friction", "coulomb_asymmetry", "stribeck_friction", "viscous_friction"):
+        W = Model((find_effect(name),)).regressor(polar, m)
+        assert not W[0].any(), name  # the first sample stands still
+
+
+def test_stribeck_friction_falls_by_e_at_its_velocity(polar, move, columns):
+    m = move(polar, T)
+    v = m.actuated_v
+    force = np.sign(v) * np.exp(-np.abs(v) / 0.07)
+    check(columns(polar, m, StribeckFriction(0.07)), per_joint("Fs", ("N·m", "N"), force))
+    only = columns(polar, m, StribeckFriction(0.07, "reach"))
+    check(only, {"reach.Fs": ("N", along_joints(force)[1])})
+    # Without a velocity: a tenth of the speed limit, which is 2 rad/s and 0.3 m/s where unknown.
+    force = np.sign(v) * np.exp(-np.abs(v) / np.array([0.2, 0.03]))
+    check(columns(polar, m, StribeckFriction()), per_joint("Fs", ("N·m", "N"), force))
+
+
+def test_a_spring_pulls_to_home_which_is_not_zero(polar, move, columns):
+    m = move(polar, T)
+    force = m.actuated_q - np.array([0.3, -0.15])
+    check(columns(polar, m, JointStiffness()), per_joint("K", ("N·m/rad", "N/m"), force))
+
+
+def test_ripple_starts_at_home_and_repeats_with_its_period(polar, move, columns):
+    m = move(polar, T)
+    x = m.actuated_q - np.array([0.3, -0.15])
+
+    def expected(period):
+        sine, cosine = (along_joints(f(2 * np.pi * x / period)) for f in (np.sin, np.cos))
+        return {
+            "lift.Rs": ("N·m", sine[0]), "lift.Rc": ("N·m", cosine[0]),
+            "reach.Rs": ("N", sine[1]), "reach.Rc": ("N", cosine[1]),
+        }  # fmt: skip
+
+    check(columns(polar, m, PositionRipple(0.08)), expected(0.08))
+    # Without a period: a sixth of the range (3.6 rad), or 3 cm where there is no range.
+    check(columns(polar, m, PositionRipple()), expected(np.array([0.6, 0.03])))
+    shifted = PositionRipple(0.08, "reach")
+    assert list(columns(polar, m, shifted)) == ["reach.Rs", "reach.Rc"]
+
+
+def test_rigid_body_columns_are_those_of_lagrange(polar, move, columns):
+    """A point of mass m at (x, z) of a link, and its inertia about the link's origin."""
+    m = move(polar, T)
+    (th, r), (w, rate), (wd, acc) = m.actuated_q.T, m.actuated_v.T, m.actuated_a.T
+    zero, rho = np.zeros_like(th), 0.4 + r
+    sled_mass = rho**2 * wd + 2 * rho * rate * w + G * rho * np.cos(th)
+    expected = {
+        "rail.mx": ("kg·m", (G * np.cos(th), zero)),
+        "rail.mz": ("kg·m", (-G * np.sin(th), zero)),
+        "rail.Iyy": ("kg·m²", (wd, zero)),
+        "sled.m": ("kg", (sled_mass, acc - rho * w**2 + G * np.sin(th))),
+        "sled.mx": ("kg·m", (2 * rho * wd + 2 * rate * w + G * np.cos(th), -(w**2))),
+        "sled.mz": ("kg·m", (-acc - G * np.sin(th), -wd)),
+        "sled.Iyy": ("kg·m²", (wd, zero)),
+    }
+    for name, (unit, column) in columns(polar, m, RigidBody()).items():
+        if name in expected:
+            assert unit == expected[name][0]
+        np.testing.assert_allclose(
+            column, np.stack(expected.get(name, ("", (zero, zero)))[1], 1), atol=1e-12, err_msg=name
+        )
+
+
+def test_the_files_masses_give_the_torque_by_hand(polar, gear, pair, move, by_hand):
+    for robot, torque in (
+        (polar, lambda m: by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)),
+        (gear, lambda m: by_hand.gear(m.actuated_q, m.actuated_v, m.actuated_a)),
+        (pair, lambda m: by_hand.pair(m.actuated_q, m.actuated_a)),
+    ):
+        m = move(robot, T)
+        W = Model((RigidBody(),)).regressor(robot, m)
+        phi = [robot.nominal[p.name] for p in RigidBody().parameters(robot)]
+        np.testing.assert_allclose(W @ np.array(phi), torque(m), atol=1e-9)
+
+
+def test_load_dependent_friction_is_a_share_of_the_rigid_torque(polar, gear, move, columns, by_hand):
+    """The load is that of the bodies: neither rotors nor friction of the file are in it."""
+    m = move(polar, T)
+    load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)
+    force = np.abs(load) * np.sign(m.actuated_v)
+    check(columns(polar, m, LoadDependentFriction()), per_joint("Fl", ("1", "1"), force))
+    m = move(gear, T)  # what the passive bodies weigh is a load as well
+    load = by_hand.gear(m.actuated_q, m.actuated_v, m.actuated_a)
+    check(
+        columns(gear, m, LoadDependentFriction()),
+        {"turn.Fl": ("1", np.abs(load) * np.sign(m.actuated_v))},
+    )
+
+
+def test_friction_of_passive_joints_is_felt_through_their_gears(gear, move, columns):
+    m = move(gear, T)
+    q, v = m.actuated_q, m.actuated_v
+    swing, rise = -2 + 0.6 * q, 0.5 + 0.4 * q  # how fast each follows
+    check(
+        columns(gear, m, PassiveJointFriction()),
+        {
+            "swing.Fv": ("N·m·s/rad", swing**2 * v),
+            "swing.Fc": ("N·m", swing * np.sign(swing * v)),
+            "rise.Fv": ("N·s/m", rise**2 * v),
+            "rise.Fc": ("N", rise * np.sign(rise * v)),
+        },
+    )
+    check(columns(gear, m, ViscousFriction()), {"turn.Fv": ("N·m·s/rad", v)})
+
+
+@pytest.mark.parametrize(
+    ("effect", "kind", "unit", "law"),
+    [
+        (ViscousFriction(), "Fv", "N·m·s/rad", lambda x, v, a: v),
+        (CoulombFriction(), "Fc", "N·m", lambda x, v, a: np.sign(v)),
+        (CoulombAsymmetry(), "Fc+", "N·m", lambda x, v, a: 1.0 * (v > 0)),
+        (CoulombAsymmetry(), "Fc-", "N·m", lambda x, v, a: -1.0 * (v < 0)),
+        (QuadraticFriction(), "Fq", "N·m·s²/rad²", lambda x, v, a: np.abs(v) * v),
+        (ActuatorInertia(), "Jr", "kg·m²", lambda x, v, a: a),
+        (ActuatorInertia(), "Js", "kg·m²", lambda x, v, a: a),
+        (StribeckFriction(0.3), "Fs", "N·m", lambda x, v, a: np.sign(v) * np.exp(-np.abs(v) / 0.3)),
+        # The larger speed limit of the joints that it drives is 4 rad/s.
+        (StribeckFriction(), "Fs", "N·m", lambda x, v, a: np.sign(v) * np.exp(-np.abs(v) / 0.4)),
+        (JointStiffness(), "K", "N·m/rad", lambda x, v, a: x),
+        (PositionRipple(0.4), "Rs", "N·m", lambda x, v, a: np.sin(2 * np.pi * x / 0.4)),
+        (PositionRipple(0.4), "Rc", "N·m", lambda x, v, a: np.cos(2 * np.pi * x / 0.4)),
+        (PositionRipple(), "Rs", "N·m", lambda x, v, a: np.sin(12 * x)),  # no range: π/6
+    ],
+)
+def test_a_motor_that_mixes_joints_acts_along_its_own_coordinate(
+    pair, move, columns, effect, kind, unit, law
+):
+    """The coordinate is 2 q_a − q_b from home; its torque loads both joints by virtual work."""
+    m = move(pair, T)
+    home = np.array([0.2, -0.4])
+    x, v, a = (m.actuated_q - home) @ MIXED, m.actuated_v @ MIXED, m.actuated_a @ MIXED
+    found = columns(pair, m, effect)
+    assert found[f"m2.{kind}"][0] == unit
+    np.testing.assert_allclose(
+        found[f"m2.{kind}"][1], np.outer(law(x, v, a), MIXED), rtol=1e-12, atol=1e-12
+    )
+    # The motor that drives one joint alone is that joint, and has no columns of its own.
+    assert {n.split(".")[0] for n in found} == {"a", "b", "m2"}
+
+
+def test_the_load_of_a_mixing_motor_is_the_torque_that_it_alone_would_carry(
+    pair, move, columns, by_hand
+):
+    m = move(pair, T)
+    load = by_hand.pair(m.actuated_q, m.actuated_a)
+    unit, column = columns(pair, m, LoadDependentFriction())["m2.Fl"]
+    carried = np.abs(load @ MIXED) / 5.0  # |row|² = 5: of row · f exactly f is carried
+    assert unit == "1"
+    np.testing.assert_allclose(
+        column, np.outer(carried * np.sign(m.actuated_v @ MIXED), MIXED), atol=1e-12
+    )
+
+
+def test_offsets_and_delays_are_at_joints_and_not_at_mixing_motors(pair):
+    for name in ("torque_offset", "time_delay"):
+        owners = [p.owner for p in find_effect(name).parameters(pair)]
+        assert owners == ["a", "b"]
+
+
+def test_an_effect_placed_at_some_joints_has_the_columns_that_it_has_there(polar, move, columns):
+    m = move(polar, T)
+    ripple, spring = PositionRipple(0.08), PositionRipple(0.2)
+    placed = Placed([Part(ripple, "reach", ("Rc",)), Part(spring, "lift"), Part(ripple, "lift")])
+    every, other = columns(polar, m, ripple), columns(polar, m, spring)
+    W = Model((placed,)).regressor(polar, m)
+    names = [p.name for p in placed.parameters(polar)]
+    assert names == ["reach.Rc", "lift.Rs", "lift.Rc", "lift.Rs", "lift.Rc"]
+    expected = [every["reach.Rc"], other["lift.Rs"], other["lift.Rc"], every["lift.Rs"],
+                every["lift.Rc"]]  # fmt: skip
+    for k, (_, column) in enumerate(expected):
+        np.testing.assert_array_equal(W[:, :, k], column)
+    with pytest.raises(ModelError, match=r"acts at lift, reach\."):
+        Placed([Part(ripple, "rail")]).parameters(polar)
+
+
+def test_a_model_is_the_sum_of_its_effects_and_leaves_no_trace_of_a_used_buffer(polar, move):
+    m = move(polar, T)
+    effects = [find_effect(n) for n in ("joint_stiffness", "rigid_body", "coulomb_asymmetry")]
+    alone = [Model((e,)).regressor(polar, m) for e in effects]
+    used = np.full((len(m) + 5, 2, sum(w.shape[2] for w in alone)), 7.0)
+    W = Model(tuple(effects)).regressor(polar, m, out=used)
+    np.testing.assert_array_equal(W, np.concatenate(alone, axis=2))
+    assert (used[len(m) :] == 7.0).all()

@@ -1,0 +1,177 @@
+"""A payload is a body, a tilted base is turned gravity, and a delay is minus the torque's slope."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.effects.delay import TimeDelay
+from identifiability.effects.gravity import GravityTilt, Payload, horizontal_axes
+from identifiability.effects.rigid_body import RigidBody
+from identifiability.model import Model, Regression
+from identifiability.samples import Samples
+
+T = np.linspace(0, 2.5, 60)
+
+
+def torque(robot, motion):
+    """Rigid-body torque by the file's values."""
+    phi = [robot.nominal[p.name] for p in RigidBody().parameters(robot)]
+    return Model((RigidBody(),)).regressor(robot, motion) @ np.array(phi)
+
+
+def test_a_payload_is_another_body_fixed_to_the_last_one(make, tables, polar, move, columns):
+    """A point of 0.5 kg at (0.2, 0, 0.1) of the sled, written into the file instead."""
+    extra = '<body pos="0.2 0 0.1"><inertial pos="0 0 0" mass="0.5" diaginertia="0 0 0"/></body>'
+    loaded = make(tables.POLAR.replace('0.02 0.02 0 0 0"/>', f'0.02 0.02 0 0 0"/>{extra}'))
+    m = move(polar, T)
+    found = columns(polar, m, Payload())
+    values = {"m": 0.5, "mx": 0.1, "mz": 0.05, "Ixx": 0.005, "Iyy": 0.025, "Izz": 0.02,
+              "Ixz": -0.01}  # fmt: skip
+    assert [n for n, _ in found.items()] == [
+        f"sled.payload_{k}"
+        for k in ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+    ]
+    assert found["sled.payload_m"][0] == "kg"
+    assert found["sled.payload_mx"][0] == "kg·m"
+    assert found["sled.payload_Iyz"][0] == "kg·m²"
+    added = sum(found[f"sled.payload_{k}"][1] * x for k, x in values.items())
+    np.testing.assert_allclose(added, torque(loaded, move(loaded, T)) - torque(polar, m), atol=1e-9)
+
+
+def test_every_body_that_carries_no_other_can_have_a_payload(pair, polar):
+    assert {p.owner for p in Payload().parameters(pair)} == {"left", "right"}
+    assert {p.owner for p in Payload().parameters(polar)} == {"sled"}
+
+
+def with_gravity(robot, g):
+    """The same robot under another gravity [m/s²]."""
+    model = robot.model.copy()
+    model.gravity.linear = np.array(g, float)
+    return replace(robot, model=model)
+
+
+def test_a_tilt_turns_gravity_about_a_horizontal_axis_by_the_right_hand(polar, move, columns):
+    """Against gravity turned by +θ about x and about y, to first order, and by hand."""
+    m, angle = move(polar, T), 1e-6
+    found = columns(polar, m, GravityTilt())
+    assert list(found) == ["base.tilt1", "base.tilt2"]
+    assert [unit for unit, _ in found.values()] == ["rad", "rad"]
+    c, s = np.cos(angle), np.sin(angle)
+    turned = {  # (0, 0, −g) turned about x, then about y
+        "base.tilt1": (0.0, 9.81 * s, -9.81 * c),
+        "base.tilt2": (-9.81 * s, 0.0, -9.81 * c),
+    }
+    for name, g in turned.items():
+        change = (torque(with_gravity(polar, g), m) - torque(polar, m)) / angle
+        np.testing.assert_allclose(found[name][1], change, atol=1e-4)
+    # About y gravity gets a part −gθ along x: it pulls the slide in and the hinge down.
+    th, r = m.actuated_q.T
+    lift = 3 * (0.2 * np.sin(th) + 0.05 * np.cos(th)) + 2 * (
+        (0.5 + r) * np.sin(th) - 0.03 * np.cos(th)
+    )
+    by_hand = 9.81 * np.stack([-lift, 2 * np.cos(th)], 1)
+    np.testing.assert_allclose(found["base.tilt2"][1], by_hand, atol=1e-9)
+    np.testing.assert_allclose(found["base.tilt1"][1], 0, atol=1e-9)  # out of the arm's plane
+
+
+@pytest.mark.parametrize("down", [(0, 0, -9.81), (0, -9.81, 0), (3.0, -4.0, 1.0)])
+def test_a_tilt_has_two_axes_at_right_angles_to_gravity(down):
+    first, second = horizontal_axes(np.array(down, float))
+    up = -np.array(down) / np.linalg.norm(down)
+    np.testing.assert_allclose(np.cross(first, second), up, atol=1e-12)
+    np.testing.assert_allclose(np.cross(up, first), second, atol=1e-12)
+
+
+def test_without_gravity_nothing_tilts(polar):
+    assert GravityTilt().parameters(with_gravity(polar, (0, 0, 0))) == ()
+
+
+def recorded(by_hand, t):
+    """The file's whole torque of the polar arm at any time, friction and rotors included."""
+    q, v, a = by_hand.swing(t, 2)
+    friction = np.array([0.7, 5.0]) * v + np.array([1.3, 2.0]) * np.sign(v)
+    return by_hand.polar(t, q, v, a) + friction + np.array([0.11, 0.8]) * a
+
+
+def fine(by_hand, count=4000):
+    """Times between two reversals: friction has no steps here."""
+    t = np.linspace(0.6, 0.75, count)
+    assert len(np.unique(np.sign(by_hand.swing(t, 2)[1]), axis=0)) == 1
+    return t
+
+
+def swung(robot, by_hand, t):
+    from identifiability.robot import complete_motion
+
+    return complete_motion(robot, t, *by_hand.swing(t, 2))
+
+
+def test_a_delay_is_minus_the_slope_of_its_own_joints_torque(polar, by_hand, columns):
+    """τ(t − δ) ≈ τ(t) − δ τ̇(t): one second of δ costs −τ̇, [s]."""
+    t, h = fine(by_hand), 1e-5
+    found = columns(polar, swung(polar, by_hand, t), TimeDelay())
+    slope = (recorded(by_hand, t + h) - recorded(by_hand, t - h)) / (2 * h)
+    for k, joint in enumerate(("lift", "reach")):
+        unit, column = found[f"{joint}.delay"]
+        assert unit == "s"
+        assert not column[:, 1 - k].any()
+        np.testing.assert_allclose(
+            column[1:-1, k], -slope[1:-1, k], atol=1e-5 * np.abs(slope[:, k]).max()
+        )
+    # Quite as well: the torque that was recorded 0.1 ms late.
+    late = recorded(by_hand, t - 1e-4) - recorded(by_hand, t)
+    np.testing.assert_allclose(
+        1e-4 * found["lift.delay"][1][1:-1, 0], late[1:-1, 0], atol=2e-3 * np.abs(late).max()
+    )
+
+
+def test_a_delay_does_not_look_across_gaps(polar, by_hand):
+    """The columns of a motion with a gap are those of its stretches, each by itself."""
+    motion = swung(polar, by_hand, fine(by_hand, 40))
+    rows = np.r_[0:11, 13:15, 20:40]  # a long stretch, two samples alone, a long stretch
+    W = Model((TimeDelay(),)).regressor(polar, motion[rows])
+    whole = Model((TimeDelay(),)).regressor(polar, motion)
+    inner = np.r_[1:10, 21:39]  # with both neighbours
+    np.testing.assert_allclose(W[np.searchsorted(rows, inner)], whole[inner], atol=1e-12)
+    for a, b in ((0, 11), (20, 40)):
+        alone = Model((TimeDelay(),)).regressor(polar, motion[np.arange(a, b)])
+        np.testing.assert_array_equal(W[np.isin(rows, np.arange(a, b))], alone)
+    assert not W[np.isin(rows, [13, 14])].any()  # too few to have a slope
+    for few in (1, 2):
+        assert not Model((TimeDelay(),)).regressor(polar, motion[np.arange(few)]).any()
+
+
+def test_a_delay_does_not_look_from_log_to_log(polar, by_hand):
+    motion = swung(polar, by_hand, fine(by_hand, 40))
+    parts = [motion[np.arange(a, b)] for a, b in ((0, 20), (20, 40))]
+    logs = tuple(Samples("log", m, np.zeros((20, 2)), None, (), "") for m in parts)
+    model = Model((TimeDelay(),))
+    found = [W.copy() for _, _, W, _ in Regression(polar, model, logs).chunks()]
+    for W, m in zip(found, parts, strict=True):
+        np.testing.assert_array_equal(W, model.regressor(polar, m))
+
+
+def test_the_torque_that_is_delayed_can_be_any_models(polar, by_hand, columns):
+    motion = swung(polar, by_hand, T)
+    ramp = TimeDelay(lambda robot, m: np.outer(m.t, [3.0, -2.0]))
+    found = columns(polar, motion, ramp)
+    np.testing.assert_allclose(found["lift.delay"][1][:, 0], -3.0)
+    np.testing.assert_allclose(found["reach.delay"][1][:, 1], 2.0)
+
+
+@pytest.mark.parametrize("forward", [2.5, None])
+def test_the_delayed_torque_has_a_level_for_each_direction_where_the_file_states_one(
+    make, tables, move, by_hand, forward
+):
+    from identifiability.effects.delay import nominal_torque
+
+    text = '[nominal]\n"lift.Fc+" = 2.5\n"lift.Fc-" = 0.5\n"reach.Fc+" = 2\n"reach.Fc-" = 2\n'
+    robot = make(tables.POLAR, text if forward else "")
+    m = move(robot, T)
+    v = m.actuated_v
+    levels = (2.5, 0.5) if forward else (1.3, 1.3)
+    dry = np.where(v[:, 0] > 0, levels[0], np.where(v[:, 0] < 0, -levels[1], 0.0))
+    expected = by_hand.polar(m.t, m.actuated_q, v, m.actuated_a)[:, 0]
+    expected = expected + dry + 0.7 * v[:, 0] + 0.11 * m.actuated_a[:, 0]
+    np.testing.assert_allclose(nominal_torque(robot, m)[:, 0], expected, atol=1e-9)
