@@ -122,6 +122,8 @@ class _Search:
         model = self.white.columns(self.chosen)
         scores = score_candidates(self.white, model, [o.scored for o in options])
         highest, top = scores.null.max(0), float(scores.data.max())
+        if top == -np.inf:  # all that could be added is in the model already
+            return False
         p = float((1 + np.count_nonzero(highest >= top)) / (1 + len(highest)))
         critical = float(np.quantile(highest, 1 - self.rules.level))
         # Of what stands out from the noise, the best fit for its columns at a place has the name.
