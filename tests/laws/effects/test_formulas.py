@@ -45,9 +45,7 @@ def per_joint(kind, units, force):
     """What `check` wants of an effect with one column a joint of the polar arm."""
     return {
         f"{joint}.{kind}": (unit, column)
-        for joint, unit, column in zip(
-            ("lift", "reach"), units, along_joints(force), strict=True
-        )
+        for joint, unit, column in zip(("lift", "reach"), units, along_joints(force), strict=True)
     }
 
 
@@ -153,7 +151,9 @@ def test_the_files_masses_give_the_torque_by_hand(polar, gear, pair, move, by_ha
         np.testing.assert_allclose(W @ np.array(phi), torque(m), atol=1e-9)
 
 
-def test_load_dependent_friction_is_a_share_of_the_rigid_torque(polar, gear, move, columns, by_hand):
+def test_load_dependent_friction_is_a_share_of_the_rigid_torque(
+    polar, gear, move, columns, by_hand
+):
     """The load is that of the bodies: neither rotors nor friction of the file are in it."""
     m = move(polar, T)
     load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)
