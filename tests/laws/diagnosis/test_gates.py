@@ -1,0 +1,99 @@
+"""Gates: by how much a name must predict better, and as what robot, from told gains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import pytest
+
+from identifiability.diagnosis.gates import add_places, keep_possible, keep_useful, list_units
+from identifiability.diagnosis.held_out import Gain
+from identifiability.diagnosis.rules import Rules
+
+
+@dataclass
+class Told:
+    """Gains that are told: what each group takes away when it is missing, and its error."""
+
+    gains: dict
+    error: float = 0.0
+    real: object = None
+    asked: list = field(default_factory=list)
+
+    def gain(self, rest, whole, *, real=False):
+        self.asked.append(({c.group for c in rest}, {c.group for c in whole}, real))
+        lost = {c.group for c in whole} - {c.group for c in rest}
+        return Gain(share=sum(self.gains[g] for g in lost), error=self.error)
+
+
+@pytest.fixture
+def pair(candidate):
+    return [candidate("a", "j", 0), candidate("b", "j", 1)]
+
+
+def groups(chosen):
+    return [c.group for c in chosen]
+
+
+@pytest.mark.parametrize(("gain", "kept"), [(0.0019, False), (0.002, False), (0.0021, True)])
+def test_a_name_must_gain_more_than_two_per_mille(pair, gain, kept):
+    held = Told({("a", "j"): 0.5, ("b", "j"): gain})
+    assert groups(keep_useful(held, pair, Rules())) == [("a", "j"), ("b", "j")][: 1 + kept]
+    assert Rules().gain == 0.002
+    assert not any(real for *_, real in held.asked)
+
+
+def test_names_are_taken_out_one_at_a_time_the_least_useful_first(candidate):
+    """Two that repair each other: once the worse one is gone the other one gains."""
+    a, b = candidate("a", "j", 0), candidate("b", "j", 1)
+
+    class Pair:
+        def gain(self, rest, whole, *, real=False):
+            there, was = ({c.group[0] for c in x} for x in (rest, whole))
+            value = {(): 0.0, ("a",): 0.3, ("b",): -0.1, ("a", "b"): 0.2}
+            return Gain(share=value[tuple(sorted(was))] - value[tuple(sorted(there))], error=0.0)
+
+    assert groups(keep_useful(Pair(), [a, b], Rules())) == [("a", "j")]
+    assert groups(keep_useful(Pair(), [b], Rules())) == []
+
+
+def test_a_family_is_judged_at_each_place_and_as_a_whole(candidate):
+    chosen = [candidate("a", "j", 0), candidate("a", "l", 1), candidate("b", "j", 2)]
+    units = [groups(u) for u in list_units(chosen)]
+    assert units == [[("a", "j")], [("a", "l")], [("b", "j")], [("a", "j"), ("a", "l")]]
+
+    class Family:  # each place is of use beside the other one, both together are not
+        def gain(self, rest, whole, *, real=False):
+            lost = {c.group for c in whole} - {c.group for c in rest}
+            return Gain(share=-0.1 if lost == {("a", "j"), ("a", "l")} else 0.1, error=0.0)
+
+    assert groups(keep_useful(Family(), chosen, Rules())) == [("b", "j")]
+
+
+@pytest.mark.parametrize(
+    ("gain", "error", "kept"),
+    [(0.05, 0.01, True), (0.05, 0.06, False), (0.05, 0.05, False), (0.0019, 0.0, False),
+     (-0.1, 0.0, False)],
+)  # fmt: skip
+def test_in_a_real_robot_a_gain_must_exceed_its_standard_error_too(pair, gain, error, kept):
+    held = Told({("a", "j"): gain}, error, real=object())
+    assert groups(keep_possible(held, pair[:1], pair, Rules())) == [("a", "j")] * kept
+    assert all(real for *_, real in held.asked)
+    # Where no robot can be fitted nothing is asked.
+    assert keep_possible(Told({}), pair[:1], pair, Rules()) == pair[:1]
+
+
+def test_what_every_joint_has_is_not_refused_and_stands_at_every_place_beside_the_rest(candidate):
+    spring = candidate("spring", "j", 0)
+    dry = candidate("dry", "j", 1, basic=True)
+    elsewhere = [
+        candidate("dry", "l", 2, basic=True), candidate("dry", "l", 3, basic=True),
+        candidate("spring", "l", 4), candidate("offset", "l", 5, basic=True),
+    ]  # fmt: skip
+    every = [spring, dry, *elsewhere]
+    held = Told({("spring", "j"): -1.0}, real=object())
+    assert groups(keep_possible(held, [spring, dry], every, Rules())) == [("dry", "j")]
+    rest, whole, _ = held.asked[0]
+    assert rest == {("dry", "j"), ("dry", "l")}
+    assert whole == rest | {("spring", "j")}
+    assert groups(add_places([dry], every)) == [("dry", "j"), ("dry", "l")]

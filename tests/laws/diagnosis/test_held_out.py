@@ -1,0 +1,133 @@
+"""Errors on motion that was not fitted, by hand: weights, folds, gains, intervals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.diagnosis.held_out import Gap, HeldOut
+from identifiability.diagnosis.rows import fit_weighted, joint_weights
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(4)
+
+
+def data(rng, rows_of, n=240, log=None, noise=(0.1, 5.0)):
+    """Two joints, the second fifty times as noisy; one model column, two of the dictionary."""
+    X, D = rng.standard_normal((n, 2, 1)), rng.standard_normal((n, 2, 2))
+    tau = X @ [2.0] + D @ [1.0, 0.0] + np.array(noise) * rng.standard_normal((n, 2))
+    return rows_of(tau, X, D, log)
+
+
+def solve(W, tau, weight=(1.0, 1.0)):
+    w = np.array(weight)
+    A = (W * w[:, None]).reshape(-1, W.shape[2])
+    return np.linalg.lstsq(A, (tau * w).ravel(), rcond=None)[0]
+
+
+def weighted(W, tau):
+    """Least squares in units of each joint's own residual of plain least squares."""
+    rms = np.sqrt(np.mean((tau - W @ solve(W, tau)) ** 2, axis=0))
+    return solve(W, tau, 1 / rms)
+
+
+def test_joints_weigh_by_the_residual_that_they_have_in_a_plain_fit(rng, rows_of, candidate):
+    rows, c = data(rng, rows_of), [candidate("a", "j", 0)]
+    W = np.concatenate([rows.X, rows.D[:, :, :1]], axis=2)
+    np.testing.assert_allclose(fit_weighted(rows, c), weighted(W, rows.tau), rtol=1e-9)
+    mask = np.arange(len(rows)) < 100
+    np.testing.assert_allclose(
+        fit_weighted(rows, c, mask), weighted(W[mask], rows.tau[mask]), rtol=1e-9
+    )
+    rms = np.sqrt(np.mean((rows.tau - W @ solve(W, rows.tau)) ** 2, axis=0))
+    np.testing.assert_allclose(joint_weights(W, rows.tau), 1 / rms, rtol=1e-9)
+    assert rms[1] > 20 * rms[0]
+    exact = joint_weights(W, W @ [1.0, 1.0])  # no residual at all: finite all the same
+    assert np.isfinite(exact).all()
+
+
+def test_the_error_while_choosing_is_in_units_of_each_joint_without_candidates(
+    rng, rows_of, candidate
+):
+    train, choosing, verifying = (data(rng, rows_of) for _ in range(3))
+    held = HeldOut(train=train, choosing=choosing, verifying=verifying)
+    c = [candidate("a", "j", 0)]
+    W, U = (np.concatenate([r.X, r.D[:, :, :1]], axis=2) for r in (train, choosing))
+    scale = np.sqrt(np.mean((choosing.tau - choosing.X @ weighted(train.X, train.tau)) ** 2, 0))
+    left = choosing.tau - U @ weighted(W, train.tau)
+    np.testing.assert_allclose(held.errors(c), np.mean(np.abs(left) / scale, axis=1), rtol=1e-9)
+    assert held.error(c) == pytest.approx(float(np.mean(np.abs(left) / scale)))
+    # The motion that verifies has no say in it.
+    spoiled = replace(held, verifying=replace(verifying, tau=1e6 + verifying.tau))
+    np.testing.assert_array_equal(spoiled.errors(c), held.errors(c))
+    assert spoiled.gap([c]).relative_error()[0] > 1.5 * held.gap([c]).relative_error()[0]
+
+
+@pytest.mark.parametrize("logs", [1, 3])
+def test_without_other_motion_logs_or_fifths_are_left_out_in_turn(rng, rows_of, candidate, logs):
+    n = 240
+    log = np.arange(n) * logs // n
+    rows = data(rng, rows_of, n, log)
+    held, c = HeldOut(train=rows, choosing=None), [candidate("a", "j", 0)]
+    folds = log if logs > 1 else np.arange(n) * 5 // n
+    W = np.concatenate([rows.X, rows.D[:, :, :1]], axis=2)
+    left, plain = np.empty((n, 2)), np.empty((n, 2))
+    for fold in np.unique(folds):
+        out = folds == fold
+        left[out] = rows.tau[out] - W[out] @ weighted(W[~out], rows.tau[~out])
+        plain[out] = rows.tau[out] - rows.X[out] @ weighted(rows.X[~out], rows.tau[~out])
+    scale = np.sqrt(np.mean(plain**2, axis=0))
+    np.testing.assert_allclose(held.errors(c), np.mean(np.abs(left) / scale, axis=1), rtol=1e-9)
+    np.testing.assert_allclose(held.gap([c]).residual[:, :, 0], left, rtol=1e-9, atol=1e-12)
+
+
+def test_a_gain_is_relative_and_its_error_is_that_of_24_stretches(rng, rows_of, candidate):
+    train, choosing = (data(rng, rows_of, 250) for _ in range(2))
+    held, c = HeldOut(train=train, choosing=choosing), [candidate("a", "j", 0)]
+    before, after = held.errors([]), held.errors(c)
+    means = [np.mean(p) for p in np.array_split(before - after, 24)]
+    gain = held.gain([], c)
+    assert gain.share == pytest.approx(1 - after.mean() / before.mean())
+    assert gain.error == pytest.approx(np.std(means, ddof=1) / np.sqrt(24) / before.mean())
+    assert held.gain(c, []).share == pytest.approx(-gain.share * before.mean() / after.mean())
+    nothing = held.gain(c, c)
+    assert (nothing.share, nothing.error) == (0.0, 0.0)
+
+
+def test_a_fit_that_was_fitted_has_the_smallest_error_where_it_was_fitted(rng, rows_of, candidate):
+    rows, c = data(rng, rows_of, noise=(1.0, 1.0)), [candidate("a", "j", 0)]
+    held = HeldOut(train=rows, choosing=None)
+    W = np.concatenate([rows.X, rows.D[:, :, :1]], axis=2)
+    left = rows.tau - W @ weighted(W, rows.tau)
+    np.testing.assert_allclose(held.fitted_residual(c), left, atol=1e-9)
+    np.testing.assert_allclose(held.fitted_gap([[], c]).residual[:, :, 1], left, atol=1e-9)
+    assert np.sum(left**2) < np.sum(held.gap([c]).residual[:, :, 0] ** 2)
+
+
+def test_the_relative_error_is_the_papers_sum_of_deviations_from_the_mean(rng, rows_of):
+    tau = rng.standard_normal((50, 2)) + 3.0
+    residual = rng.standard_normal((50, 2, 2))
+    gap = Gap(tau=tau, residual=residual, rows=None)
+    spread = np.abs(tau - tau.mean()).sum()
+    expected = [np.abs(residual[:, :, k]).sum() / spread for k in range(2)]
+    np.testing.assert_allclose(gap.relative_error(), expected)
+
+
+def test_the_interval_of_a_change_is_that_of_whole_stretches_drawn_again(rng):
+    """Errors that come in two long waves: far fewer independent numbers than rows."""
+    n = 2400
+    tau = np.where(np.arange(n) % 2, 1.0, -1.0)[:, None]
+    change = np.sign(np.sin(2 * np.pi * np.arange(n) / n))[:, None] * 0.2 - 0.1
+    residual = np.stack([np.full((n, 1), 1.0), 1.0 + change], axis=2)
+    gap = Gap(tau=tau, residual=residual, rows=None)
+    low, high = gap.interval(0, 1, np.random.default_rng(0))
+    parts = np.array([p.mean() for p in np.array_split(change, 24)])
+    sd = np.std(parts) / np.sqrt(24)
+    # The mean of 24 draws is close to normal; 2000 repetitions know a quantile to 5 %.
+    assert low == pytest.approx(-0.1 - 1.96 * sd, abs=0.2 * sd)
+    assert high == pytest.approx(-0.1 + 1.96 * sd, abs=0.2 * sd)
+    assert gap.interval(0, 0, np.random.default_rng(0)) == (0.0, 0.0)
+    back = gap.interval(1, 0, np.random.default_rng(0))
+    np.testing.assert_allclose(back, (-high, -low), atol=1e-12)
