@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from identifiability.diagnosis.confusable import Rival
 from identifiability.diagnosis.gates import add_places, keep_possible, keep_useful, list_units
 from identifiability.diagnosis.held_out import Gain
+from identifiability.diagnosis.named_effect import NamedEffect, Placement
 from identifiability.diagnosis.rules import Rules
+from identifiability.diagnosis.stress import Survival
 
 
 @dataclass
@@ -97,3 +100,41 @@ def test_what_every_joint_has_is_not_refused_and_stands_at_every_place_beside_th
     assert rest == {("dry", "j"), ("dry", "l")}
     assert whole == rest | {("spring", "j")}
     assert groups(add_places([dry], every)) == [("dry", "j"), ("dry", "l")]
+
+
+@pytest.mark.parametrize(
+    ("interval", "confirmed", "refuted"),
+    [((-0.2, -0.1), True, False), ((-0.2, 0.1), False, False), ((0.1, 0.2), False, True),
+     ((-0.1, 0.0), False, False), ((0.0, 0.1), False, False)],
+)  # fmt: skip
+def test_the_motion_that_verifies_confirms_refutes_or_leaves_open(interval, confirmed, refuted):
+    effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
+                         interval=interval)  # fmt: skip
+    assert (effect.confirmed, effect.refuted) == (confirmed, refuted)
+
+
+def test_a_named_effect_speaks_for_all_its_places():
+    def place(where, p, *rivals, stress=()):
+        return Placement(
+            place=where, shape=float("nan"), p_value=p, parameters=(), units=(), values=None,
+            errors=None, rms=1.0, rivals=rivals, stress=stress,
+        )  # fmt: skip
+
+    def rival(family, similarity, undecided):
+        return Rival(family=family, place="j", similarity=similarity, undecided=undecided)
+
+    fragile = place(
+        "l", 0.04, rival("stribeck_friction", 0.99, True), rival("b", 0.5, False),
+        stress=(Survival(variation="x", score=1.0, same_sign=True),
+                Survival(variation="y", score=9.0, same_sign=True)),
+    )  # fmt: skip
+    effect = NamedEffect(
+        name="a", title="A", placements=(place("j", 0.01, rival("b", 0.7, False),
+        rival("a", 1.0, True)), fragile), before=0.2, after=0.1, interval=(-1.0, -0.5),
+    )  # fmt: skip
+    assert effect.joints == ("j", "l")
+    assert effect.p_value == 0.04
+    assert effect.similar == {"stribeck_friction": 0.99, "b": 0.7}
+    assert effect.alternatives == ("stribeck_friction",)
+    assert effect.names == "A or Stribeck friction"
+    assert fragile.fragile == ("x",)

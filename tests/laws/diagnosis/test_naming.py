@@ -278,7 +278,7 @@ def test_evidence_is_the_best_over_shapes(candidate):
     assert signature([options[0].scored]) == signature([options[1].scored])
 
 
-def test_a_name_that_another_preparation_refutes_takes_its_refinements_with_it(candidate):
+def test_a_name_that_is_refuted_takes_its_refinements_with_it(candidate):
     base = candidate("coulomb", "j", 0, kinds=("Fc",))
     there = candidate("coulomb", "l", 1, kinds=("Fc",))
     fine = [candidate("stribeck", p, k, kinds=("Fs",), needs="coulomb")
@@ -289,12 +289,12 @@ def test_a_name_that_another_preparation_refutes_takes_its_refinements_with_it(c
         for best in (("coulomb", "all joints"), ("stribeck", "j"))
     )  # fmt: skip
     naming = Naming(chosen=(base, there, *fine), p_values={}, steps=steps)
-    left = keep_surviving(naming, [base], ())
+    left = keep_surviving(naming, [base], (), "the reason")
     assert named(left) == [("coulomb", "l"), ("stribeck", "l")]
     assert [s.accepted for s in left.steps] == [True, True]  # both families still have a place
-    gone = keep_surviving(naming, [base, there], ())
+    gone = keep_surviving(naming, [base, there], (), "the reason")
     assert gone.chosen == ()
     assert [s.accepted for s in gone.steps] == [False, False]
-    assert "preparation" in gone.steps[1].reason
+    assert [s.reason for s in gone.steps] == ["the reason"] * 2
     # Where the base model has it at every place, refinements do not need the named one.
-    assert len(keep_surviving(naming, [base, there], ("coulomb",)).chosen) == 2
+    assert len(keep_surviving(naming, [base, there], ("coulomb",), "").chosen) == 2
