@@ -1,0 +1,185 @@
+"""Bodies that can exist: the matrix, the projection and its margin, certificates, priors."""
+
+import numpy as np
+import pytest
+
+from identifiability.physical.cad_prior import CadPrior
+from identifiability.physical.certify import certify
+from identifiability.physical.feasible_set import PhysicalSet, scale_from
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.project import build_projection, project
+from identifiability.physical.pseudo_inertia import (
+    check_body,
+    margin,
+    natural_scale,
+    to_matrix,
+    to_vector,
+)
+
+#: 2 kg of points: masses [kg] and places [m].
+MASS = np.array([0.5, 0.7, 0.3, 0.5])
+PLACE = np.array([[0.1, 0, 0], [0, 0.2, 0.1], [-0.1, 0, 0.2], [0, -0.1, -0.2]])
+
+
+def body(mass=MASS, place=PLACE):
+    """Return the ten parameters of points: Ixy is the tensor's entry, -Σ m x y."""
+    inertia = sum(
+        m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(mass, place, strict=True)
+    )
+    return np.array([*inertia[np.triu_indices(3)], *(mass @ place), mass.sum()])
+
+
+def region(friction=1, **options):
+    return PhysicalSet(
+        np.arange(10)[None], np.arange(10 + friction) >= 10, names=("arm",), **options
+    )
+
+
+def data_on(phi, sigma=1e-3):
+    """Return data that say every parameter to this deviation, in units of its own size."""
+    size = np.array([0.1] * 6 + [0.3] * 3 + [2.0] + [1.0] * (len(phi) - 10))
+    R = np.diag(1 / size)
+    return LeastSquares(R=R, z=R @ phi, rss_min=sigma**2 * 100, dof=100.0)
+
+
+def test_the_matrix_of_points_is_the_integral_of_r_r():
+    r = np.column_stack([PLACE, np.ones(4)])
+    np.testing.assert_allclose(to_matrix(body()), r.T @ (MASS[:, None] * r), atol=1e-15)
+    np.testing.assert_allclose(to_vector(to_matrix(body())), body(), atol=1e-15)
+
+
+def test_the_natural_scale_is_mass_and_radius_of_gyration():
+    mass, length = natural_scale(body())
+    assert mass == pytest.approx(2.0)
+    assert length == pytest.approx(np.sqrt((MASS * (PLACE**2).sum(1)).sum() / 3 / 2.0))
+    assert natural_scale(np.zeros(10)) == (1.0, 0.1)
+
+
+def test_the_margin_is_the_smallest_eigenvalue_of_the_dimensionless_matrix():
+    root = np.sqrt(2.0) * np.array([0.1, 0.1, 0.1, 1.0])
+    expected = np.linalg.eigvalsh(to_matrix(body()) / np.outer(root, root))[0]
+    assert margin(body(), 2.0, 0.1) == pytest.approx(expected)
+    np.testing.assert_allclose(region(mass=2.0, length=0.1).margins(np.append(body(), 0)), expected)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({9: -1.0}, "mass -1 kg must be positive"),
+        ({9: 0.0}, "mass 0 kg cannot be zero while its moments are not"),
+        ({0: 1.0}, "break the triangle inequality: 0.9955 > 0.06469 + 0.01837"),
+        ({0: -0.1, 3: -0.1, 5: -0.1}, "none may be negative"),
+    ],
+)
+def test_what_cannot_exist_says_why(change, said):
+    theta = body()
+    for k, value in change.items():
+        theta[k] = value
+    check = check_body(theta, "arm")
+    assert not check.feasible
+    assert said in check.reason
+
+
+@pytest.mark.parametrize(("below", "feasible"), [(0.9e-7, True), (1.1e-7, False)])
+def test_a_thin_body_exists_up_to_rounding(below, feasible):
+    """A disc has margin 0; one part in ten million below it is rounding."""
+    disc = body(np.full(4, 0.5), np.array([[0.1, 0, 0], [-0.1, 0, 0], [0, 0.1, 0], [0, -0.1, 0]]))
+    J = to_matrix(disc)
+    mass, length = natural_scale(disc)
+    J[2, 2] = -below * mass * length**2
+    # The scale hardly moves with J[2, 2].
+    check = check_body(to_vector(J), "disc")
+    assert check.margin == pytest.approx(-below, rel=1e-3)
+    assert check.feasible == feasible
+    thin = PhysicalSet(np.arange(10)[None], np.zeros(10, bool), mass=mass, length=length)
+    assert certify(np.eye(10), to_vector(J), thin).feasible == feasible
+
+
+def test_a_real_robot_is_left_as_it_is():
+    phi = np.append(body(), 0.5)
+    found = project(data_on(phi), region(mass=2.0, length=0.1))
+    np.testing.assert_allclose(found.phi, phi, rtol=1e-6, atol=1e-9)
+    assert found.excess < 1e-6
+    assert (found.active_bodies, found.active_rows) == ((), ())
+
+
+def test_a_body_that_cannot_exist_is_moved_to_the_edge_but_for_a_millionth():
+    phi = np.append(body(), -0.5)
+    phi[0] = 1.0
+    found = project(data_on(phi), region(mass=2.0, length=0.1))
+    np.testing.assert_allclose(found.margins, 1e-6, rtol=0.1)
+    assert found.active_bodies == ("arm",)
+    assert found.active_rows == ("parameter 10 ≥ 0",)
+    assert found.phi[10] == pytest.approx(0.0, abs=1e-6)
+    data = data_on(phi)
+    cost = np.sum((data.R @ found.phi - data.z) ** 2)
+    assert found.excess == pytest.approx(cost / data.variance, rel=1e-6)
+    assert found.rss == pytest.approx(cost + data.rss_min, rel=1e-6)
+    assert found.accurate
+
+
+def test_the_margin_that_a_body_keeps_can_be_asked_for():
+    phi = np.append(body(), 0.0)
+    phi[0] = 1.0
+    for wanted in (1e-3, 0.1):
+        found = project(data_on(phi), region(mass=2.0, length=0.1), margin=wanted)
+        np.testing.assert_allclose(found.margins, wanted, rtol=0.01)
+
+
+def test_what_the_data_do_not_say_goes_to_the_reference():
+    phi = np.append(body(), 0.5)
+    R = np.eye(11)[10:]
+    data = LeastSquares(R=R, z=R @ (2 * phi), rss_min=1e-4, dof=100.0)
+    found = build_projection(region(mass=2.0, length=0.1), reference=phi).solve(data)
+    np.testing.assert_allclose(found.phi[:10], phi[:10], rtol=1e-5, atol=1e-7)
+    assert found.phi[10] == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_prior_pulls_by_its_weight_in_units_of_the_noise():
+    phi = np.append(body(), 0.0)
+    data = data_on(1.5 * phi, sigma=0.3)
+    near = [
+        np.linalg.norm(project(data, region(mass=2.0, length=0.1), prior=p).phi - phi)
+        for p in (None, CadPrior(phi, 1.0), CadPrior(phi, 100.0), CadPrior(phi, 1e5))
+    ]
+    assert near == sorted(near, reverse=True)
+    assert near[-1] < 0.01 * near[0]
+
+
+def test_base_parameters_are_possible_exactly_if_some_body_has_them():
+    """Of a body's three moments: Ixx ≤ Iyy + Izz, and nothing else."""
+    G = np.zeros((3, 10))
+    G[0, 0] = G[1, 3] = G[2, 5] = 1.0
+    one = PhysicalSet(np.arange(10)[None], np.zeros(10, bool))
+    for values, feasible in (((0.01, 0.01, 0.01), True), ((0.019, 0.01, 0.01), True),
+                             ((0.021, 0.01, 0.01), False), ((-0.01, 0.01, 0.03), False)):  # fmt: skip
+        found = certify(G, values, one)
+        assert found.feasible == feasible
+        if not feasible:
+            assert found.combination @ values == pytest.approx(found.value)
+            assert found.value < found.bound
+            said = found.sentence(["Ixx", "Iyy", "Izz"])
+            assert said.startswith("No real robot has these base parameters: ")
+            assert "[Ixx]" in said
+        else:
+            np.testing.assert_allclose(G @ found.phi, values, rtol=1e-6)
+            assert found.sentence([]).startswith("A real robot has these base parameters (margin")
+
+
+def test_friction_that_drives_is_impossible_even_with_perfect_bodies():
+    G = np.eye(11)
+    for friction, feasible in ((0.1, True), (-0.1, False)):
+        assert certify(G, np.append(body(), friction), region()).feasible == feasible
+
+
+def test_scales_are_those_of_the_nominal_bodies():
+    mass, length = scale_from(np.append(body(), 1.0), [list(range(10))])
+    np.testing.assert_allclose((mass[0], length[0]), natural_scale(body()))
+
+
+def test_the_residual_that_counts_as_one_is_the_noise_but_no_less_than_a_millionth():
+    data = LeastSquares(R=np.eye(2), z=np.array([3.0, 4.0]), rss_min=4.0, dof=16.0)
+    assert data.variance == 0.25
+    assert data.unit == 0.5
+    assert LeastSquares(R=np.eye(2), z=data.z, rss_min=0.0, dof=1.0).unit == pytest.approx(5e-6)
+    assert data.rss(np.array([3.0, 2.0])) == pytest.approx(4.0 + 4.0)

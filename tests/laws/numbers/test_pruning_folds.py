@@ -1,0 +1,174 @@
+"""Held-out squares of constrained fits, and what their scatter does on states not in the logs."""
+
+import numpy as np
+import pytest
+
+from identifiability.pruning.folds import Errors, gather_folds
+from identifiability.pruning.moves import Kind, Move, Partition
+
+from .made import gather
+
+WEIGHTS = np.array([4.0, 0.25])
+
+
+@pytest.fixture(scope="module")
+def rows():
+    rng = np.random.default_rng(0)
+    W = rng.normal(size=(320, 2, 3))
+    tau = W @ [1.0, -2.0, 0.1] + rng.normal(size=(320, 2)) * [0.5, 2.0]
+    unseen = 3 * rng.normal(size=(50, 2, 3))
+    return W, tau, unseen
+
+
+def folds_of(rows, logs=(), size=10, unseen=False):
+    W, tau, states = rows
+    information = gather(W, tau, size=size, logs=logs)
+    forbidden = np.array([False, True, False])
+    return gather_folds(information, WEIGHTS, forbidden, states if unseen else None)
+
+
+def solve(W, tau):
+    root = np.sqrt(WEIGHTS)
+    flat = (W * root[:, None]).reshape(-1, W.shape[2])
+    return np.linalg.lstsq(flat, (tau * root).ravel(), rcond=None)[0]
+
+
+def sums(W, tau, x):
+    return float((((tau - W @ x) ** 2) @ WEIGHTS).sum())
+
+
+def test_one_log_is_divided_into_sixteen_stretches_that_are_the_folds(rows):
+    folds = folds_of(rows)
+    np.testing.assert_array_equal(folds.stretch, np.repeat(np.arange(16), 2))
+    np.testing.assert_array_equal(folds.fold, np.arange(16))
+
+
+def test_two_and_three_logs_are_divided_and_four_are_left_out_whole(rows):
+    for logs in ((160, 160), (80, 120, 120)):
+        folds = folds_of(rows, logs)
+        np.testing.assert_array_equal(folds.fold, np.arange(len(folds.fold)))
+        assert len(folds.fold) == 16
+    folds = folds_of(rows, (80, 80, 80, 80))
+    np.testing.assert_array_equal(folds.fold, np.repeat([0, 1, 2, 3], 4))
+
+
+def test_a_short_log_among_several_still_has_four_stretches(rows):
+    folds = folds_of(rows, (40, 280))
+    assert (folds.stretch[:4] == [0, 1, 2, 3]).all()
+    assert folds.stretch[4:].min() == 4
+    assert folds.stretch.max() + 1 == 4 + 14
+
+
+def test_every_fold_is_fitted_to_the_others_and_held_against_itself(rows):
+    W, tau, _ = rows
+    folds = folds_of(rows, (80, 80, 80, 80))
+    fit = folds.fit()
+    np.testing.assert_allclose(fit.values[0], solve(W, tau), rtol=1e-6)
+    held = fit.errors().held
+    for log in range(4):
+        mine = np.arange(320) // 80 == log
+        x = solve(W[~mine], tau[~mine])
+        np.testing.assert_allclose(fit.values[1 + log], x, rtol=1e-6)
+        for piece in range(4):
+            at = slice(80 * log + 20 * piece, 80 * log + 20 * (piece + 1))
+            assert held[4 * log + piece] == pytest.approx(sums(W[at], tau[at], x), rel=1e-6)
+
+
+@pytest.mark.parametrize("logs", [(), (80, 80, 80, 80)])
+def test_the_scatter_of_the_fits_is_weighed_on_states_that_the_log_has_not(rows, logs):
+    *_, unseen = rows
+    fit = folds_of(rows, logs, unseen=True).fit()
+    x = fit.values[1:]
+    F = len(x)
+    torque = np.einsum("map,fp->fma", unseen, x - x.mean(0))
+    # As many states as samples, weighted like them; jackknife: (F - 1)/F of the sum.
+    expected = (F - 1) / F * (torque**2 @ WEIGHTS).sum(1) * 320 / len(unseen)
+    found = fit.errors()
+    np.testing.assert_allclose(found.scatter, expected, rtol=1e-6)
+    assert (found.scatter > 0).all()
+    assert found.total == pytest.approx(found.held.sum() + expected.sum(), rel=1e-6)
+
+
+def test_without_unseen_states_the_scatter_counts_for_nothing(rows):
+    found = folds_of(rows).fit().errors()
+    np.testing.assert_array_equal(found.scatter, 0.0)
+    assert found.total == found.held.sum()
+
+
+def test_a_replicate_counts_blocks_as_often_as_they_are_drawn(rows):
+    W, tau, _ = rows
+    counts = np.random.default_rng(1).integers(1, 4, 32).astype(float)
+    fit = folds_of(rows).fit(counts)
+    at = np.repeat(np.arange(320), np.repeat(counts, 10).astype(int))
+    np.testing.assert_allclose(fit.values[0], solve(W[at], tau[at]), rtol=1e-6)
+    mine = at // 20 == 3
+    np.testing.assert_allclose(fit.values[4], solve(W[at][~mine], tau[at][~mine]), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "move", [Move(Kind.DROP, ("p2",)), Move(Kind.TIE, tie=(("p0", "p2"),)),
+             Move(Kind.DROP, ("p0", "p2"))],
+)  # fmt: skip
+def test_a_constraint_costs_what_refitting_with_it_costs(rows, move):
+    W, tau, _ = rows
+    folds = folds_of(rows)
+    start = Partition.of(folds.columns)
+    L = folds.whiten(start.rows(move))
+    fit = folds.fit()
+    rise, rank = fit.cost(L)
+    after = start.apply(move)
+    M = np.stack([after.group == g for g in after.leaders], 1).astype(float)
+    x = M @ solve(W @ M, tau)
+    np.testing.assert_allclose(fit.constrain(L).values[0], x, atol=1e-7)
+    assert rise == pytest.approx(sums(W, tau, x) - sums(W, tau, solve(W, tau)), rel=1e-6)
+    assert rank == 3 - len(after)
+    assert fit.constrain(L).cost(L) == (pytest.approx(0.0, abs=1e-9), 0)
+
+
+def test_costs_of_single_constraints_are_those_one_by_one(rows):
+    folds = folds_of(rows)
+    L = folds.whiten(np.eye(3))
+    fit = folds.fit()
+    rises, free = fit.costs(L)
+    np.testing.assert_allclose(rises, [fit.cost(row[None])[0] for row in L], rtol=1e-9)
+    assert free.all()
+
+
+def test_the_jackknife_is_that_of_definition(rows):
+    folds = folds_of(rows)
+    fit = folds.fit()
+    L = folds.whiten(np.eye(3)[:1])
+    value, covariance = fit.jackknife(L)
+    scale = np.linalg.norm(np.eye(3)[:1] @ folds.inverse)
+    x = fit.values[:, 0] / scale
+    np.testing.assert_allclose(value, x[:1], rtol=1e-9)
+    expected = 15 / 16 * ((x[1:] - x[1:].mean()) ** 2).sum()
+    np.testing.assert_allclose(covariance, [[expected]], rtol=1e-9)
+
+
+def test_a_forbidden_sign_is_counted_while_the_parameter_is_free(rows):
+    folds = folds_of(rows)  # p1 is near -2 and must not be negative
+    fit = folds.fit()
+    assert fit.violations() == 1
+    assert fit.constrain(folds.whiten(np.eye(3)[1:2])).violations() == 0
+
+
+def test_the_spread_of_a_total_is_that_of_its_parts():
+    held, scatter = np.array([1.0, 2.0, 4.0, 9.0]), np.array([5.0, 1.0, 2.0, 0.0])
+    alone = Errors(held, scatter)
+    both = held + scatter  # one log: stretches and folds are the same pieces
+    assert alone.standard_error == pytest.approx(np.std(both, ddof=1) * 2)
+    assert alone.total == 24.0
+    several = Errors(np.tile(held, 2), scatter)
+    variance = np.var(np.tile(held, 2), ddof=1) * 8 + np.var(scatter, ddof=1) * 4
+    assert several.standard_error == pytest.approx(np.sqrt(variance))
+
+
+def test_a_rise_has_the_spread_of_the_differences():
+    """Two models that are off at the same places differ surely by little."""
+    one = Errors(np.array([1.0, 20.0, 4.0, 9.0]), np.zeros(4))
+    other = Errors(one.held - [0.1, 0.2, 0.1, 0.2], np.zeros(4))
+    rise, spread = one.above(other)
+    assert rise == pytest.approx(0.6)
+    assert spread == pytest.approx(np.std([0.1, 0.2, 0.1, 0.2], ddof=1) * 2)
+    assert other.above(one) == pytest.approx((-0.6, spread))
