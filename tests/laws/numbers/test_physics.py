@@ -151,8 +151,13 @@ def test_base_parameters_are_possible_exactly_if_some_body_has_them():
     G = np.zeros((3, 10))
     G[0, 0] = G[1, 3] = G[2, 5] = 1.0
     one = PhysicalSet(np.arange(10)[None], np.zeros(10, bool))
-    for values, feasible in (((0.01, 0.01, 0.01), True), ((0.019, 0.01, 0.01), True),
-                             ((0.021, 0.01, 0.01), False), ((-0.01, 0.01, 0.03), False)):  # fmt: skip
+    tried = {
+        (0.01, 0.01, 0.01): True,
+        (0.019, 0.01, 0.01): True,
+        (0.021, 0.01, 0.01): False,
+        (-0.01, 0.01, 0.03): False,
+    }
+    for values, feasible in tried.items():
         found = certify(G, values, one)
         assert found.feasible == feasible
         if not feasible:

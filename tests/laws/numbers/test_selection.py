@@ -8,10 +8,7 @@ import pytest
 from identifiability.assessment import assess_ladder, column_noise, column_rms, select_model
 from identifiability.bootstrap import merge_blocks
 from identifiability.estimation import estimate
-from identifiability.feasibility import PhysicalResult
 from identifiability.ladder import Rung
-from identifiability.physical.certify import Certificate
-from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.prediction import Prediction
 from identifiability.verdict import Class, Thresholds
 
@@ -81,14 +78,15 @@ def rung(name, kept, names, nonnegative=()):
     )  # fmt: skip
 
 
-def physics(margin):
-    certificate = Certificate(
-        margin=margin, phi=np.zeros(0), combination=np.zeros(0), bound=0.0, value=0.0
-    )
-    region = PhysicalSet(np.empty((0, 10), int), np.zeros(0, bool))
-    return PhysicalResult(
-        region=region, certificate=certificate, nearest=None, value=np.zeros(0), sentence=""
-    )
+@dataclass
+class Physics:
+    """What an assessment asks of physics."""
+
+    margin: float
+
+    @property
+    def feasible(self):
+        return self.margin >= 0
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +106,7 @@ def ladder():
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
     results = assess_ladder(
-        rungs, fits, every, [physics(0.1), physics(-0.1)], *made, np.array([1.0, 2.0, 3.0, 4.0]),
+        rungs, fits, every, [Physics(0.1), Physics(-0.1)], *made, np.array([1.0, 2.0, 3.0, 4.0]),
         Thresholds(), np.random.default_rng(0), 50,
     )  # fmt: skip
     return W, tau, every, fits, made, results
@@ -163,7 +161,7 @@ def test_a_column_that_never_acts_says_so(ladder):
     every = gather(W, tau, columns=names)
     full = rung("full", [0, 1, 2, 3], names)
     (result,) = assess_ladder(
-        [full], [estimate(every)], every, [physics(0.1)], made[0], made[1], np.zeros(4),
+        [full], [estimate(every)], every, [Physics(0.1)], made[0], made[1], np.zeros(4),
         Thresholds(), np.random.default_rng(0), 0,
     )  # fmt: skip
     assert result.verdicts[3].reason.startswith("This motion never makes it act on the torque.")
