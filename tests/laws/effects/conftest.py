@@ -18,7 +18,7 @@ POLAR = """
   <body name="rail">
     <joint name="lift" type="hinge" axis="0 -1 0" range="-1.5 2.1" damping="0.7"
            frictionloss="1.3" armature="0.11"/>
-    <inertial pos="0.2 0 0.05" mass="3" fullinertia="0.01 0.06 0.07 0 0 0"/>
+    <inertial pos="0.2 0 0.05" mass="3" fullinertia="0.02 0.06 0.07 0 0 0"/>
     <body name="sled" pos="0.4 0 0">
       <joint name="reach" type="slide" axis="1 0 0" damping="5" frictionloss="2" armature="0.8"/>
       <inertial pos="0.1 0 -0.03" mass="2" fullinertia="0.01 0.02 0.02 0 0 0"/>

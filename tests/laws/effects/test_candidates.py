@@ -1,0 +1,153 @@
+"""What a diagnosis may try where: places, shapes, signs, refusals; and the rows it builds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.diagnosis.rows import build_rows, list_candidates
+from identifiability.effects import FAMILIES, find_families
+from identifiability.effects.family import measure_spans
+from identifiability.grouping import find_base_parameters
+from identifiability.model import Model
+from identifiability.samples import Samples
+from identifiability.signals import Decimation
+
+T = 0.01 * np.arange(300)
+
+
+def listed(robot, motion, *families, present=(), fixed=False):
+    return list_candidates(robot, find_families(families or None), present, [motion], fixed=fixed)
+
+
+def test_a_span_is_the_range_and_the_rms_speed_of_every_axis(pair, move):
+    m = move(pair, T)
+    spans = measure_spans(pair, [m[:100], m[100:]])
+    x, v = m.actuated_q @ [2.0, -1.0], m.actuated_v @ [2.0, -1.0]
+    assert set(spans) == {"a", "b", "m2"}
+    assert spans["m2"].position_range == pytest.approx(np.ptp(x))
+    assert spans["m2"].rms_speed == pytest.approx(np.sqrt(np.mean(v**2)))
+    assert spans["b"].position_range == pytest.approx(np.ptp(m.actuated_q[:, 1]))
+
+
+def test_shapes_are_shares_of_the_rms_speed_and_fractions_of_the_range(polar, move):
+    m = move(polar, T)
+    candidates, _ = listed(polar, m, "stribeck_friction", "position_ripple", "joint_stiffness")
+    reach = [c for c in candidates if c.place == "reach"]
+    speed = np.sqrt(np.mean(m.actuated_v[:, 1] ** 2))
+    shapes = [c.shape for c in reach if c.family.name == "stribeck_friction"]
+    np.testing.assert_allclose(shapes, np.geomspace(0.04, 1.6, 16) * speed)
+    assert [c.effect.velocity for c in reach[:16]] == shapes
+    periods = [c.shape for c in reach if c.family.name == "position_ripple"]
+    np.testing.assert_allclose(periods, np.ptp(m.actuated_q[:, 1]) / np.arange(2, 16.01, 0.5))
+    (spring,) = [c for c in reach if c.family.name == "joint_stiffness"]
+    assert np.isnan(spring.shape)
+    taken = [k for c in candidates for k in c.columns]
+    assert taken == list(range(len(taken)))
+
+
+def test_families_with_parts_are_tried_part_by_part(gear, pair, move):
+    passive, _ = listed(gear, move(gear, T), "passive_joint_friction")
+    assert [(c.place, c.kinds) for c in passive] == [
+        ("swing", ("Fv",)), ("swing", ("Fc",)), ("rise", ("Fv",)), ("rise", ("Fc",)),
+    ]  # fmt: skip
+    rotors, _ = listed(pair, move(pair, T), "actuator_inertia")
+    assert [(c.place, c.kinds) for c in rotors] == [
+        ("a", ("Jr",)), ("b", ("Jr",)), ("m2", ("Jr",)),
+    ]  # fmt: skip
+    ripple, _ = listed(gear, move(gear, T), "position_ripple")
+    assert {c.kinds for c in ripple} == {("Rs", "Rc")}
+
+
+def test_what_the_model_has_is_not_tried_again_unless_its_values_are_the_files(polar, move):
+    m, present = move(polar, T), ("rigid_body", "viscous_friction")
+    free, refused = listed(polar, m, present=present)
+    assert not {c.family.name for c in free} & {"rigid_body", "viscous_friction", "payload"}
+    assert any(r.family == "payload" and "every mass is refitted" in r.reason for r in refused)
+    fixed, _ = listed(polar, m, present=present, fixed=True)
+    assert {"rigid_body", "viscous_friction", "payload"} <= {c.family.name for c in fixed}
+    viscous = [c for c in fixed if c.family.name == "viscous_friction"]
+    assert not any(c.family.positive for c in viscous)  # the file's level may be too high
+    assert all(c.family.positive for c in fixed if c.family.name == "coulomb_friction")
+    assert [c.place for c in fixed if c.family.name == "rigid_body"] == ["rail"]
+    assert [c.place for c in fixed if c.family.name == "payload"] == ["sled"]
+
+
+def test_without_masses_there_is_no_load(polar, move):
+    names = ("load_dependent_friction", "time_delay", "gravity_tilt")
+    m = move(polar, T)
+    for name in names:
+        assert listed(polar, m, name)[0]
+    empty = replace(polar, nominal=dict.fromkeys(polar.nominal, 0.0))
+    candidates, refused = listed(empty, m, *names)
+    assert candidates == []
+    assert {r.family for r in refused} == set(names)
+    assert all("states no masses" in r.reason for r in refused)
+
+
+def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none():
+    """A table of all families: the sign of the level, and what must be there first."""
+    positive = {n for n, f in FAMILIES.items() if f.positive}
+    assert positive >= {
+        "viscous_friction", "coulomb_friction", "actuator_inertia", "passive_joint_friction",
+    }  # fmt: skip
+    assert not positive & {
+        "torque_offset", "coulomb_asymmetry", "position_ripple", "time_delay", "gravity_tilt",
+        "payload", "rigid_body",
+    }  # fmt: skip
+    assert {n: f.needs for n, f in FAMILIES.items() if f.needs} == {
+        "coulomb_asymmetry": "coulomb_friction", "stribeck_friction": "coulomb_friction",
+        "load_dependent_friction": "coulomb_friction", "quadratic_friction": "viscous_friction",
+    }  # fmt: skip
+    assert {n for n, f in FAMILIES.items() if f.basic} == {
+        "viscous_friction", "coulomb_friction", "actuator_inertia", "torque_offset",
+    }  # fmt: skip
+    assert {n for n, f in FAMILIES.items() if f.fixed_only} == {"payload", "rigid_body"}
+
+
+def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
+    parts = [move(polar, T[:120]), move(polar, T[120:])]
+    rng = np.random.default_rng(0)
+    logs = [Samples("log", m, rng.standard_normal((len(m), 2)), None, (), "") for m in parts]
+    candidates, _ = listed(polar, parts[0], "joint_stiffness", "torque_offset")
+    model = Model.of("rigid_body", "viscous_friction")
+    base = find_base_parameters(polar, model)
+    rows = build_rows(polar, model, base.kept, candidates, logs)
+    W = np.concatenate([model.regressor(polar, m) for m in parts])[:, :, base.kept]
+    np.testing.assert_allclose(rows.X, W, atol=1e-12)
+    for c in candidates:
+        every = Model((c.effect,))
+        names = [p.name for p in c.effect.parameters(polar)]
+        at = names.index(f"{c.place}.{c.kinds[0]}")
+        for m, own in zip(parts, (slice(0, 120), slice(120, 300)), strict=True):
+            np.testing.assert_array_equal(
+                rows.D[own, :, c.columns[0]], every.regressor(polar, m)[:, :, at]
+            )
+    np.testing.assert_array_equal(rows.tau, np.concatenate([s.tau for s in logs]))
+    np.testing.assert_array_equal(
+        rows.dq[:, 1], np.concatenate([m.actuated_v for m in parts])[:, 1]
+    )
+    assert rows.log.tolist() == [0] * 120 + [1] * 180
+    assert rows.runs() == [(0, 120), (120, 300)]
+    # With values that are not refitted the model's torque is taken off, and no column is left.
+    values = rng.standard_normal(len(base))
+    fixed = build_rows(polar, model, base.kept, candidates, logs, values)
+    np.testing.assert_allclose(fixed.tau, rows.tau - W @ values, atol=1e-9)
+    assert fixed.X.shape[2] == 0
+    np.testing.assert_array_equal(fixed.measured, rows.tau)
+
+
+@pytest.mark.parametrize("factor", [1, 3])
+def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
+    kept = np.r_[0:130, 140:300]
+    m = replace(move(polar, T)[kept], kept=kept)
+    d = Decimation(factor) if factor > 1 else None
+    log = Samples("log", m, np.ones((len(m), 2)), d, (), "")
+    model = Model.of("viscous_friction")
+    base = find_base_parameters(polar, model)
+    rows = build_rows(polar, model, base.kept, [], [log, log])
+    assert len(rows.runs()) == 4
+    for a, b in rows.runs():
+        np.testing.assert_allclose(np.diff(rows.t[a:b]), 0.01 * factor)
+    np.testing.assert_allclose(rows.t, np.tile(log.output_times(), 2))
+    assert len(set(rows.log[: rows.runs()[1][1]])) == 1

@@ -1,0 +1,169 @@
+"""What a simulated robot hides is a law of its own, scaled to a share of the joint's torque."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.errors import IdentifiabilityError
+from identifiability.simulation.forces import (
+    HIDDEN,
+    Hidden,
+    both_directions,
+    nominal_force,
+    parse_hidden,
+    scaled,
+    stribeck,
+)
+from identifiability.simulation.hidden import hidden_torque
+from identifiability.simulation.mujoco_robot import RigidTorque
+from identifiability.simulation.noise import Noise, ar1
+
+T = np.linspace(0, 2.5, 400)
+HOME = np.array([0.3, -0.15])
+
+
+@pytest.fixture
+def move(by_hand):
+    q, v, a = by_hand.swing(T, 2)
+    return SimpleNamespace(t=T, q=q, dq=v, ddq=a)
+
+
+def rms(x):
+    return np.sqrt(np.mean(x**2, axis=0))
+
+
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("torque_offset", lambda v, x, load: np.ones_like(v)),
+        ("coulomb_asymmetry", lambda v, x, load: np.abs(np.sign(v))),
+        ("quadratic_friction", lambda v, x, load: v * np.abs(v)),
+        ("joint_stiffness", lambda v, x, load: x),
+        ("load_dependent_friction", lambda v, x, load: np.abs(load) * np.sign(v)),
+        ("stribeck_friction", lambda v, x, load: np.sign(v) * np.exp(-np.abs(v) / 0.3 / rms(v))),
+        (
+            "position_ripple",
+            lambda v, x, load: np.sin(16 * np.pi * (x - x.min(0)) / np.ptp(x, axis=0)),
+        ),
+    ],
+)
+def test_each_law_is_written_out_and_sized_by_its_joints_torque(polar, move, name, law):
+    assert name in HIDDEN
+    load = np.random.default_rng(0).standard_normal((400, 2))
+    tau = load * [3.0, 50.0] + 1.0
+    rigid = RigidTorque(tau=load, passive_q=np.empty((400, 0)), passive_v=np.empty((400, 0)),
+                        X=np.empty((400, 0, 2)))  # fmt: skip
+    force = law(move.dq, move.q - HOME, load)
+    expected = 0.05 * force * rms(tau) / rms(force)
+    found = hidden_torque(polar, move, rigid, tau, Hidden(name, 0.05))
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    only = hidden_torque(polar, move, rigid, tau, Hidden(name, 0.1, ("reach",)))
+    np.testing.assert_allclose(only, 2 * expected * [0, 1], atol=1e-12)
+    with pytest.raises(IdentifiabilityError, match="did you mean 'reach'"):
+        hidden_torque(polar, move, rigid, tau, Hidden(name, 0.1, ("reech",)))
+
+
+def test_a_late_a_leaking_and_a_drifting_sensor(polar, move):
+    t = np.r_[T[:200], T[200:] + 10.0]  # two motions with a pause
+    move = SimpleNamespace(t=t, q=move.q, dq=move.dq, ddq=move.ddq)
+    tau = np.stack([np.r_[T[:200] ** 2, 5 - T[200:]], np.cos(3 * T)], 1)
+
+    def found(name, share):
+        return hidden_torque(polar, move, None, tau, Hidden(name, share, ("lift",)))[:, 0]
+
+    late = found("time_delay", 0.1)
+    h = T[1]
+    slope = np.r_[2 * T[:200], -np.ones(200)] * h  # a change a sample; none of the pause
+    inner = np.r_[1:199, 201:399]
+    ratio = late[inner] / -slope[inner]
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
+    assert rms(late) == pytest.approx(0.1 * rms(tau[:, 0]))
+    assert ratio[0] > 0  # later, not earlier
+    np.testing.assert_allclose(
+        found("torque_leak", 0.2), 0.2 * tau[:, 1] * rms(tau[:, 0]) / rms(tau[:, 1])
+    )
+    drift = 1 - np.exp(-(t - t[0]) / (0.5 * np.ptp(t)))
+    drift -= drift.mean()
+    np.testing.assert_allclose(
+        found("thermal_drift", 0.2), 0.2 * drift * rms(tau[:, 0]) / rms(drift)
+    )
+
+
+def test_hidden_friction_of_passive_joints_is_dry_and_viscous_alike(gear, move):
+    q = move.q[:, :1]
+    X = -np.stack([-2 + 0.6 * q, 0.5 + 0.4 * q], 1)
+    speed = -np.einsum("nij,nj->ni", X, move.dq[:, :1])
+    rigid = RigidTorque(tau=q, passive_q=speed, passive_v=speed, X=X)
+    tau = 7.0 * np.ones((400, 1))
+    one = SimpleNamespace(t=T, q=q, dq=move.dq[:, :1], ddq=move.ddq[:, :1])
+    found = hidden_torque(gear, one, rigid, tau, Hidden("passive_joint_friction", 0.1, ("rise",)))
+    force = np.sign(speed[:, 1]) + speed[:, 1] / rms(speed[:, 1])
+    at_motor = -force * X[:, 1, 0]
+    np.testing.assert_allclose(found[:, 0], 0.1 * 7.0 * at_motor / rms(at_motor), rtol=1e-9)
+
+
+def test_a_hidden_tilt_or_load_is_the_difference_that_it_makes(polar, move, by_hand):
+    """The load is a point at the last body's centre of mass."""
+    from identifiability.simulation import MujocoRobot
+
+    rigid = MujocoRobot(polar).inverse_dynamics(move.q, move.dq, move.ddq)
+    tau = rigid.tau
+    (th, r), (w, rate), (wd, acc) = move.q.T, move.dq.T, move.ddq.T
+    g, s = 9.81, 1e-3
+    rho, z = 0.5 + r, -0.03
+    lift = 3 * (0.2 * np.sin(th) + 0.05 * np.cos(th)) + 2 * (rho * np.sin(th) + z * np.cos(th))
+    # Gravity turned by s about (.6, .8, 0): −.8 s g along x.
+    tilt = 0.8 * s * g * np.stack([-lift, 2 * np.cos(th)], 1)
+    load = np.stack([
+        (rho**2 + z**2) * wd + 2 * rho * rate * w - z * acc
+        + g * (rho * np.cos(th) - z * np.sin(th)),
+        acc - rho * w**2 - z * wd + g * np.sin(th),
+    ], 1)  # fmt: skip
+    for name, change in (("gravity_tilt", tilt), ("payload", load)):
+        found = hidden_torque(polar, move, rigid, tau, Hidden(name, 0.05))
+        size = 0.05 * np.sqrt(np.mean(tau**2)) / np.sqrt(np.mean(change**2))
+        np.testing.assert_allclose(found, size * change, atol=1e-7 * np.abs(found).max())
+    del by_hand
+
+
+def test_what_is_hidden_is_said_with_joints_and_share():
+    assert parse_hidden("payload") == Hidden("payload", 0.05, ())
+    assert parse_hidden("torque_offset@a+b=0.2") == Hidden("torque_offset", 0.2, ("a", "b"))
+    for text in ("torque_offset=0", "torque_offset=-1", "torque_offset=10", "torque_offset=x"):
+        with pytest.raises(IdentifiabilityError, match="is not understood"):
+            parse_hidden(text)
+
+
+def test_a_force_that_is_zero_stays_zero():
+    assert not scaled(np.zeros(5), np.ones(5), 0.1).any()
+    np.testing.assert_allclose(scaled(np.array([3.0, -3.0]), np.array([4.0, 4.0]), 0.5), [2, -2])
+
+
+def test_the_simulators_own_friction_has_a_level_for_each_direction():
+    v = np.array([-2.0, 0.0, 3.0])
+    values = {"j.Fv": 10.0, "j.Fc": 4.0}
+    np.testing.assert_allclose(nominal_force(values, "j", v), [-24, 0, 34])
+    np.testing.assert_allclose(nominal_force({**values, "j.Fc+": 1.0}, "j", v), [-24, 0, 31])
+    np.testing.assert_allclose(nominal_force({**values, "j.Fc-": 1.0}, "j", v), [-21, 0, 34])
+    assert both_directions({"j.Fc": 4.0, "j.Fc-": 1.0}) == {
+        "j.Fc": 4.0, "j.Fc+": 4.0, "j.Fc-": 1.0,
+    }  # fmt: skip
+    np.testing.assert_allclose(stribeck(np.array([-0.2, 0.0, 0.2]), 3.0, 0.1, 2.0),
+                               3 * np.exp(-4) * np.array([-1, 0, 1]))  # fmt: skip
+
+
+def test_simulated_noise_is_relative_on_motion_and_a_share_of_the_rms_on_torque():
+    tau = np.array([3.0, -40.0]) * np.ones((200_000, 2))
+    rng = np.random.default_rng(0)
+    assert np.std(Noise(motion=0.04).on_motion(tau, rng) / tau) == pytest.approx(0.04, rel=0.02)
+    added = Noise(additive=0.1, correlation=0.6).on_torque(tau, rng) - tau
+    np.testing.assert_allclose(np.std(added, axis=0), [0.3, 4.0], rtol=0.02)
+    level = Noise(additive=0.1).on_torque(tau, rng, np.array([1.0, 1.0])) - tau
+    np.testing.assert_allclose(np.std(level, axis=0), [0.1, 0.1], rtol=0.02)
+    x = ar1((200_000,), 0.6, rng)
+    for lag in (1, 2, 3):
+        assert np.mean(x[lag:] * x[:-lag]) == pytest.approx(0.6**lag, abs=0.02)
+    many = ar1((2, 50_000), 0.6, rng)  # stationary from the first sample
+    np.testing.assert_allclose(np.std(many, axis=1), 1.0, rtol=0.02)
+    np.testing.assert_allclose(Noise(encoder=0.1).on_encoder(np.array([0.14, -0.27])), [0.1, -0.3])

@@ -1,0 +1,246 @@
+"""From a log to samples: the grid, gaps, rests, and columns that contradict each other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability.errors import LogError
+from identifiability.logs import Log
+from identifiability.robot import Robot, complete_motion
+from identifiability.samples import Preparation, Samples, prepare_samples
+from identifiability.samples.contradictions import find_contradictions
+from identifiability.samples.rests import RestRule, choose_rest_rule
+from identifiability.samples.survey import Survey
+from identifiability.signals import Decimation
+from identifiability.units import check_units
+
+
+@pytest.fixture(scope="module")
+def two():
+    return Robot.load("two-link")
+
+
+def wave(t, joints=2):
+    w = 2 * np.pi * (0.8 + 0.3 * np.arange(joints))
+    return np.sin(np.outer(t, w)), w * np.cos(np.outer(t, w)), -(w**2) * np.sin(np.outer(t, w))
+
+
+def log_of(t, **channels):
+    q, dq, ddq = wave(t)
+    given = {"q": q, "tau": q, "dq": dq, "ddq": ddq, **channels}
+    frame = {"t": t}
+    for k, joint in enumerate(("shoulder", "elbow")):
+        for kind, x in given.items():
+            if x is not None:
+                frame[f"{joint}.{kind}"] = x[:, k]
+    return Log.from_frame(pd.DataFrame(frame), "log")
+
+
+def samples_of(two, kept, factor, own=None):
+    """Samples at some rows of a log; the torque is the row."""
+    kept = np.asarray(kept)
+    motion = replace(complete_motion(two, 0.01 * kept, *wave(0.01 * kept)), kept=kept)
+    tau = np.repeat(kept[:, None], 2, axis=1).astype(float)
+    d = Decimation(factor) if factor > 1 else None
+    return Samples("log", motion, tau, d, (), "", own)
+
+
+@pytest.mark.parametrize("factor", [2, 3])
+@pytest.mark.parametrize("own", [None, (60, 171)])
+def test_outputs_are_at_every_nth_row_whose_neighbours_are_all_there(two, factor, own):
+    kept = np.r_[5:96, 97:99, 101:230]
+    s = samples_of(two, kept, factor, own)
+    reach, there = 10 * factor, set(kept.tolist())
+    low, high = own or (0, 230)
+    rows = [
+        r for r in range(0, 230, factor)
+        if low <= r < high and all(k in there for k in range(r - reach, r + reach + 1))
+    ]  # fmt: skip
+    assert 0 < s.outputs == len(rows) < 100
+    np.testing.assert_allclose(s.output_times(), 0.01 * np.array(rows))
+    assert sum(s.run_outputs) == len(rows)
+    for start, stop in s.runs:
+        assert (np.diff(kept[start:stop]) == 1).all()
+    for size in (1, 25, 10**6):
+        pieces = list(s.pieces(size))
+        # A straight line keeps its values under a symmetric filter.
+        down = np.concatenate([p.down(p.tau) for p in pieces])
+        np.testing.assert_allclose(down[:, 0], rows, atol=1e-9)
+        at = np.concatenate([p.tau[p.at, 0] for p in pieces])
+        np.testing.assert_array_equal(at, rows)
+
+
+def test_without_decimation_every_sample_is_an_output(two):
+    s = samples_of(two, np.r_[0:50, 60:90], 1)
+    assert s.outputs == 80
+    np.testing.assert_array_equal(s.output_times(), s.motion.t)
+    assert [len(p.tau) for p in s.pieces(30)] == [30, 30, 20]
+    third = s.thin(3)
+    np.testing.assert_array_equal(third.tau, s.tau[::3])
+    np.testing.assert_array_equal(third.motion.kept, s.motion.kept[::3])
+    assert third.decimation is None
+
+
+def test_decimation_keeps_the_band_up_to_the_cut_off(two):
+    """Every int(½ / (f_c Δ))-th sample: the new Nyquist frequency is at least the cut-off."""
+    t = 0.002 * np.arange(4000)
+    log = log_of(t, dq=None, ddq=None)
+    for cutoff, factor in ((10.0, 25), (12.0, 20), (60.0, 4), (130.0, None), (200.0, None)):
+        d = prepare_samples(two, log, Preparation(cutoff=cutoff, keep_rest=True)).decimation
+        assert (None if d is None else d.factor) == factor
+    given = prepare_samples(two, log_of(t), Preparation(keep_rest=True))
+    assert given.decimation is None  # measured derivatives need no filter
+    wanted = prepare_samples(two, log_of(t), Preparation(decimate=7, keep_rest=True))
+    assert wanted.decimation.factor == 7
+
+
+def test_derivatives_are_those_of_the_motion_inside_a_log(two):
+    t = 0.002 * np.arange(6000)
+    exact = wave(t)
+    for log, error in ((log_of(t, dq=None, ddq=None), 1e-3), (log_of(t, ddq=None), 1e-3)):
+        m = prepare_samples(two, log, Preparation(cutoff=20.0, decimate=1)).motion
+        for found, x in zip((m.actuated_q, m.actuated_v, m.actuated_a), exact, strict=True):
+            inside = np.abs(found - x)[500:-500]
+            assert inside.max() < error * np.abs(x).max()
+    # Given velocities are differentiated once, and are not made anew from the positions.
+    other = log_of(t, dq=3 * exact[1], ddq=None, q=3 * exact[0])
+    m = prepare_samples(two, other, Preparation(cutoff=20.0, decimate=1)).motion
+    np.testing.assert_allclose(m.actuated_a[500:-500], 3 * exact[2][500:-500], atol=0.2)
+
+
+def test_a_fourier_series_of_the_log_starts_at_its_first_time(two):
+    t = 0.01 * np.arange(1000) + 77.0
+    how = Preparation(derivatives="fourier", period=10.0, harmonics=11, keep_rest=True)
+    m = prepare_samples(two, log_of(t), how).motion
+    for found, x in zip((m.actuated_q, m.actuated_v, m.actuated_a), wave(t), strict=True):
+        np.testing.assert_allclose(found, x, atol=1e-6 * np.abs(x).max())
+
+
+def test_a_rest_lasts_longer_than_its_least_number_of_samples():
+    rule = RestRule(limit=np.array([0.1, np.inf]), least=4.0)
+    speed = np.ones((30, 2))
+    speed[3:7, 0], speed[10:15, 0], speed[20:30, 0] = 0.1, -0.1, 0.0
+    found = rule.find(speed)
+    assert np.flatnonzero(found).tolist() == [*range(10, 15), *range(20, 30)]
+    assert rule.reach == 6
+
+
+def test_standing_still_is_one_per_cent_of_the_largest_speed_for_half_a_period():
+    dt, n = 0.01, 2000
+    t = dt * np.arange(n)
+    q = np.stack([np.sin(2 * np.pi * 2 * t), np.full(n, 3.0)], 1)
+    dq = np.stack([4 * np.pi * np.cos(4 * np.pi * t), np.full(n, 1e-12)], 1)
+    rule = choose_rest_rule([q, q], [dq, 0.5 * dq], dt)
+    assert rule.limit[0] == pytest.approx(0.01 * 4 * np.pi, rel=1e-3)
+    assert rule.limit[1] == np.inf  # a joint that never moves always stands still
+    assert rule.least == pytest.approx(0.5 / (2 * dt), rel=0.05)
+    assert choose_rest_rule([q], [np.zeros_like(dq)], dt) is None
+
+
+def test_the_survey_of_two_parts_is_that_of_both(two):
+    m = complete_motion(two, 0.01 * np.arange(50), *wave(0.01 * np.arange(50)))
+    m = replace(m, dropped=np.array([3, 4, 5, 6, 7, 8, 30]), near_singular=np.array([9, 40]),
+                condition=7.0)  # fmt: skip
+    torque = np.array([1.0, 2.0])
+    whole = Survey.of(m, None, 50, torque)
+    parts = [Survey.of(m, own, n, torque / 2) for own, n in (((0, 20), 20), ((20, 50), 30))]
+    both = parts[0] + parts[1]
+    for name in ("kept", "outputs", "dropped", "first_dropped", "singular", "first_singular",
+                 "condition", "start", "stop"):  # fmt: skip
+        assert getattr(both, name) == getattr(whole, name), name
+    for name in ("low", "high", "torque"):
+        np.testing.assert_array_equal(getattr(both, name), getattr(whole, name))
+    assert (whole.dropped, whole.first_dropped) == (7, (3, 4, 5, 6, 7))
+    notes = whole.notes(60)
+    assert notes[0].startswith("7 of 60 samples were dropped")
+    assert "data rows 4, 5, 6, 7, 8 …" in notes[0]
+    assert "first in data row 10" in notes[1]
+    assert notes[2].startswith("3 of 60 samples were left out")
+    assert whole.moves
+    still = replace(whole, high=whole.low + 1e-10)
+    assert not still.moves
+
+
+# --- contradictions and units -----------------------------------------------------------------
+
+T = 0.01 * np.arange(1500)
+
+
+def remarks(**channels):
+    return [r.split("'")[1] for r in find_contradictions(log_of(T, **channels))]
+
+
+@pytest.mark.parametrize(
+    ("factor", "clean"), [(1.0, True), (1.24, True), (1.26, False), (0.81, True), (0.79, False)]
+)
+def test_a_velocity_that_is_too_large_or_small_by_a_quarter_contradicts(factor, clean):
+    """Integrated, it must be multiplied by .8 … 1.25 to be the position."""
+    _, dq, _ = wave(T)
+    found = remarks(dq=dq * [1.0, factor], ddq=None)
+    assert found == ([] if clean else ["elbow.dq"])
+
+
+def test_noise_offsets_and_gaps_do_not_contradict():
+    q, dq, _ddq = wave(T)
+    rng = np.random.default_rng(0)
+    assert remarks() == []
+    assert remarks(dq=dq + 3.0) == []  # an offset of the rate is a drift
+    assert remarks(dq=dq + 2 * rng.standard_normal(dq.shape), ddq=None) == []
+    assert remarks(q=1e-3 * rng.standard_normal(q.shape), ddq=None) == []  # no motion to compare
+    assert remarks(q=np.ones_like(q), dq=np.zeros_like(q), ddq=np.zeros_like(q)) == []
+    log = log_of(T)
+    holes = np.r_[0:700, 900:1500]  # 2 s are missing: 200 steps
+    cut = Log("log", log.joints, log.t[holes], log.q[holes] + 5.0 * (holes > 800)[:, None],
+              log.tau[holes], log.dq[holes], log.ddq[holes], "")  # fmt: skip
+    assert find_contradictions(cut) == []
+
+
+def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
+    _, dq, ddq = wave(T)
+    assert remarks(dq=dq[:, ::-1]) == ["shoulder.dq", "elbow.dq", "shoulder.ddq", "elbow.ddq"]
+    shift = 0.1  # of 2π·.8 · .1 = .50 rad: sin² .50 = .23 of the variance is not explained
+    late = wave(T - shift)[1]
+    assert "shoulder.dq" in remarks(dq=late, ddq=None)
+    assert remarks(dq=wave(T - 0.05)[1], ddq=None) == []  # sin² .25 = .06
+    (text,) = find_contradictions(log_of(T, ddq=ddq * [0.0, 1.0] + [1e-3, 0.0]))
+    assert text.startswith("'shoulder.ddq' contradicts 'shoulder.dq': integrated, it explains 0 %")
+
+
+@pytest.mark.parametrize(
+    ("joint", "unit", "factor", "kind"),
+    [
+        ("hinge", "degrees", 180 / np.pi, "rad"),
+        ("slide", "mm", 1e3, "m"),
+        ("slide", "cm", 1e2, "m"),
+    ],
+)
+def test_positions_in_another_unit_are_named_by_the_limits(joint, unit, factor, kind):
+    from types import SimpleNamespace
+
+    robot = SimpleNamespace(
+        actuated=[0], is_prismatic=lambda k: joint == "slide", limits=np.array([[0.2, 0.9]])
+    )
+    q = np.linspace(0.25, 0.85, 200)[:, None]
+    log = Log("log", (joint,), 0.01 * np.arange(200), q * factor, q, None, None, "")
+    with pytest.raises(LogError, match=f"looks like {unit}: convert it to {kind}"):
+        check_units(robot, [log])
+    check_units(robot, [replace(log, q=q)])
+
+
+@pytest.mark.parametrize(
+    ("factor", "refused"),
+    [(1.0, False), (1.9, False), (0.55, False), (2.1, True), (0.45, True), (-1.0, True),
+     (180 / np.pi, True)],
+)  # fmt: skip
+def test_a_velocity_in_another_unit_is_named_with_its_factor(two, factor, refused):
+    log = log_of(T)
+    log = replace(log, dq=log.dq * [1.0, factor], ddq=None)
+    if not refused:
+        check_units(two, [log])
+        return
+    with pytest.raises(LogError, match=r"'elbow.dq' is \S+ times the time derivative") as error:
+        check_units(two, [log])
+    found = float(str(error.value).split(" is ")[1].split()[0])
+    assert found == pytest.approx(factor, rel=0.01)

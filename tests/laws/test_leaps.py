@@ -1,0 +1,91 @@
+"""A closed chain stays in its assembly: what ends far from its prediction is followed from home."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.excitation.limits import find_limits
+from identifiability.excitation.workspace import Workspace, survey
+from identifiability.robot import Robot, complete_motion
+
+
+@pytest.fixture(scope="module")
+def five_bar():
+    return Robot.load("five-bar")
+
+
+def still(robot, q):
+    zero = np.zeros_like(q)
+    return complete_motion(robot, np.arange(len(q)) * 0.01, q, zero, zero)
+
+
+def test_a_far_sample_in_a_crowd_has_the_assembly_that_it_has_alone(five_bar):
+    """The crowd's prediction leads to the other assembly, 3.3 rad away."""
+    far = np.array([[1.41619394, 2.35436576]])
+    home = five_bar.actuated_positions(five_bar.home[None])
+    crowd = np.repeat(home, 3000, axis=0)
+    crowd += 1e-3 * np.random.default_rng(0).standard_normal(crowd.shape)
+    crowd[17] = far
+    alone, among = still(five_bar, far), still(five_bar, crowd)
+    assert len(among) == 3000
+    np.testing.assert_allclose(among.q[17], alone.q[0], atol=1e-9)
+    other = [1.41619394, 2.29455727, 2.35436576, 1.14744038]  # closes the loop as well
+    assert np.abs(np.array(other) - alone.q[0]).max() > 2.9
+
+
+@pytest.mark.parametrize(("jump", "leaps"), [(0.0, 0), (0.69, 0), (0.71, 1), (-0.71, 1)])
+def test_an_exciting_motion_leaps_where_its_velocities_do_not_lead(five_bar, jump, leaps):
+    """By more than .7 rad between two samples; before it and after it all is led."""
+    home = five_bar.actuated_positions(five_bar.home[None])
+    motion = still(five_bar, np.repeat(home, 8, axis=0))
+    q, v, step = motion.q.copy(), np.full_like(motion.v, 0.5), 0.2
+    q += 0.5 * step * np.arange(8)[:, None]
+    q[5:, 1] += jump
+    moved = replace(motion, q=q, v=v, condition=1.0)
+    found = survey(five_bar, find_limits(five_bar), moved, 8, 1, step)
+    assert found.leaps.tolist() == [leaps]
+    # Of two candidates one after the other: nothing is asked of the seam between them.
+    apart = survey(five_bar, find_limits(five_bar), replace(moved, q=q), 4, 2, step)
+    assert apart.leaps.tolist() == [0, leaps]
+    q[4:, 1] += 5.0
+    seam = survey(five_bar, find_limits(five_bar), replace(moved, q=q), 4, 2, step)
+    assert seam.leaps.tolist() == [0, leaps]
+
+
+def test_loops_that_do_not_close_are_counted_for_their_candidate(five_bar):
+    home = five_bar.actuated_positions(five_bar.home[None])
+    motion = still(five_bar, np.repeat(home, 12, axis=0))
+    part = motion[np.array([0, 1, 2, 3, 4, 6, 8, 9])]
+    found = survey(five_bar, find_limits(five_bar), part, 4, 3, 0.01)
+    assert found.open.tolist() == [0, 2, 2]
+    np.testing.assert_allclose(found.condition, part.condition)
+
+
+def test_a_box_is_left_by_its_points_largest_distance(five_bar):
+    """The origin of a body stays where it is; the walls move."""
+    home = five_bar.actuated_positions(five_bar.home[None])
+    motion = still(five_bar, np.repeat(home, 2, axis=0))
+    free = find_limits(five_bar, {"workspace": {five_bar.bodies[1]: {"x": (-9.0, 9.0)}}})
+    at = five_bar.tree.positions(motion.q, free.boxes[0].point)[0]
+    for low, high, expected in (
+        (at[0] - 0.3, at[0] + 0.1, -0.1), (at[0] + 0.2, at[0] + 1, 0.2),
+        (at[0] - 1, at[0] - 0.3, 0.3),
+    ):  # fmt: skip
+        span = {"workspace": {five_bar.bodies[1]: {"x": (low, high)}}}
+        found = survey(five_bar, find_limits(five_bar, span), motion, 2, 1, 0.01)
+        assert found.outside[0] == pytest.approx(expected)
+
+
+def test_what_is_kept_and_what_it_costs():
+    """Free inside; from 90 % of the closure's bound and the last millimetre on it costs."""
+    space = Workspace(
+        open=np.array([0, 1, 0, 0, 0, 0, 0]),
+        condition=np.array([1.0, 1.0, 100.0, 100.1, 90.0, 95.0, 1.0]),
+        leaps=np.array([0, 0, 0, 0, 1, 0, 0]),
+        outside=np.array([-np.inf, -1.0, -0.5, -0.5, -0.5, -0.0005, 0.002]),
+    )
+    assert space.kept(100.0).tolist() == [True, False, True, False, False, True, False]
+    near = 20 * np.log(np.array([100.0, 100.1, 95.0]) / 90) ** 2
+    expected = [0, 0, near[0], near[1], 5, near[2] + 200 * 0.0005, 200 * 0.003]
+    np.testing.assert_allclose(space.cost(100.0), expected, atol=1e-12)
