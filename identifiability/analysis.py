@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +25,11 @@ from identifiability.ladder import (
     read_ladder,
 )
 from identifiability.model import Regression
-from identifiability.robot import Robot
+from identifiability.options import NotNegative, Replicates, Seed, checked
+from identifiability.robot import Robot, RobotLike
 from identifiability.samples import Preparation
 from identifiability.stages import (
-    LogLike,
+    Logs,
     Progress,
     believe,
     check_held_out,
@@ -45,18 +45,19 @@ from identifiability.verdict import Thresholds
 __all__ = ["SCHEMA", "Analysis", "analyze"]
 
 
+@checked
 def analyze(
-    robot: Robot | str | Path,
-    logs: Sequence[LogLike] | LogLike,
-    validate: Sequence[LogLike] | LogLike = (),
+    robot: RobotLike,
+    logs: Logs,
+    validate: Logs = (),
     ladder: LadderEntry | str | Path | None = None,
     *,
     preparation: Preparation | None = None,
     method: Method = "wls",
-    replicates: int = 2000,
+    replicates: Replicates = 2000,
     posterior: bool = False,
-    cad_weight: float = 0.0,
-    seed: int = 0,
+    cad_weight: NotNegative = 0.0,
+    seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Analysis:
@@ -76,7 +77,7 @@ def analyze(
         How derivatives are made.
     method : {"wls", "ols"}
     replicates : int
-        Refits of the block bootstrap.
+        Refits of the block bootstrap; 0 for none.
     posterior : bool
         Also sample the posteriors of the selected model; takes some seconds.
     cad_weight : float

@@ -6,16 +6,18 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import pandas as pd
 
 from identifiability.assessment import RungResult
 from identifiability.belief import Belief, belief_dict
+from identifiability.datatree import Which, build_datatree
 from identifiability.estimation import Method
 from identifiability.evaluation import Prediction
 from identifiability.grouping import BaseParameters
 from identifiability.information import Information
+from identifiability.options import check_choice
 from identifiability.output import write_json
 from identifiability.robot import Robot
 from identifiability.samples.longsamples import Prepared
@@ -24,8 +26,6 @@ from identifiability.verdict import Thresholds
 
 if TYPE_CHECKING:
     from xarray import DataTree
-
-    from identifiability.datatree import Which
 
 SCHEMA = "identifiability/analysis/1"
 
@@ -89,12 +89,26 @@ class Analysis:
         return state_provenance(self.robot, (*self.samples, *self.validation), self.seed)
 
     def to_frame(self, model: str | None = None) -> pd.DataFrame:
-        """Return one row a parameter of the selected model, or of the named one."""
-        names = [m.name for m in self.models]
-        if model is not None and model not in names:
-            raise KeyError(f"There is no model '{model}'; the models are {', '.join(names)}.")
-        result = self.chosen if model is None else self.models[names.index(model)]
+        """Return one row a parameter of the selected model, or of the named one.
+
+        Raises
+        ------
+        OptionError
+            If the ladder has no such model.
+        """
+        result = self.chosen if model is None else self.models[self.find_model(model)]
         return pd.DataFrame([v.to_row() for v in result.verdicts])
+
+    def find_model(self, name: str) -> int:
+        """Return the place of a model in the ladder.
+
+        Raises
+        ------
+        OptionError
+        """
+        names = tuple(m.name for m in self.models)
+        check_choice("model", name, names)
+        return names.index(name)
 
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a model."""
@@ -157,8 +171,7 @@ class Analysis:
         ModelError
             If there is no such posterior, or no package to hold it.
         """
-        from identifiability.datatree import build_datatree  # noqa: PLC0415 - needs an extra
-
+        check_choice("posterior", posterior, get_args(Which))
         return build_datatree(self.belief, self.chosen, posterior, self.provenance)
 
     def _repr_html_(self) -> str:

@@ -7,13 +7,15 @@ values, noise has the size and the correlation of the residual, of any order at 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from html import escape
 from itertools import islice
+from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
@@ -21,8 +23,9 @@ import pandas as pd
 from identifiability.analysis import Analysis
 from identifiability.diagnosis import FalseNames, measure_false_names
 from identifiability.engines.local import Engine, Serial
-from identifiability.errors import LogError, ModelError, near_match
+from identifiability.errors import LogError
 from identifiability.model import Model, Regression
+from identifiability.options import Expected, Positive, Replicates, Seed, at_least, checked
 from identifiability.outcome import Cell, count_outcomes
 from identifiability.output import write_json
 from identifiability.ranks import RankCheck, check_ranks
@@ -30,12 +33,25 @@ from identifiability.repetitions import Judged, Repetitions, batches, judge_repe
 from identifiability.replicates import Experiment, spawn_seeds
 from identifiability.residual_noise import ResidualNoise, find_runs, fit_residual_noise
 from identifiability.samples import Samples
-from identifiability.stages import LogLike, in_memory
+from identifiability.stages import Logs, Progress, in_memory
 
 SCHEMA = "identifiability/calibration/1"
 
 #: How many times more repetitions the first cell has, by which single parameters are judged.
 FIRST = 4
+
+
+Levels = Annotated[
+    Sequence[Positive],
+    Expected("a list of numbers above 0", lambda levels: len(levels) > 0),
+]
+Correlations = Annotated[
+    Sequence[Any],
+    Expected(
+        "a list of numbers above -1 and below 1, or NaN for noise like the residual",
+        lambda values: len(values) > 0 and all(_is_correlation(r) for r in values),
+    ),
+]
 
 
 @dataclass(frozen=True)
@@ -157,19 +173,20 @@ class Calibration:
         return f"<p>{escape(self.statement)}</p>{self.to_frame().to_html()}"
 
 
+@checked
 def calibrate(
-    analysis: Analysis,
+    analysis: Annotated[Analysis, Expected("the result of analyze")],
     *,
     model: str | None = None,
-    noise: Sequence[float] = (1.0, 0.3, 3.0),
-    rho: Sequence[float] = (float("nan"), 0.0, 0.9),
-    trials: int = 60,
-    replicates: int = 200,
-    sbc: int = 0,
-    logs: Sequence[LogLike] | LogLike = (),
-    diagnoses: int = 0,
-    seed: int = 0,
-    progress: Callable[[str, float], None] | None = None,
+    noise: Levels = (1.0, 0.3, 3.0),
+    rho: Correlations = (float("nan"), 0.0, 0.9),
+    trials: Annotated[int, at_least(2)] = 60,
+    replicates: Replicates = 200,
+    sbc: Annotated[int, at_least(0)] = 0,
+    logs: Logs = (),
+    diagnoses: Annotated[int, at_least(0)] = 0,
+    seed: Seed = 0,
+    progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Calibration:
     """Measure how far intervals and verdicts can be trusted on the motion of an analysis.
@@ -203,19 +220,12 @@ def calibrate(
 
     Raises
     ------
-    ModelError
+    OptionError
         If the ladder has no such model.
     LogError
         If the logs do not fit in memory.
     """
-    names = [m.name for m in analysis.models]
-    if model is not None and model not in names:
-        raise ModelError(
-            f"There is no model '{model}'{near_match(model, names)} The models are "
-            f"{', '.join(names)}."
-        )
-    at = 0 if model is None else names.index(model)
-    result = analysis.models[at]
+    result = analysis.models[0 if model is None else analysis.find_model(model)]
     samples = in_memory(analysis.samples, Samples)
     regression = _regression(analysis)
     experiment = Experiment.of(regression, result.rung.M, result.rung.columns)
@@ -271,6 +281,10 @@ def _regression(analysis: Analysis) -> Regression:
     return Regression(
         analysis.robot, Model.of(*analysis.effects), analysis.samples, analysis.base.kept
     )
+
+
+def _is_correlation(r: Any) -> bool:
+    return isinstance(r, Real) and (math.isnan(r) or abs(float(r)) < 1)
 
 
 def _noise_words(cell: Cell) -> str:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from identifiability.effects import Effect, find_effect
 from identifiability.errors import ModelError
 from identifiability.names import Array, Parameter
+from identifiability.options import Expected, checked
 from identifiability.robot import Motion, Robot
+
+EffectName = Annotated[str, Expected("the name of an effect, such as 'rigid_body'")]
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,8 @@ class Model:
     effects: tuple[Effect, ...]
 
     @staticmethod
-    def of(*names: str) -> Model:
+    @checked
+    def of(*names: EffectName) -> Model:
         """Return the model of some effects by name."""
         return Model(()).with_effects(find_effect(n) for n in names)
 

@@ -17,6 +17,7 @@ from scipy.linalg import solve_triangular
 from identifiability.information import Information
 from identifiability.linalg import RANK_TOLERANCE, scan_columns
 from identifiability.names import Array
+from identifiability.options import checked
 
 Method = Literal["ols", "wls"]
 
@@ -94,6 +95,7 @@ class Estimate:
         return passed if np.isfinite(least) else np.zeros(len(percent), bool)
 
 
+@checked
 def estimate(information: Information, method: Method = "wls") -> Estimate:
     """Return the least-squares estimate.
 

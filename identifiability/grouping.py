@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -22,7 +22,8 @@ from identifiability.linalg import (
 )
 from identifiability.model import Model
 from identifiability.names import Array, Parameter
-from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.options import Expected, Rng, checked
+from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -183,8 +184,11 @@ def random_motion(robot: Robot, rng: np.random.Generator, count: int = 400) -> M
     return complete_motion(robot, np.arange(count, dtype=float), q, dq, ddq)
 
 
+@checked
 def find_base_parameters(
-    robot: Robot, model: Model, rng: np.random.Generator | None = None
+    robot: KnownRobot,
+    model: Annotated[Model, Expected("a Model, such as Model.of('rigid_body')")],
+    rng: Rng | None = None,
 ) -> BaseParameters:
     """Return the base parameters that the structure of a robot allows, from random states.
 

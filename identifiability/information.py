@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Annotated
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -20,6 +21,7 @@ from identifiability.engines.mapping import Engine, Steps
 from identifiability.linalg import triangular_factor
 from identifiability.model import Part, Regression, map_parts
 from identifiability.names import Array
+from identifiability.options import at_least, checked
 
 #: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
 BLOCKS = 256
@@ -142,9 +144,10 @@ class Information:
         )
 
 
+@checked
 def gather_information(
     regression: Regression,
-    blocks: int = BLOCKS,
+    blocks: Annotated[int, at_least(1)] = BLOCKS,
     *,
     engine: Engine | None = None,
     progress: Steps | None = None,

@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from identifiability.errors import OutputError
+from identifiability.options import FilePath, checked
 
 
-def check_writable(path: str | Path) -> Path:
+@checked
+def check_writable(path: FilePath) -> Path:
     """Return the path if a file can be written there; called before a long computation.
 
     Raises

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -27,12 +27,19 @@ from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile, open_log
 from identifiability.model import Regression
 from identifiability.names import Array
+from identifiability.options import Expected
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, Samples
 from identifiability.samples.longsamples import LongSamples, Prepared, prepare_log
 
 LogLike = Log | LogFile | str | Path | pd.DataFrame
-Progress = Callable[[str, float], None]
+Logs = Annotated[
+    Sequence[LogLike] | LogLike,
+    Expected("a log (the path of a file, a DataFrame or a Log) or a list of logs"),
+]
+Progress = Annotated[
+    Callable[[str, float], None], Expected("a function that takes a text and the share done")
+]
 
 
 @contextmanager
@@ -50,7 +57,7 @@ def share(say: Progress, text: str, start: float, stop: float) -> Steps:
     return lambda done, total: say(text, start + (stop - start) * done / max(total, 1))
 
 
-def read_logs(logs: Sequence[LogLike] | LogLike) -> list[Log | LogFile]:
+def read_logs(logs: Logs) -> list[Log | LogFile]:
     """Return logs, however they are given; long files stay files."""
     one = isinstance(logs, (Log, LogFile, str, Path, pd.DataFrame))
     several: list[LogLike] = [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
@@ -89,7 +96,7 @@ def in_memory(
 
 def prepare_logs(
     robot: Robot,
-    logs: Sequence[LogLike] | LogLike,
+    logs: Logs,
     how: Preparation | None,
     engine: Engine | None = None,
     progress: Steps | None = None,

@@ -12,6 +12,7 @@ from scipy.stats import norm
 
 from identifiability.estimation import PAPER_FACTOR, Estimate
 from identifiability.names import Array
+from identifiability.options import Positive, Share, check_fields
 from identifiability.shares import REACH
 
 
@@ -48,12 +49,15 @@ class Thresholds:
         A posterior that is narrower than the prior by less than this share repeats the prior.
     """
 
-    sigma_percent: float = 20.0
-    sign_level: float = 0.05
-    recurrence: float = 0.9
-    negligible_share: float = 0.1
-    constraint_variance: float = 0.5
-    contraction: float = 0.5
+    sigma_percent: Positive = 20.0
+    sign_level: Share = 0.05
+    recurrence: Share = 0.9
+    negligible_share: Share = 0.1
+    constraint_variance: Share = 0.5
+    contraction: Share = 0.5
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True)

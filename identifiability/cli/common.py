@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 from identifiability.errors import IdentifiabilityError
 
@@ -79,7 +79,7 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
 
 @contextmanager
 def running(
-    name: str | None, workers: int | None, scheduler: str | None, resume: Path | None
+    name: Any, workers: int | None, scheduler: str | None, resume: Path | None
 ) -> Iterator[OpenEngine]:
     """Give the engine that the options ask for; end its processes with the command."""
     from identifiability.engines.local import choose_engine  # noqa: PLC0415

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from identifiability.options import Share, at_least, check_fields
 
 
 @dataclass(frozen=True)
@@ -25,12 +28,15 @@ class Rules:
         Steps without a fall of the held-out error after which the search ends.
     """
 
-    level: float = 0.05
-    gain: float = 0.002
-    alias: float = 0.03
-    confusable: float = 0.9
-    most: int = 40
-    patience: int = 4
+    level: Share = 0.05
+    gain: Share = 0.002
+    alias: Share = 0.03
+    confusable: Share = 0.9
+    most: Annotated[int, at_least(1)] = 40
+    patience: Annotated[int, at_least(1)] = 4
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True)

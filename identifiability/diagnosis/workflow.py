@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -22,26 +22,31 @@ from identifiability.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
 from identifiability.model import Model
-from identifiability.robot import Robot
+from identifiability.options import Names, Seed, at_least, checked
+from identifiability.robot import Robot, RobotLike
 from identifiability.samples import Preparation, Samples
-from identifiability.stages import LogLike, Progress, check_held_out, read_logs
+from identifiability.stages import Logs, Progress, check_held_out, read_logs
+
+#: Simulated noises without which no p-value falls below 5 %.
+FEWEST = 19
 
 #: The model that is diagnosed when none is given.
 BASE_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 
+@checked
 def diagnose(
-    robot: Robot | str | Path,
-    logs: Sequence[LogLike] | LogLike,
-    validate: Sequence[LogLike] | LogLike = (),
+    robot: RobotLike,
+    logs: Logs,
+    validate: Logs = (),
     *,
-    effects: Iterable[str] | None = None,
+    effects: Names | None = None,
     model: Model | Iterable[str] | None = None,
     fixed: bool = False,
     preparation: Preparation | None = None,
     rules: Rules | None = None,
-    draws: int = DRAWS,
-    seed: int = 0,
+    draws: Annotated[int, at_least(FEWEST)] = DRAWS,
+    seed: Seed = 0,
     quick: bool = False,
     forward: bool = True,
     progress: Progress | None = None,
@@ -76,8 +81,6 @@ def diagnose(
         Half the draws.
     forward : bool
         Also simulate the motion that verifies, before and after what was named (half a second).
-    forward : bool
-        Also simulate the motion that verifies, before and after what was named (half a second).
     progress : callable(str, float), optional
 
     Raises
@@ -102,7 +105,7 @@ def diagnose(
         say("building columns", 0.1)
         material = gather(
             robot, choose_model(model), train, choose, streams[0], effects=effects, fixed=fixed,
-            rules=rules, draws=draws // 2 if quick else draws, verify=verify,
+            rules=rules, draws=max(draws // 2, FEWEST) if quick else draws, verify=verify,
         )  # fmt: skip
         say("naming effects", 0.4)
         naming = name_effects(

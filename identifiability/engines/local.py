@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from functools import lru_cache, partial
 from pathlib import Path
 from types import FrameType
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import cloudpickle
 import joblib
@@ -34,7 +34,8 @@ from identifiability.engines.mapping import (
     run_limited,
 )
 from identifiability.engines.resume import Resumed
-from identifiability.errors import EngineError, near_match
+from identifiability.errors import EngineError
+from identifiability.options import FilePath, at_least, checked
 
 __all__ = ["Engine", "OpenEngine", "Processes", "Resumed", "Serial", "choose_engine"]
 
@@ -176,11 +177,12 @@ def _load(path: str) -> Callable[[Any], Any]:
     return function
 
 
+@checked
 def choose_engine(
-    name: str | None = None,
-    workers: int | None = None,
+    name: Name | None = None,
+    workers: Annotated[int, at_least(1)] | None = None,
     scheduler: str | None = None,
-    resume: str | Path | None = None,
+    resume: FilePath | None = None,
 ) -> OpenEngine:
     """Return the engine that some options ask for.
 
@@ -200,15 +202,7 @@ def choose_engine(
     EngineError
         If options contradict each other, or the cluster cannot be used.
     """
-    known = get_args(Name)
     name = name or ("processes" if scheduler is None else "dask")
-    if name not in known:
-        raise EngineError(
-            f"There is no engine '{name}'{near_match(name, known)} The engines are "
-            f"{', '.join(known)}."
-        )
-    if workers is not None and workers < 1:
-        raise EngineError(f"{workers} workers cannot do anything; give at least 1.")
     if scheduler is not None and name != "dask":
         raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
     if scheduler is not None and workers is not None:

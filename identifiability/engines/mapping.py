@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
-from typing import Protocol, Self, TypeVar
+from typing import Protocol, Self, TypeVar, runtime_checkable
 
 from threadpoolctl import threadpool_limits
 
@@ -34,6 +34,7 @@ class Pending(Protocol[Result_co]):
         """Return whether it is there, or never will be."""
 
 
+@runtime_checkable
 class Engine(Protocol):
     """Runs a function over items: here, in other processes or on a cluster.
 

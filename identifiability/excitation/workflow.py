@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,31 +20,33 @@ from identifiability.excitation.search import Search, search
 from identifiability.excitation.series import Series
 from identifiability.excitation.workspace import Workspace
 from identifiability.names import Array
-from identifiability.robot import Robot
+from identifiability.options import Names, Seed, checked
+from identifiability.robot import Robot, RobotLike
 from identifiability.samples import Preparation
 from identifiability.simulation.trajectory import MOST_SAMPLES
-from identifiability.stages import LogLike, Progress, prepare_logs
+from identifiability.stages import Logs, Progress, prepare_logs
 
 #: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
 LOOKS = 12
 
 
+@checked
 def excite(
-    robot: Robot | str | Path,
+    robot: RobotLike,
     *,
     harmonics: int = 5,
     duration: float = 7.5,
     samples: int = 750,
     limits: Limits | Mapping[str, Any] | str | Path | None = None,
     criterion: Literal["condition", "information", "separate"] | None = None,
-    parameters: Sequence[str] | None = None,
-    effects: Sequence[str] | None = None,
-    start_from: Sequence[LogLike] | LogLike | None = None,
-    separate: Sequence[str] | None = None,
+    parameters: Names | None = None,
+    effects: Names | None = None,
+    start_from: Logs | None = None,
+    separate: Names | None = None,
     preparation: Preparation | None = None,
     iterations: int = 80,
     budget: float = 60.0,
-    seed: int = 0,
+    seed: Seed = 0,
     name: str = "excite",
     progress: Progress | None = None,
 ) -> Excitation:

@@ -27,6 +27,7 @@ from identifiability.logs.checks import (
 )
 from identifiability.logs.table import PARQUET, read_table
 from identifiability.names import Array
+from identifiability.options import FilePath, check_option, checked
 from identifiability.output import write_bytes, write_text
 
 if TYPE_CHECKING:
@@ -65,7 +66,8 @@ class Log:
         return len(self.t)
 
     @staticmethod
-    def read(path: str | Path) -> Log:
+    @checked
+    def read(path: FilePath) -> Log:
         """Read a CSV or Parquet file, or a bag of ROS (``run.mcap:/joint_states``).
 
         Raises
@@ -86,6 +88,9 @@ class Log:
         ------
         LogError
         """
+        import pandas as pd  # noqa: PLC0415 - heavy, and files do not need it
+
+        check_option("frame", frame, pd.DataFrame)
         log = _from_frame(frame, name, name, "")
         values = log.to_frame()
         digest = hashlib.sha256(",".join(values.columns).encode())

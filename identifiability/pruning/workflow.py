@@ -27,6 +27,7 @@ from identifiability.ladder import (
     read_ladder,
 )
 from identifiability.model import Model, Regression
+from identifiability.options import Names, Positive, Replicates, Seed, checked
 from identifiability.pruning.absorption import absorb
 from identifiability.pruning.elimination import Step
 from identifiability.pruning.moves import Move
@@ -38,11 +39,11 @@ from identifiability.pruning.search import Search, Wishes, find_path
 from identifiability.pruning.selection import Criterion, good_steps, least_error
 from identifiability.pruning.stability import assess_stability
 from identifiability.pruning.unseen import unseen_regressor
-from identifiability.robot import Robot
+from identifiability.robot import Robot, RobotLike
 from identifiability.samples import Preparation
 from identifiability.samples.longsamples import Prepared
 from identifiability.stages import (
-    LogLike,
+    Logs,
     Progress,
     check_held_out,
     prepare_logs,
@@ -55,21 +56,22 @@ from identifiability.verdict import Thresholds
 CERTIFIED = 4
 
 
+@checked
 def prune(
-    robot: Robot | str | Path,
-    logs: Sequence[LogLike] | LogLike,
-    validate: Sequence[LogLike] | LogLike = (),
+    robot: RobotLike,
+    logs: Logs,
+    validate: Logs = (),
     ladder: LadderEntry | str | Path | None = None,
     *,
-    forbid: Sequence[str] = (),
-    force: Sequence[str] = (),
+    forbid: Names = (),
+    force: Names = (),
     criterion: Criterion = "identifiable",
     propose: bool = True,
-    reach: float = 1.0,
+    reach: Positive = 1.0,
     preparation: Preparation | None = None,
     method: Method = "wls",
-    replicates: int = 200,
-    seed: int = 0,
+    replicates: Replicates = 200,
+    seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Ladder:

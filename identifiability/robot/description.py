@@ -7,16 +7,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from identifiability.errors import RobotError, near_match
 from identifiability.names import INERTIAL_PREFERENCE, Array
+from identifiability.options import Expected, FilePath, checked
 from identifiability.robot.kinematics import Tree
 from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.markup import included_files
 from identifiability.robot.transmission import Axis, Transmission
+
+RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,8 @@ class Robot:
     ties: tuple[Mapping[str, tuple[str, ...]], ...] = field(default=())
 
     @staticmethod
-    def load(source: str | Path, sidecar: str | Path | None = None) -> Robot:
+    @checked
+    def load(source: RobotSource, sidecar: FilePath | None = None) -> Robot:
         """Read a robot from an MJCF or URDF file, or by the name of a shipped one.
 
         Parameters
@@ -229,3 +233,10 @@ class Robot:
         first = [at[w] for w in wanted if w in at]
         seen = set(first)
         return first + [k for k in range(len(names)) if k not in seen]
+
+
+#: A robot, or where it is read from.
+RobotLike = Annotated[
+    Robot | str | Path, Expected("a Robot, the path of a robot file or a shipped robot's name")
+]
+KnownRobot = Annotated[Robot, Expected("a Robot; Robot.load reads one")]

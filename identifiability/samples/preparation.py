@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 
 from identifiability import signals
-from identifiability.errors import LogError, near_match
+from identifiability.errors import LogError
 from identifiability.logs.log import Log, even_step, join_logs
 from identifiability.logs.logfile import LogFile
 from identifiability.names import Array
+from identifiability.options import Positive, at_least, check_fields
 from identifiability.robot import Robot
 from identifiability.samples.contradictions import find_contradictions
 from identifiability.samples.plan import Plan, has_motors, joint_log
@@ -55,28 +56,14 @@ class Preparation:
     """
 
     derivatives: Derivatives = "auto"
-    cutoff: float | None = None
-    period: float | None = None
-    harmonics: int = 5
-    decimate: int | None = None
+    cutoff: Positive | None = None
+    period: Positive | None = None
+    harmonics: Annotated[int, at_least(1)] = 5
+    decimate: Annotated[int, at_least(1)] | None = None
     keep_rest: bool = False
 
     def __post_init__(self) -> None:
-        known = get_args(Derivatives)
-        if self.derivatives not in known:
-            raise LogError(
-                f"There is no way '{self.derivatives}' to make derivatives"
-                f"{near_match(self.derivatives, known)} The ways are {', '.join(known)}."
-            )
-        for name in ("cutoff", "period"):
-            value = getattr(self, name)
-            if value is not None and not 0 < value < np.inf:
-                raise LogError(f"The {name} is {value:g}; give a number above 0, or none.")
-        if self.harmonics < 1 or (self.decimate is not None and self.decimate < 1):
-            raise LogError(
-                f"There are {self.harmonics} harmonics and a decimation by {self.decimate}; give "
-                "numbers of at least 1."
-            )
+        check_fields(self)
 
 
 def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:

@@ -14,7 +14,8 @@ from identifiability.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.checks import FEWEST
 from identifiability.names import Array
-from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.options import checked
+from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 from identifiability.samples.plan import Plan, joint_log
 from identifiability.samples.preparation import Preparation, make_plan
 from identifiability.samples.survey import Survey
@@ -159,7 +160,8 @@ class Samples:
         return times
 
 
-def prepare_samples(robot: Robot, log: Log, how: Preparation | None = None) -> Samples:
+@checked
+def prepare_samples(robot: KnownRobot, log: Log, how: Preparation | None = None) -> Samples:
     """Turn a log into samples: pick the joints, make derivatives, close the loops.
 
     Raises

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import scipy
 
 from identifiability.errors import IdentifiabilityError, near_match
 from identifiability.names import Array
+from identifiability.options import Expected, check_fields
 
 #: A hundred times the signal is no measurement any more.
 LOUDEST = 100.0
+
+
+def _below(most: float) -> Expected:
+    words = f"a number of at least 0 and below {most:g}"
+    return Expected(words, lambda value: 0 <= value < most)
+
+
+Level = Annotated[float, _below(LOUDEST)]
 
 
 @dataclass(frozen=True)
@@ -32,20 +42,14 @@ class Noise:
         Resolution of the positions; 0 for none.
     """
 
-    motion: float = 0.0
-    torque: float = 0.0
-    additive: float = 0.0
-    correlation: float = 0.0
-    encoder: float = 0.0
+    motion: Level = 0.0
+    torque: Level = 0.0
+    additive: Level = 0.0
+    correlation: Annotated[float, _below(1.0)] = 0.0
+    encoder: Level = 0.0
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            most = 1.0 if name == "correlation" else LOUDEST
-            if not 0 <= value < most:
-                raise IdentifiabilityError(
-                    f"The noise level {name} = {value:g} cannot be; give a number of at least 0 "
-                    f"and below {most:g}."
-                )
+        check_fields(self)
 
     @staticmethod
     def parse(text: str) -> Noise:
@@ -55,10 +59,9 @@ class Noise:
         ------
         IdentifiabilityError
         """
-        if text == "paper":
-            return PAPER_NOISE
-        if text == "none":
-            return Noise()
+        named = {"paper": PAPER_NOISE, "none": Noise()}
+        if text in named:
+            return named[text]
         known = list(Noise.__dataclass_fields__)
         values = {}
         for part in text.split(","):
@@ -67,8 +70,8 @@ class Noise:
                 values[name.strip()] = float(number)
             except ValueError:
                 raise IdentifiabilityError(
-                    f"The noise '{text}' is not understood; give 'paper', 'none', or levels such "
-                    "as 'motion=0.04,torque=0.05'."
+                    f"The noise '{text}' is not understood{near_match(text, named)} Give 'paper', "
+                    "'none', or levels such as 'motion=0.04,torque=0.05'."
                 ) from None
             if name.strip() not in known:
                 raise IdentifiabilityError(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Annotated
 
 import numpy as np
 
 from identifiability.logs import Log
 from identifiability.names import Array
-from identifiability.robot import Robot
+from identifiability.options import Expected, Names, Rng, checked
+from identifiability.robot import Robot, RobotLike
 from identifiability.simulation import forces
 from identifiability.simulation.hidden import hidden_torque
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
@@ -16,25 +18,30 @@ from identifiability.simulation.noise import Noise
 from identifiability.simulation.prescribed import PrescribedMotion
 from identifiability.simulation.trajectory import Trajectory
 
+MOTION = "a PrescribedMotion or a Trajectory, such as shipped_trajectory gives"
+NOISE = "a Noise, 'paper', 'none' or levels such as 'motion=0.04,torque=0.05'"
 
+
+@checked
 def simulate(
-    robot: Robot,
-    motion: PrescribedMotion | Trajectory,
+    robot: RobotLike,
+    motion: Annotated[PrescribedMotion | Trajectory, Expected(MOTION)],
     *,
-    noise: Noise | None = None,
-    hide: Sequence[str] = (),
+    noise: Annotated[Noise | str, Expected(NOISE)] | None = None,
+    hide: Names = (),
     parameters: Mapping[str, float] | None = None,
-    rng: np.random.Generator | None = None,
+    rng: Rng | None = None,
     derivatives: bool = True,
 ) -> Log:
     """Return the log of a simulated robot along a prescribed motion.
 
     Parameters
     ----------
-    robot : Robot
+    robot : Robot, path or shipped name
         Its file states the inertias; friction and rotor inertia come from its nominal values.
     motion : PrescribedMotion or Trajectory
-    noise : Noise, optional
+    noise : Noise or str, optional
+        Also ``paper``, ``none`` or levels such as ``motion=0.04,torque=0.05``.
     hide : sequence of str
         Effects that are in the data and not in the robot file: ``effect``, ``effect=share`` or
         ``effect@joint+joint=share``. The share and the effect's shape are those of this motion:
@@ -51,7 +58,8 @@ def simulate(
         If an effect cannot be hidden in this robot, or the motion leaves the workspace.
     """
     rng = rng or np.random.default_rng(0)
-    noise = noise or Noise()
+    noise = Noise.parse(noise) if isinstance(noise, str) else noise or Noise()
+    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
     move = motion if isinstance(motion, PrescribedMotion) else PrescribedMotion.of(motion)
     values = {**robot.nominal, **forces.both_directions(parameters or {})}
     rigid = MujocoRobot(robot).inverse_dynamics(move.q, move.dq, move.ddq)
