@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -17,6 +15,7 @@ from identifiability.grouping import find_base_parameters
 from identifiability.information import gather_information
 from identifiability.ladder import (
     LadderEntry,
+    LadderLike,
     build_ladder,
     default_ladder,
     ladder_model,
@@ -50,7 +49,7 @@ def analyze(
     robot: RobotLike,
     logs: Logs,
     validate: Logs = (),
-    ladder: LadderEntry | str | Path | None = None,
+    ladder: LadderLike | None = None,
     *,
     preparation: Preparation | None = None,
     method: Method = "wls",

@@ -34,6 +34,7 @@ from identifiability.information import Information
 from identifiability.logs.checks import LARGEST
 from identifiability.model import Model
 from identifiability.names import Array
+from identifiability.options import Expected
 from identifiability.robot import Robot
 
 #: The model that a log is analysed with when no ladder is given.
@@ -72,6 +73,11 @@ class LadderEntry(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     models: list[RungEntry] = Field(min_length=1)
+
+
+LadderLike = Annotated[
+    LadderEntry | str | Path, Expected("the path of a ladder file or a LadderEntry")
+]
 
 
 @dataclass(frozen=True)

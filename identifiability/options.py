@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import cache, wraps
 from inspect import Parameter, signature
@@ -39,6 +40,16 @@ class Expected:
     holds: Callable[[Any], bool] = lambda value: True
 
 
+def within(low: float, high: float, what: str = "a number") -> Expected:
+    """Return the range of a number."""
+    return Expected(f"{what} between {low:g} and {high:g}", lambda value: low <= value <= high)
+
+
+def counted(low: int, high: int) -> Expected:
+    """Return the range of a whole number that has two ends."""
+    return within(low, high, "a whole number")
+
+
 def at_least(least: int) -> Expected:
     """Return the range of a whole number."""
     return Expected(f"a whole number of at least {least}", lambda value: value >= least)
@@ -47,7 +58,7 @@ def at_least(least: int) -> Expected:
 Seed = Annotated[int, at_least(0)]
 Positive = Annotated[float, Expected("a number above 0", lambda value: value > 0)]
 NotNegative = Annotated[float, Expected("a number of at least 0", lambda value: value >= 0)]
-Share = Annotated[float, Expected("a number between 0 and 1", lambda value: 0 <= value <= 1)]
+Share = Annotated[float, within(0, 1)]
 #: Refits of a bootstrap; a single one has no spread.
 Replicates = Annotated[
     int, Expected("0 (none) or a whole number of at least 2", lambda value: value == 0 or value > 1)
@@ -83,10 +94,9 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def bordered(*args: P.args, **kwargs: P.kwargs) -> R:
-        try:
+        given: dict[str, Any] = {}
+        with suppress(TypeError):  # the call itself raises it, and names the function
             given = shape.bind(*args, **kwargs).arguments
-        except TypeError:  # Python's own message names the function
-            return function(*args, **kwargs)
         for name, value in given.items():
             if name in kinds():
                 several = shape.parameters[name].kind is Parameter.VAR_POSITIONAL
@@ -97,8 +107,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     return bordered
 
 
-def check_fields(options: Any) -> None:
+def check_fields(options: Any, what: str = "") -> None:
     """Check the fields of a dataclass against their annotations; for its ``__post_init__``.
+
+    `what` goes before their names, ``noise level``.
 
     Raises
     ------
@@ -106,7 +118,9 @@ def check_fields(options: Any) -> None:
     """
     kinds = resolve(type(options), include_extras=True)
     for field in fields(options):
-        check_option(field.name, getattr(options, field.name), kinds[field.name])
+        check_option(
+            f"{what} {field.name}".lstrip(), getattr(options, field.name), kinds[field.name]
+        )
 
 
 def check_option(name: str, value: Any, kind: Any) -> None:
@@ -170,21 +184,21 @@ def choices(kind: Any) -> list[str]:
 
 def expected(kind: Any) -> str:
     """Return in words what an annotation allows."""
+    words = list(dict.fromkeys(_words(kind)))
+    return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+
+
+def _words(kind: Any) -> list[str]:
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Annotated:
-        return next(note.words for note in inner[1:] if isinstance(note, Expected))
+        return [next(note.words for note in inner[1:] if isinstance(note, Expected))]
     if origin is Literal:
-        return _either([repr(choice) for choice in inner])
+        return [repr(choice) for choice in inner]
     if origin in (Union, UnionType):
-        return _either([expected(part) for part in inner])
-    if origin is not None and Callable not in (kind, origin):
-        return f"a list, each {expected(inner[0])}"
-    return _WORDS.get(kind) or _with_article(getattr(kind, "__name__", "function"))
-
-
-def _either(words: list[str]) -> str:
-    words = list(dict.fromkeys(words))
-    return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+        return [word for part in inner for word in _words(part)]
+    if origin is not None and origin is not Callable:
+        return [f"a list, each {expected(inner[0])}"]
+    return [_WORDS.get(kind) or _with_article(getattr(kind, "__name__", "function"))]
 
 
 def _shown(value: Any) -> str:

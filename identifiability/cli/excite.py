@@ -67,7 +67,13 @@ def excite(
     effect: Annotated[
         list[str] | None, typer.Option(help="Effect of the model, such as rigid_body. Repeatable.")
     ] = None,
-    budget: Annotated[float, typer.Option(help="Time for the search [s].")] = 60.0,
+    evaluations: Annotated[
+        int, typer.Option(min=1, help="Motions that the search looks at, at most.")
+    ] = 15_000,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(help="Stop after this time [s]; the motion then depends on the machine."),
+    ] = None,
     sidecar: options.Sidecar = None,
     report: options.Report = None,
     seed: options.Seed = 0,
@@ -96,7 +102,8 @@ def excite(
             load_robot(robot, sidecar), harmonics=harmonics, duration=duration, samples=samples,
             limits=limits, criterion=None if criterion is None else criterion.value,
             parameters=parameter, effects=effect, start_from=start_from or None,
-            separate=separate, budget=budget, seed=seed, progress=say,
+            separate=separate, evaluations=evaluations, time_limit=time_limit, seed=seed,
+            progress=say,
         )  # fmt: skip
         json = out.suffix.lower() == ".json"
         written = [result.to_json(out) if json else result.write_motion(out)]

@@ -14,7 +14,7 @@ import pandas as pd
 from identifiability.errors import listing
 from identifiability.excitation.criteria import VISIBLE, Criterion
 from identifiability.excitation.limits import Limits
-from identifiability.excitation.search import Step
+from identifiability.excitation.search import End, Step
 from identifiability.names import Array
 from identifiability.output import write_json, write_text
 from identifiability.robot import Robot
@@ -75,8 +75,8 @@ class Excitation:
     evaluations : int
         Motions looked at.
     seconds : float
-    complete : bool
-        Whether the search ended by itself; only then is the result reproducible.
+    end : {"converged", "evaluations", "time"}
+        What ended the search.
     seed : int
     """
 
@@ -96,8 +96,13 @@ class Excitation:
     history: tuple[Step, ...]
     evaluations: int
     seconds: float
-    complete: bool
+    end: End
     seed: int
+
+    @property
+    def reproducible(self) -> bool:
+        """Whether the same seed gives the same motion, however fast the machine is."""
+        return self.end != "time"
 
     @property
     def beside(self) -> str:
@@ -170,7 +175,10 @@ class Excitation:
             "closure": self.closure,
             "joints": self.to_frame().to_dict("records"),
             "parameters": self.parameters_frame().to_dict("records"),
-            "complete": self.complete,
+            "complete": self.end == "converged",
+            "ended_by": self.end,
+            "evaluations": self.evaluations,
+            "reproducible": self.reproducible,
             "seed": self.seed,
         }
 
@@ -202,7 +210,13 @@ class Excitation:
             "condition": self._condition, "information": self._information,
             "separate": self._separation,
         }[self.criterion.name]()  # fmt: skip
-        return f"{said} {self.limits_statement}"
+        hurried = (
+            ""
+            if self.reproducible
+            else " The time limit ended the search, so the same seed may "
+            "give another motion; limit the evaluations instead."
+        )
+        return f"{said} {self.limits_statement}{hurried}"
 
     @property
     def limits_statement(self) -> str:

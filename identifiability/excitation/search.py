@@ -9,12 +9,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Literal, cast, get_args
 
 import numpy as np
 from scipy.optimize import minimize
 
 from identifiability.excitation.objective import OPEN, Objective
 from identifiability.names import Array
+
+End = Literal["converged", "evaluations", "time"]
 
 #: Random candidates that are tried, and how many of them are improved.
 DRAWS = 128
@@ -51,8 +54,8 @@ class Search:
     steps : tuple of Step
     evaluations : int
         Candidates whose cost was computed.
-    complete : bool
-        Whether it ended by itself and not by the budget; only then is it reproducible.
+    end : {"converged", "evaluations", "time"}
+        What ended it; only time makes it depend on the machine.
     """
 
     found: tuple[tuple[float, Array], ...]
@@ -60,11 +63,11 @@ class Search:
     costs: Array
     steps: tuple[Step, ...]
     evaluations: int
-    complete: bool
+    end: End
 
 
-class _OutOfTimeError(Exception):
-    pass
+class _StoppedError(Exception):
+    """Where a search was ended from outside."""
 
 
 @dataclass
@@ -77,6 +80,7 @@ class _Run:
     cost: float
     deadline: float
     say: Callable[[float], None]
+    allowed: float = 0.0
     iterations: int = 0
     evaluations: int = 0
     steps: list[Step] = field(default_factory=list)
@@ -90,7 +94,9 @@ class _Run:
 
     def _gradient(self, x: Array) -> tuple[float, Array]:
         if time.monotonic() > self.deadline:
-            raise _OutOfTimeError
+            raise _StoppedError("time")
+        if self.evaluations + len(x) + 1 > self.allowed:
+            raise _StoppedError("evaluations")
         cost, slope = self.objective.gradient(x)
         self.evaluations += len(x) + 1
         if cost < self.cost:
@@ -108,7 +114,8 @@ def search(
     rng: np.random.Generator,
     *,
     iterations: int,
-    budget: float,
+    evaluations: float,
+    time_limit: float,
     say: Callable[[float, float], None],
 ) -> Search:
     """Return the best candidates.
@@ -120,8 +127,10 @@ def search(
         Draws the starts.
     iterations : int
         Of BFGS a round.
-    budget : float [s]
-        Wall-clock time at most.
+    evaluations : float
+        Candidates whose cost may be computed, after the random ones.
+    time_limit : float [s]
+        After it the search stops wherever it is, and depends on the machine.
     say : callable(cost, share)
         Called after every iteration.
     """
@@ -131,42 +140,44 @@ def search(
     first = max(5, int(FIRST * iterations))
     total = STARTS * first + ROUNDS * iterations
 
+    def spent() -> int:
+        return sum(r.evaluations for r in runs)
+
     def tell(cost: float) -> None:
         done = sum(r.iterations for r in runs) / total
-        say(cost, max(done, (time.monotonic() - begin) / budget))
+        say(cost, max(done, spent() / evaluations, (time.monotonic() - begin) / time_limit))
 
     runs = [
-        _Run(objective, k, draws[at], float(costs[at]), 0.0, tell)
+        _Run(objective, k, draws[at], float(costs[at]), begin + time_limit, tell)
         for k, at in enumerate(np.argsort(costs)[:STARTS])
         if costs[at] < OPEN  # where loops do not close there is no slope
     ]
     if not runs:
-        return Search((), draws, costs, (), DRAWS, True)
-    complete = True
-    for k, run in enumerate(runs):  # half of the time for choosing a start
-        run.deadline = begin + budget * 0.5 * (k + 1) / len(runs)
-        complete &= _improve(run, first)
+        return Search((), draws, costs, (), DRAWS, "converged")
+    ends: list[End] = []
+    for run in runs:  # half of the evaluations for choosing a start
+        run.allowed = 0.5 * evaluations / len(runs)
+        ends.append(_improve(run, first))
     waiting = sorted(runs, key=lambda r: r.cost)
     for _ in range(ROUNDS):
         best = waiting[0]
-        best.deadline = begin + budget
+        best.allowed = best.evaluations + evaluations - spent()
         before = best.cost
-        finished = _improve(best, iterations)
-        complete &= finished
+        ends.append(_improve(best, iterations))
         if before - best.cost < SETTLED:  # stuck at a kink: the next start may get further
             waiting = waiting[1:]
-        if not finished or not waiting:
+        if ends[-1] != "converged" or not waiting:
             break
     found = tuple(sorted(((r.cost, r.x) for r in runs), key=lambda pair: pair[0]))
     steps = tuple(step for r in runs for step in r.steps)
-    evaluations = DRAWS + sum(r.evaluations for r in runs)
-    return Search(found, draws, costs, steps, evaluations, complete)
+    end = max(ends, key=get_args(End).index)
+    return Search(found, draws, costs, steps, DRAWS + spent(), end)
 
 
-def _improve(run: _Run, iterations: int) -> bool:
-    """Improve a start; return whether there was time enough."""
+def _improve(run: _Run, iterations: int) -> End:
+    """Improve a start; return what ended it."""
     try:
         run.improve(iterations)
-    except _OutOfTimeError:
-        return False
-    return True
+    except _StoppedError as stop:
+        return cast(End, str(stop))
+    return "converged"

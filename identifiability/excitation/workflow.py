@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identifiability.errors import ClosureError, IdentifiabilityError, LogError, listing
+from identifiability.errors import ClosureError, LogError, listing
 from identifiability.excitation.criteria import Criterion, Separation, scaled
 from identifiability.excitation.limits import Limits, find_limits
 from identifiability.excitation.objective import OPEN, Objective
@@ -20,7 +20,16 @@ from identifiability.excitation.search import Search, search
 from identifiability.excitation.series import Series
 from identifiability.excitation.workspace import Workspace
 from identifiability.names import Array
-from identifiability.options import Names, Seed, checked
+from identifiability.options import (
+    Names,
+    Positive,
+    Seed,
+    at_least,
+    check_option,
+    checked,
+    counted,
+    within,
+)
 from identifiability.robot import Robot, RobotLike
 from identifiability.samples import Preparation
 from identifiability.simulation.trajectory import MOST_SAMPLES
@@ -29,13 +38,16 @@ from identifiability.stages import Logs, Progress, prepare_logs
 #: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
 LOOKS = 12
 
+#: Motions that a search looks at.
+EVALUATIONS = 15_000
+
 
 @checked
 def excite(
     robot: RobotLike,
     *,
-    harmonics: int = 5,
-    duration: float = 7.5,
+    harmonics: Annotated[int, counted(1, 50)] = 5,
+    duration: Annotated[float, within(1e-3, 1e6)] = 7.5,
     samples: int = 750,
     limits: Limits | Mapping[str, Any] | str | Path | None = None,
     criterion: Literal["condition", "information", "separate"] | None = None,
@@ -44,8 +56,9 @@ def excite(
     start_from: Logs | None = None,
     separate: Names | None = None,
     preparation: Preparation | None = None,
-    iterations: int = 80,
-    budget: float = 60.0,
+    iterations: Annotated[int, at_least(1)] = 80,
+    evaluations: Annotated[int, at_least(1)] = EVALUATIONS,
+    time_limit: Positive | None = None,
     seed: Seed = 0,
     name: str = "excite",
     progress: Progress | None = None,
@@ -81,9 +94,12 @@ def excite(
         How derivatives of the logs are made.
     iterations : int
         Of the optimiser a round.
-    budget : float [s]
-        Wall-clock time at most, after the first random motions. A search that ends by itself is
-        reproducible.
+    evaluations : int
+        Motions that are looked at, at most, after the first random ones. The same number gives the
+        same motion on every machine of a kind.
+    time_limit : float [s], optional
+        Wall-clock time after which the search stops all the same; the result is then not
+        reproducible, and says so.
     seed : int
     name : str
         Of the trajectory in its file.
@@ -101,7 +117,7 @@ def excite(
     True
     """
     say = progress or (lambda _text, _share: None)
-    _check_numbers(harmonics, duration, samples, iterations, budget)
+    check_option("samples", samples, Annotated[int, counted(4 * harmonics + 1, MOST_SAMPLES)])
     begin = time.monotonic()
     with threadpool_limits(1, "blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
@@ -118,7 +134,12 @@ def excite(
         )  # fmt: skip
         show = _teller(question.criterion, say)
         found = search(
-            objective, np.random.default_rng(seed), iterations=iterations, budget=budget, say=show
+            objective,
+            np.random.default_rng(seed),
+            iterations=iterations,
+            evaluations=evaluations,
+            time_limit=np.inf if time_limit is None else time_limit,
+            say=show,
         )
         x, G, space = _best(objective, found, samples)
         before = _before(objective, found, samples)
@@ -127,7 +148,7 @@ def excite(
         tuple(e.name for e in question.model.effects), question.names, question.units,
         question.chosen, objective.known.logs, _merit(question, before), _merit(question, G),
         bounds, float(space.condition[0]), float(-space.outside[0]), found.steps, found.evaluations,
-        time.monotonic() - begin, found.complete, seed,
+        time.monotonic() - begin, found.end, seed,
     )  # fmt: skip
 
 
@@ -136,25 +157,6 @@ def _suggested(parameters: object, start_from: object, separate: object) -> str:
     if separate:
         return "separate"
     return "information" if parameters or start_from is not None else "condition"
-
-
-def _check_numbers(
-    harmonics: int, duration: float, samples: int, iterations: int, budget: float
-) -> None:
-    if not 1 <= harmonics <= 50 or not 1e-3 <= duration <= 1e6:
-        raise IdentifiabilityError(
-            f"A series of {harmonics} harmonics and {duration:g} s cannot be searched; give 1 to "
-            "50 harmonics and a duration above 0."
-        )
-    if not 4 * harmonics + 1 <= samples <= MOST_SAMPLES:
-        raise IdentifiabilityError(
-            f"{samples} samples cannot show {harmonics} harmonics; give between "
-            f"{4 * harmonics + 1} and {MOST_SAMPLES}."
-        )
-    if iterations < 1 or not budget > 0:
-        raise IdentifiabilityError(
-            f"A budget of {budget:g} s and {iterations} iterations finds nothing; give more."
-        )
 
 
 def _teller(

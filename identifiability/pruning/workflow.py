@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -19,6 +18,7 @@ from identifiability.grouping import BaseParameters, find_base_parameters
 from identifiability.information import Information, gather_information
 from identifiability.ladder import (
     LadderEntry,
+    LadderLike,
     Rung,
     build_ladder,
     default_ladder,
@@ -61,7 +61,7 @@ def prune(
     robot: RobotLike,
     logs: Logs,
     validate: Logs = (),
-    ladder: LadderEntry | str | Path | None = None,
+    ladder: LadderLike | None = None,
     *,
     forbid: Names = (),
     force: Names = (),

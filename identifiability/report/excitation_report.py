@@ -143,9 +143,12 @@ def _tiles(result: Excitation) -> tuple[Tile, ...]:
 
 def _notes(result: Excitation) -> list[Note]:
     notes = []
-    if not result.complete:
-        text = "More time may find a better motion, and the result depends on the machine's speed."
-        notes.append(Note("note", "The search was ended by its budget.", text))
+    if result.end == "evaluations":
+        text = f"It looked at {result.evaluations} motions; more may find a better one."
+        notes.append(Note("note", "The search was ended by its number of evaluations.", text))
+    if not result.reproducible:
+        text = "More time may find a better motion, and the same seed may give another one."
+        notes.append(Note("warning", "The time limit ended the search.", text))
     if result.limits.assumed:
         text = f"{', '.join(result.limits.assumed)}: state them in a limits file."
         notes.append(Note("warning", "Some limits were assumed, nobody stated them.", text))

@@ -49,7 +49,7 @@ class Noise:
     encoder: Level = 0.0
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        check_fields(self, "noise level")
 
     @staticmethod
     def parse(text: str) -> Noise:

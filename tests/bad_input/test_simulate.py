@@ -40,12 +40,16 @@ def test_unknown_motion_is_refused(robot, motion, sentence, simulates):
         ("--hide", "stribeck_friction=-1", "give its share of the joint's torque"),
         ("--hide", "stribeck_friction=nan", "give its share of the joint's torque"),
         ("--hide", "passive_joint_friction", "two-link has no passive joints"),
-        ("--noise", "papr", "The noise 'papr' is not understood; give 'paper', 'none', or levels"),
+        (
+            "--noise",
+            "papr",
+            "'papr' is not understood, did you mean 'paper'? Give 'paper', 'none', or levels",
+        ),
         ("--noise", "motoin=0.1", "no noise level 'motoin', did you mean 'motion'?"),
-        ("--noise", "motion=-1", "motion = -1 cannot be; give a number of at least 0"),
-        ("--noise", "motion=nan", "motion = nan cannot be"),
-        ("--noise", "motion=1e308", "motion = 1e+308 cannot be; .* and below 100."),
-        ("--noise", "correlation=1", "correlation = 1 cannot be; .* and below 1."),
+        ("--noise", "motion=-1", "noise level motion must be a number of at least 0"),
+        ("--noise", "motion=nan", "noise level motion must be a number .* not nan"),
+        ("--noise", "motion=1e308", "motion must be .* and below 100, not 1e+308"),
+        ("--noise", "correlation=1", "correlation must be .* and below 1, not 1.0"),
     ],
 )
 def test_unknown_effects_and_noise_are_refused(option, value, sentence, simulates):

@@ -6,6 +6,7 @@ import pytest
 from identifiability.errors import ClosureError, IdentifiabilityError
 from identifiability.estimation import estimate
 from identifiability.excitation import find_limits
+from identifiability.excitation.search import DRAWS
 from identifiability.grouping import find_base_parameters
 from identifiability.information import gather_information
 from identifiability.logs import Log
@@ -72,16 +73,28 @@ def test_the_arm_is_excited_much_better_than_by_random_motion(arm):
 
 def test_a_search_that_ends_by_itself_is_reproducible(two_link, find):
     first, second, other = (find(two_link, seed=s) for s in (1, 1, 2))
-    assert first.complete
+    assert first.end == "converged"
     np.testing.assert_array_equal(first.trajectory.sin, second.trajectory.sin)
     assert first.after.figure == second.after.figure
     assert first.history == second.history
     assert not np.array_equal(first.trajectory.sin, other.trajectory.sin)
 
 
-def test_a_search_ended_by_its_budget_says_so_and_keeps_the_best(two_link, find):
-    result = find(two_link, budget=1e-6)
-    assert not result.complete
+def test_a_search_ended_by_its_count_is_reproducible_and_keeps_the_best(two_link, find, tmp_path):
+    first, second = (find(two_link, evaluations=400) for _ in range(2))
+    assert first.end == "evaluations"
+    assert first.reproducible
+    assert first.evaluations <= DRAWS + 400
+    files = [e.to_json(tmp_path / f"{k}.json") for k, e in enumerate((first, second))]
+    assert files[0].read_bytes() == files[1].read_bytes()
+    assert first.after.figure < first.before.figure
+
+
+def test_a_search_ended_by_time_says_that_it_is_not_reproducible(two_link, find):
+    result = find(two_link, time_limit=1e-6)
+    assert result.end == "time"
+    assert not result.to_dict()["reproducible"]
+    assert "the same seed may give another motion" in result.statement
     assert result.after.figure < result.before.figure
 
 
@@ -224,7 +237,7 @@ def test_loops_that_cannot_close_are_refused_in_one_sentence(find):
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"criterion": "conditon"}, "There is no criterion 'conditon', did you mean 'condition'"),
+        ({"criterion": "conditon"}, "criterion must be 'condition', .* did you mean 'condition'"),
         ({"criterion": "separate"}, "takes exactly two effects, 0 were given"),
         ({"separate": ["payload"]}, "takes exactly two effects, 1 were given"),
         ({"separate": ["paylod", "payload"]}, "There is no effect 'paylod', did you mean"),
@@ -235,10 +248,10 @@ def test_loops_that_cannot_close_are_refused_in_one_sentence(find):
         ({"parameters": ["link1.my"]}, "No motion can determine 'link1.my' by itself"),
         ({"parameters": ["link2.m"]}, "only together with"),
         ({"effects": []}, "The model has no effects"),
-        ({"harmonics": 0}, "A series of 0 harmonics"),
-        ({"duration": 0.0}, "and 0 s cannot be searched"),
-        ({"samples": 10}, "10 samples cannot show 5 harmonics"),
-        ({"budget": 0.0}, "finds nothing; give more"),
+        ({"harmonics": 0}, "harmonics must be a whole number between 1 and 50, not 0"),
+        ({"duration": 0.0}, "duration must be a number between 0.001"),
+        ({"samples": 10}, "samples must be a whole number between 21 and"),
+        ({"evaluations": 0}, "evaluations must be a whole number of at least 1"),
         ({"start_from": []}, "No log was given to start from"),
         ({"start_from": "missing.csv"}, "missing.csv"),
     ],

@@ -80,13 +80,15 @@ def test_the_report_is_whole_and_states_the_answer(which, request, tmp_path):
 def test_reports_of_the_other_criteria_warn_where_they_must(two_link, find, tmp_path):
     alike = find(two_link, separate=["torque_offset", "coulomb_asymmetry"], iterations=1)
     assert "still look alike" in alike.write_report(tmp_path / "a.html").read_text()
-    short = find(two_link, budget=1e-6, criterion="information")
-    assert "ended by its budget" in short.write_report(tmp_path / "b.html").read_text()
+    short = find(two_link, evaluations=50, criterion="information")
+    assert "by its number of evaluations" in short.write_report(tmp_path / "b.html").read_text()
+    hurried = find(two_link, time_limit=1e-6, criterion="information")
+    assert "The time limit ended" in hurried.write_report(tmp_path / "c.html").read_text()
 
 
 def test_the_command_writes_what_it_is_asked_for(tmp_path):
     out, report = tmp_path / "m.json", tmp_path / "m.html"
-    words = ["two-link", "--out", str(out), "--report", str(report), "--budget", "0.3"]
+    words = ["two-link", "--out", str(out), "--report", str(report), "--evaluations", "400"]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
     assert "condition number" in result.output
@@ -98,7 +100,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
     log = tmp_path / "run.csv"
     simulated("two-link", "a", samples=100).write(log)
     out = tmp_path / "m.csv"
-    words = ["two-link", "--start-from", str(log), "--out", str(out), "--budget", "0.3"]
+    words = ["two-link", "--start-from", str(log), "--out", str(out), "--time-limit", "0.3"]
     pair = ["--separate", "joint_stiffness", "--separate", "torque_offset"]
     result = CliRunner().invoke(app, words + pair)
     assert result.exit_code == 0, result.output
