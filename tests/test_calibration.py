@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 from identifiability import analyze
 from identifiability.calibration import Calibration, _regression, calibrate
 from identifiability.cli import app
-from identifiability.errors import ModelError
 from identifiability.estimation import estimate
 from identifiability.grouping import find_base_parameters
 from identifiability.model import Model, Regression
+from identifiability.options import OptionError
 from identifiability.outcome import Outcome, count_outcomes
 from identifiability.ranks import RankCheck, build_target, check_ranks
 from identifiability.replicates import Experiment, correlated_noise
@@ -144,7 +144,7 @@ def test_parameters_that_the_motion_leaves_open_can_be_ranked(analysis):
 
 
 def test_an_unknown_model_is_named(analysis):
-    with pytest.raises(ModelError, match="'Model 5', did you mean 'Model"):
+    with pytest.raises(OptionError, match="'Model 5', did you mean 'Model"):
         calibrate(analysis, model="Model 5")
 
 

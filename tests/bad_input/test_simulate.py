@@ -43,7 +43,7 @@ def test_unknown_motion_is_refused(robot, motion, sentence, simulates):
         (
             "--noise",
             "papr",
-            "'papr' is not understood, did you mean 'paper'? Give 'paper', 'none', or levels",
+            "'papr' is not understood, did you mean 'paper'? Give 'paper', 'none'",
         ),
         ("--noise", "motoin=0.1", "no noise level 'motoin', did you mean 'motion'?"),
         ("--noise", "motion=-1", "noise level motion must be a number of at least 0"),
