@@ -9,7 +9,7 @@ import pytest
 
 from identifiability.engines.local import Processes, Resumed, Serial, choose_engine
 from identifiability.engines.mapping import in_order
-from identifiability.errors import EngineError, LogError
+from identifiability.errors import EngineError, IdentifiabilityError, LogError
 
 
 @pytest.fixture(scope="module")
@@ -92,15 +92,15 @@ def test_a_caller_that_wants_no_more_ends_the_work(two):
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"name": "threads"}, "no engine 'threads'. The engines are serial, processes, dask"),
-        ({"name": "Dusk"}, "no engine 'Dusk', did you mean 'dask'?"),
-        ({"workers": 0}, "0 workers cannot do anything; give at least 1"),
+        ({"name": "threads"}, "'serial', 'processes', 'dask' or None, not 'threads'"),
+        ({"name": "Dusk"}, "not 'Dusk', did you mean 'dask'?"),
+        ({"workers": 0}, "workers must be a whole number of at least 1 or None, not 0"),
         ({"name": "serial", "scheduler": "tcp://a:1"}, "'serial' has no scheduler"),
         ({"scheduler": "tcp://a:1", "workers": 2}, "has its own workers; leave out their number"),
     ],
 )
 def test_options_that_contradict_each_other_are_one_sentence(options, sentence):
-    with pytest.raises(EngineError, match=sentence.replace("?", r"\?")):
+    with pytest.raises(IdentifiabilityError, match=sentence.replace("?", r"\?")):
         choose_engine(**options)
 
 
