@@ -164,14 +164,18 @@ def full_rung(base: BaseParameters, name: str = "full model", description: str =
 
 
 def default_ladder(robot: Robot) -> LadderEntry:
-    """Return the ladder for a robot that has none: asymmetric, then symmetric friction."""
+    """Return the ladder for a robot that has none: asymmetric, then symmetric friction.
+
+    Springs are part of it where the robot file states some.
+    """
+    springs = any(name.endswith(".K") and value for name, value in robot.nominal.items())
     tie = {f"{joint}.Fc": [f"{joint}.Fc+", f"{joint}.Fc-"] for joint in robot.joints}
     return LadderEntry(
         models=[
             RungEntry(
                 name="full model",
                 description="every base parameter, friction asymmetric",
-                effects=list(DEFAULT_EFFECTS),
+                effects=[*DEFAULT_EFFECTS, *(["joint_stiffness"] if springs else [])],
             ),
             RungEntry(
                 name="symmetric friction",

@@ -41,7 +41,7 @@ DRAWS = 2000
 #: Effects that MuJoCo's joints and bodies hold themselves, or that shift the recorded torque.
 NATIVE = frozenset(
     {"rigid_body", "viscous_friction", "coulomb_friction", "coulomb_asymmetry", "actuator_inertia",
-     "torque_offset", "passive_joint_friction", "payload", "time_delay"}
+     "torque_offset", "passive_joint_friction", "joint_stiffness", "payload", "time_delay"}
 )  # fmt: skip
 
 #: Effects that act like Coulomb friction: joints stick by them.

@@ -11,6 +11,7 @@ from identifiability.effects.actuator import ActuatorInertia
 from identifiability.effects.effect import Effect
 from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
 from identifiability.effects.nominal import rigid_torque
+from identifiability.effects.position import JointStiffness
 from identifiability.names import Array, Parameter
 from identifiability.robot import Motion, Robot
 
@@ -21,7 +22,7 @@ Torque = Callable[[Robot, Motion], Array]
 def nominal_torque(robot: Robot, motion: Motion) -> Array:
     """Return the torque by all values that the robot file states, (N, n)."""
     tau = rigid_torque(robot, motion)
-    effects: list[Effect] = [ViscousFriction(), ActuatorInertia()]
+    effects: list[Effect] = [ViscousFriction(), ActuatorInertia(), JointStiffness()]
     stated = any(k.endswith(".Fc+") for k in robot.nominal)
     effects.append(CoulombAsymmetry() if stated else CoulombFriction())
     for effect in effects:

@@ -1,6 +1,6 @@
 """Torque that depends on position: springs and ripple.
 
-A spring returns the joint to its home position; ripple repeats with the pitch of a screw, the
+A spring returns the joint to where it is relaxed; ripple repeats with the pitch of a screw, the
 teeth of a gear or the poles of a motor.
 """
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from identifiability.effects.effect import Effect
+from identifiability.effects.effect import Effect, axis_motion, put
 from identifiability.effects.nonlinear_friction import chosen_axes
 from identifiability.names import Array, Parameter
 from identifiability.robot import Motion, Robot
@@ -25,28 +25,46 @@ def travel(robot: Robot, motion: Motion, axis: Axis) -> Array:
     return position
 
 
+def stretch(robot: Robot, motion: Motion, axis: Axis) -> Array:
+    """Return how far an axis is from where its spring is relaxed, (N,) [rad or m]."""
+    if axis.row is None:
+        extended: Array = robot.dof_position(motion.q, axis.name) - robot.rest[axis.name]
+        return extended
+    home = robot.actuated_positions(robot.home[None])[0]
+    rest = [robot.rest.get(j, at) for j, at in zip(robot.joints, home, strict=True)]
+    position: Array = (motion.actuated_q - rest) @ axis.row
+    return position
+
+
 @dataclass(frozen=True)
 class JointStiffness(Effect):
-    """``τ = K (q − q_home)``: a spring, a cable or a hose along the joint.
+    """``τ = K (q − q_rest)``: a spring, a cable or a hose along the joint.
 
-    Another neutral position adds a torque offset. Source: [Khalil 2002, Sec. 9.4]. Over small
-    angles it looks like gravity.
+    It is relaxed where the robot file says, else at home; another neutral position adds a torque
+    offset. Passive joints have one where the file states it. Source: [Khalil 2002, Sec. 9.4]. Over
+    small angles it looks like gravity.
     """
 
     name: str = field(default="joint_stiffness", init=False)
-    equation: str = field(default="τ = K (q − q_home)", init=False)
+    equation: str = field(default="τ = K (q − q_rest)", init=False)
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return K of every axis."""
         return tuple(
             Parameter(a.name, "K", "N/m" if a.prismatic else "N·m/rad", self.name, a.symbol)
-            for _, a in chosen_axes(robot)
+            for a in _sprung_axes(robot)
         )
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write one column an axis."""
-        for k, (_, axis) in enumerate(chosen_axes(robot)):
-            out[:, :, k] = travel(robot, motion, axis)[:, None] * axis.row
+        for k, axis in enumerate(_sprung_axes(robot)):
+            _, _, row = axis_motion(robot, motion, axis)
+            put(out, k, row, stretch(robot, motion, axis))
+
+
+def _sprung_axes(robot: Robot) -> list[Axis]:
+    """Return actuated joints and coupled motors, and the passive joints with a spring."""
+    return [*robot.axes, *(a for a in robot.passive_axes if a.name in robot.rest)]
 
 
 @dataclass(frozen=True)

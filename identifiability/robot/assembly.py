@@ -10,27 +10,22 @@ from typing import Any, Literal
 import numpy as np
 import pinocchio as pin
 
-from identifiability.errors import ClosureError, RobotError, listing, near_match
+from identifiability.errors import RobotError, listing, near_match
 from identifiability.names import INERTIAL_KINDS, Array
-from identifiability.robot import closure
+from identifiability.robot.actuation import choose_joints
 from identifiability.robot.description import Robot
 from identifiability.robot.kinematics import Point, Tree
 from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.sidecar import Sidecar
+from identifiability.robot.stated import Stated
 from identifiability.robot.transmission import Transmission
-
-#: Model, loops, couplings and actuated joints as a robot file states them.
-Closures = tuple[Any, list[Loop], list[Coupling], list[str] | None]
-
-#: A home position further than this from closing the loops is no rounded one [m or rad].
-OPEN = 1e-3
 
 
 def assemble(
     path: Path,
     sidecar: Path | None,
     extra: Sidecar,
-    parts: Closures,
+    stated: Stated,
     tree: Tree,
     last: Mapping[int, int],
 ) -> Robot:
@@ -40,8 +35,7 @@ def assemble(
     ----------
     path, sidecar : Path
     extra : Sidecar
-    parts : tuple
-        Model, loops, couplings and actuated joints as the robot file states them.
+    stated : Stated
     tree : Tree
     last : mapping
         Where each Pinocchio joint ends in the tree.
@@ -50,25 +44,25 @@ def assemble(
     ------
     RobotError
     """
-    model, loops, couplings, actuated = parts
+    model, couplings = stated.model, stated.couplings
     _check_sidecar(path, extra, _body_names(model), tree)
     if extra.loops is not None:
         closed = [_sidecar_loop(path, entry, model, last) for entry in extra.loops]
     else:
         closed = [
             replace(loop, first=_on_tree(loop.first, last), second=_on_tree(loop.second, last))
-            for loop in loops
+            for loop in stated.loops
         ]
     if extra.couplings:
         couplings = [
             Coupling(c.name or c.joint, c.joint, c.of, tuple(c.polynomial)) for c in extra.couplings
         ]
-    robot = _shell(path, sidecar, extra, model, tree)
+    robot = _shell(path, sidecar, extra, stated, tree)
     robot = replace(robot, loops=tuple(closed), couplings=tuple(couplings))
-    robot = _choose_joints(robot, extra, actuated)
+    robot = choose_joints(robot, extra, stated)
     robot = replace(
         robot,
-        nominal=_nominal(robot, extra),
+        nominal=_nominal(robot, extra, stated),
         limits=_limits(robot, extra),
         speed_limits=_rate_limits(robot, extra, "v"),
         acceleration_limits=_rate_limits(robot, extra, "a"),
@@ -76,8 +70,9 @@ def assemble(
     return replace(robot, transmission=_transmission(robot, extra))
 
 
-def _shell(path: Path, sidecar: Path | None, extra: Sidecar, model: Any, tree: Tree) -> Robot:
+def _shell(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated, tree: Tree) -> Robot:
     """Return the robot before its joints are split and its values are read."""
+    model = stated.model
     bodies = _body_names(model)
     named = tuple(extra.base_parameters.bodies)
     return Robot(
@@ -95,8 +90,9 @@ def _shell(path: Path, sidecar: Path | None, extra: Sidecar, model: Any, tree: T
         loops=(),
         couplings=(),
         loop_rows=np.empty(0, int),
-        home=_home(model),
+        home=np.array(pin.neutral(model)) if stated.home is None else stated.home,
         nominal={},
+        rest={name: relaxed for name, (_, relaxed) in stated.springs.items()},
         body_order=named + tuple(b for b in bodies if b not in named),
         limits=np.empty((0, 2)),
         speed_limits=np.empty(0),
@@ -146,15 +142,6 @@ def _body_names(model: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _home(model: Any) -> Array:
-    """Return the keyframe ``home``, else another keyframe, else the zero configuration."""
-    keys = {e.key(): np.array(e.data()) for e in model.referenceConfigurations}
-    for name in ("home", *(k for k in keys if k != "qpos0"), "qpos0"):
-        if name in keys and len(keys[name]) == model.nq:
-            return keys[name]
-    return np.array(pin.neutral(model))
-
-
 def _sidecar_loop(path: Path, entry: Any, model: Any, last: Mapping[int, int]) -> Loop:
     ends = []
     for body, point in ((entry.body1, entry.point1), (entry.body2, entry.point2)):
@@ -173,61 +160,7 @@ def _sidecar_loop(path: Path, entry: Any, model: Any, last: Mapping[int, int]) -
     return Loop(entry.name or f"{entry.body1}-{entry.body2}", ends[0], ends[1], axes, stated)
 
 
-def _choose_joints(robot: Robot, extra: Sidecar, actuated: list[str] | None) -> Robot:
-    """Split the degrees of freedom into actuated and dependent ones, and check the count."""
-    names = extra.actuated if extra.actuated is not None else actuated
-    names = list(robot.dofs) if names is None else names
-    index = np.array([robot.dof_index(n) for n in names], int)
-    if len(set(names)) != len(names) or not names:
-        raise RobotError(f"{robot.path}: the actuated joints are {names}; name each one once.")
-    dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
-    robot = replace(robot, actuated=index, dependent=dependent)
-    home = np.array(robot.home)
-    for name, value in extra.home.items():
-        joint = next(j for j in robot.tree.joints if j.iv == robot.dof_index(name))
-        home[joint.iq] = value
-    robot = replace(robot, home=home)
-    equations = sum(len(loop.axes) for loop in robot.loops) + len(robot.couplings)
-    if not len(dependent) and not equations:
-        return robot
-    robot = replace(robot, loop_rows=np.arange(equations))
-    rows = closure.independent_rows(robot) if equations else np.empty(0, int)
-    if len(rows) < len(dependent):
-        if equations:
-            _check_closed_home(robot)
-        raise RobotError(
-            f"{robot.path}: {len(dependent)} joints have no actuator ({listing(robot.passive)}) "
-            f"but the loops give only {len(rows)} independent equations; name the missing "
-            "actuated joints (<actuator> in MJCF, 'actuated' in the sidecar), add the closures, or "
-            "choose a home position away from singularities."
-        )
-    if len(rows) > len(dependent):
-        raise RobotError(
-            f"{robot.path}: the loops give {len(rows)} independent equations for "
-            f"{len(dependent)} passive joints, so not all {len(index)} actuated joints are free; "
-            "remove an actuator or a closure."
-        )
-    robot = replace(robot, loop_rows=rows)
-    try:
-        closure.check_home(robot)
-    except ClosureError as error:
-        raise RobotError(str(error)) from None
-    return robot
-
-
-def _check_closed_home(robot: Robot) -> None:
-    """Refuse a home position far from closing the loops: their equations mean nothing there."""
-    gap = float(closure.loop_error(robot, robot.home[None])[0])
-    if gap > OPEN:
-        raise RobotError(
-            f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
-            f"({robot.describe_home()}), so the passive joints cannot be determined; give a "
-            'position of every joint that closes them: <keyframe><key name="home" qpos="…"/>'
-            "</keyframe> in MJCF, or a table [home] in the sidecar."
-        )
-
-
-def _nominal(robot: Robot, extra: Sidecar) -> dict[str, float]:
+def _nominal(robot: Robot, extra: Sidecar, stated: Stated) -> dict[str, float]:
     """Return the parameter values that the files state, by name."""
     model = robot.model
     values: dict[str, float] = {}
@@ -245,6 +178,7 @@ def _nominal(robot: Robot, extra: Sidecar) -> dict[str, float]:
         parts = robot.inertia_parts
         values[f"{name}.{parts[0]}"] = float(model.armature[dof])
         values.update({f"{name}.{part}": 0.0 for part in parts[1:]})
+    values.update({f"{name}.K": stiffness for name, (stiffness, _) in stated.springs.items()})
     values.update(extra.nominal)
     return values
 

@@ -53,6 +53,8 @@ class Robot:
         Position limits of the actuated joints; infinite where the file has none.
     speed_limits, acceleration_limits : (n,)
         The same of their velocity and acceleration.
+    rest : mapping
+        Positions at which the springs that the file states are relaxed; others are so at home.
     prior_relative, prior
         Width of the default priors relative to the nominal robot, and stated (mean, sd) by name.
     inertia_parts : tuple of str
@@ -84,6 +86,7 @@ class Robot:
     prior_relative: float = 1.0
     prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     ties: tuple[Mapping[str, tuple[str, ...]], ...] = field(default=())
+    rest: Mapping[str, float] = field(default_factory=dict)
 
     @staticmethod
     @checked

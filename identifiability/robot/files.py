@@ -1,4 +1,4 @@
-"""Read robot files: MJCF and URDF through Pinocchio, and what Pinocchio leaves out of them."""
+"""Read robot files: MJCF as MuJoCo compiles it, URDF through Pinocchio."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pinocchio as pin
 
 from identifiability.errors import RobotError, listing, near_match
 from identifiability.output import kept_aside
-from identifiability.robot.assembly import Closures, assemble
+from identifiability.robot.assembly import assemble
+from identifiability.robot.compiled import state_robot
 from identifiability.robot.description import Robot
 from identifiability.robot.joints import read_tree
-from identifiability.robot.kinematics import Point
-from identifiability.robot.loops import Coupling, Loop
-from identifiability.robot.markup import as_file, read_markup
+from identifiability.robot.loops import Coupling
+from identifiability.robot.markup import read_markup
+from identifiability.robot.mjcf import compile_mjcf
 from identifiability.robot.sidecar import read_sidecar
+from identifiability.robot.stated import Stated
 
 
 def shipped_folder() -> Path:
@@ -75,55 +76,18 @@ def read_robot(source: str | Path, sidecar: str | Path | None = None) -> Robot:
     chosen = Path(sidecar) if sidecar is not None else (beside if beside.is_file() else None)
     extra = read_sidecar(chosen)
     root = read_markup(path)
-    parts = _read_mjcf(path, root) if root.tag == "mujoco" else _read_urdf(path, root)
-    _check_bodies(path, root, parts[0])
-    tree, last = read_tree(path, parts[0], root)
-    return assemble(path, chosen, extra, parts, tree, last)
+    if root.tag == "mujoco":
+        stated = state_robot(path, compile_mjcf(path, root))
+    else:
+        stated = _read_urdf(path, root)
+    if stated.model.njoints < 2:
+        raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
+    tree, last = read_tree(path, stated.model, stated.names)
+    return assemble(path, chosen, extra, stated, tree, last)
 
 
-def _read_mjcf(path: Path, root: ET.Element) -> Closures:
-    """Build the Pinocchio model of an MJCF, with its closures and actuated joints."""
-    try:
-        with as_file(path, root) as file:
-            model, points, _ = pin.buildModelAndConstraintsFromMJCF(str(file))
-    except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
-        raise RobotError(f"{path} cannot be read as MJCF: {_one_line(error)}.") from None
-    loops = []
-    for k, c in enumerate(points):
-        first = Point(c.joint1_id - 1, np.array(c.joint1_placement.translation))
-        second = Point(c.joint2_id - 1, np.array(c.joint2_placement.translation))
-        loops.append(Loop(c.name or f"closure{k + 1}", first, second))
-    wanted = root.findall("./equality/connect")
-    if len(wanted) != len(loops):
-        raise RobotError(
-            f"{path} has {len(wanted)} active <connect> closures but {len(loops)} were read; name "
-            "their bodies or sites as MuJoCo documents it."
-        )
-    radians = any(c.get("angle") == "radian" for c in root.findall("compiler"))
-    refs = {}
-    for j in root.iter("joint"):
-        unit = 1.0 if radians or j.get("type") == "slide" else np.pi / 180
-        refs[j.get("name")] = unit * float(j.get("ref", 0.0))
-    couplings = [_read_coupling(e, refs) for e in root.findall("./equality/joint")]
-    motors = [e.get("joint") for parent in root.findall("./actuator") for e in parent]
-    # A joint may have several actuators, say one that holds a position and one that damps.
-    actuated = list(dict.fromkeys(m for m in motors if m is not None)) or None
-    return model, loops, couplings, actuated
-
-
-def _read_coupling(element: ET.Element, refs: dict[str | None, float]) -> Coupling:
-    """Return an MJCF joint equality as a polynomial of absolute positions."""
-    joint, of = element.get("joint1", ""), element.get("joint2")
-    coefficients = [float(c) for c in element.get("polycoef", "0 1 0 0 0").split()]
-    # MuJoCo writes it in displacements from the reference positions.
-    shift = np.polynomial.Polynomial([-refs.get(of, 0.0), 1.0])
-    poly = np.polynomial.Polynomial(coefficients)(shift) + refs.get(joint, 0.0)
-    values = poly.coef if of is not None else [coefficients[0] + refs.get(joint, 0.0)]
-    return Coupling(element.get("name", joint), joint, of, tuple(float(c) for c in values))
-
-
-def _read_urdf(path: Path, root: ET.Element) -> Closures:
-    """Build the Pinocchio model of a URDF; mimic joints become couplings."""
+def _read_urdf(path: Path, root: ET.Element) -> Stated:
+    """Return what a URDF states; mimic joints become couplings."""
     reason = ""
     with _printed_errors() as printed:
         try:
@@ -133,17 +97,30 @@ def _read_urdf(path: Path, root: ET.Element) -> Closures:
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
         reason = printed[0] if printed else reason
         raise RobotError(f"{path} cannot be read as URDF: {reason}.")
-    couplings, mimics = [], set()
-    for joint in root.findall("joint"):
-        mimic = joint.find("mimic")
-        if mimic is not None:
-            name, of = joint.get("name", ""), mimic.get("joint", "")
-            mimics.add(name)
-            line = (float(mimic.get("offset", 0.0)), float(mimic.get("multiplier", 1.0)))
-            couplings.append(Coupling(name, name, of, line))
-    driven = [j for j in range(1, model.njoints) if model.joints[j].nv == 1]
-    actuated = [model.names[j] for j in driven if model.names[j] not in mimics]
-    return model, [], couplings, actuated
+    read = {f.name for f in model.frames if f.type == pin.FrameType.BODY}
+    lost = [link.get("name", "") for link in root.findall("link") if link.get("name") not in read]
+    if lost:
+        raise RobotError(
+            f"{path}: the links {listing(lost)} were lost in reading; connect them to the root "
+            "link by joints."
+        )
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
+    couplings = [
+        _read_mimic(name, joint.find("mimic"), fixed)
+        for name, joint in joints.items()
+        if joint.find("mimic") is not None and name not in fixed
+    ]
+    coupled = {c.joint for c in couplings}
+    driven = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
+    return Stated(model, [], couplings, [name for name in driven if name not in coupled])
+
+
+def _read_mimic(name: str, mimic: Any, fixed: set[str]) -> Coupling:
+    of, offset = mimic.get("joint", ""), float(mimic.get("offset", 0.0))
+    if of in fixed:  # it never leaves zero
+        return Coupling(name, name, None, (offset,))
+    return Coupling(name, name, of, (offset, float(mimic.get("multiplier", 1.0))))
 
 
 @contextmanager
@@ -168,28 +145,3 @@ def _printed_errors() -> Iterator[list[str]]:
 def _one_line(error: Exception) -> str:
     text = str(error).rpartition("message:")[2]  # Pinocchio puts its source file before it
     return " ".join(text.split()).rstrip(".")[:300] or type(error).__name__
-
-
-def _check_bodies(path: Path, root: ET.Element, model: Any) -> None:
-    """Refuse a file of which the parser lost bodies."""
-    read = {f.name for f in model.frames if f.type == pin.FrameType.BODY}
-    if root.tag == "mujoco":
-        what, wanted = (
-            "bodies",
-            [b.get("name", "") for w in root.findall("worldbody") for b in w.iter("body")],
-        )
-        advice = (
-            "Pinocchio reads only the first body of <worldbody>, and only bodies with names: name "
-            "them all and wrap the robot in one root <body>"
-        )
-    else:
-        what, wanted = "links", [link.get("name", "") for link in root.findall("link")]
-        advice = "connect them to the root link by joints"
-    lost = [b or "one without a name" for b in wanted if b not in read]
-    if lost and len(read) < len(wanted):
-        raise RobotError(
-            f"{path}: {len(wanted) - len(read)} of {len(wanted)} {what} were lost in reading "
-            f"({listing(dict.fromkeys(lost))}); {advice}."
-        )
-    if model.njoints < 2:
-        raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +10,27 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.errors import RobotError
+from identifiability.names import Array
 from identifiability.robot.kinematics import WORLD, Joint, Tree
 
-_AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 
-
-def read_tree(path: Path, model: Any, root: ET.Element) -> tuple[Tree, dict[int, int]]:
+def read_tree(
+    path: Path, model: Any, names: Mapping[int, tuple[str, ...]]
+) -> tuple[Tree, dict[int, int]]:
     """Return the joints of a Pinocchio model; a composite joint becomes one joint an axis.
 
     Also return where each Pinocchio joint ends among them: loop points refer to that index.
+
+    Parameters
+    ----------
+    path : Path
+    model : pinocchio.Model
+    names : mapping
+        The file's names of the joints in each Pinocchio joint, where they are not its own.
     """
     joints: list[Joint] = []
     last = {0: WORLD}
+    still = pin.neutral(model)
     for index in range(1, model.njoints):
         whole = model.joints[index]
         placement = model.jointPlacements[index]
@@ -30,11 +39,11 @@ def read_tree(path: Path, model: Any, root: ET.Element) -> tuple[Tree, dict[int,
             inner = whole.extract()
             parts = list(inner.joints)
             places = [placement * inner.jointPlacements[0], *list(inner.jointPlacements)[1:]]
-        names = _dof_names(model, index, len(parts), root)
         parent = last[model.parents[index]]
         iq, iv = whole.idx_q, whole.idx_v
-        for part, place, name in zip(parts, places, names, strict=True):
-            joint = _read_joint(path, part, place, name, parent, iq, iv)
+        named = names.get(index, (model.names[index],))
+        for part, place, name in zip(parts, places, named, strict=True):
+            joint = _read_joint(path, part, place, name, parent, (iq, iv), still)
             joints.append(joint)
             parent = len(joints) - 1
             iq, iv = iq + joint.nq, iv + joint.nv
@@ -42,47 +51,31 @@ def read_tree(path: Path, model: Any, root: ET.Element) -> tuple[Tree, dict[int,
     return Tree(tuple(joints)), last
 
 
-def _dof_names(model: Any, index: int, count: int, root: ET.Element) -> list[str]:
-    """Return the file's names of the joints in a Pinocchio joint."""
-    if count == 1:
-        return [model.names[index]]
-    body = next(
-        f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == index
-    )
-    element = next(b for b in root.iter("body") if b.get("name") == body)
-    named = [j.get("name") for j in element.findall("joint")]
-    return [n or f"{body}_{k + 1}" for k, n in enumerate(named)]
-
-
 def _read_joint(
-    path: Path, part: Any, place: Any, name: str, parent: int, iq: int, iv: int
+    path: Path, part: Any, place: Any, name: str, parent: int, at: tuple[int, int], still: Array
 ) -> Joint:
     kind = part.shortname().removeprefix("JointModel")
     R, p = np.array(place.rotation), np.array(place.translation)
-    axis, unbounded = np.zeros(3), False
-    if kind in ("RX", "RY", "RZ", "PX", "PY", "PZ"):
-        axis = np.array(_AXES[kind[1]])
+    axis = np.zeros(3)
+    if part.nv == 1 and kind[0] in "RP":
         type_ = "revolute" if kind[0] == "R" else "prismatic"
-    elif kind in ("RUBX", "RUBY", "RUBZ"):
-        axis, type_, unbounded = np.array(_AXES[kind[3]]), "revolute", True
-    elif kind in ("RevoluteUnaligned", "RevoluteUnboundedUnaligned", "PrismaticUnaligned"):
-        inner = part.extract() if hasattr(part, "extract") else part
-        axis = np.array(inner.axis)
-        type_ = "prismatic" if kind.startswith("P") else "revolute"
-        unbounded = "Unbounded" in kind
+        data = part.createData()
+        part.calc(data, still)
+        axis = np.array(data.S).ravel()[3:] if kind[0] == "R" else np.array(data.S).ravel()[:3]
     elif kind == "Spherical":
         type_ = "ball"
     elif kind == "FreeFlyer":
         type_ = "free"
     else:
         raise RobotError(
-            f"{path}: joint '{name}' is of a type ({kind}) that is not supported; use hinge, "
-            "slide, ball or free joints."
+            f"{path}: joint '{name}' is of a type ({kind}) that is not supported; use revolute, "
+            "continuous, prismatic or fixed joints."
         )
-    if type_ in ("revolute", "prismatic") and not abs(np.linalg.norm(axis) - 1) < 1e-6:
+    if part.nv == 1 and not abs(np.linalg.norm(axis) - 1) < 1e-6:
         raise RobotError(f"{path}: joint '{name}' has no axis; give one that is not all zero.")
     dofs = {
         "ball": tuple(f"{name}.{k}" for k in ("rx", "ry", "rz")),
         "free": tuple(f"{name}.{k}" for k in ("tx", "ty", "tz", "rx", "ry", "rz")),
     }.get(type_, (name,))
-    return Joint(dofs, type_, parent, R, p, axis, iq, iv, unbounded)  # type: ignore[arg-type]
+    unbounded = part.nv == 1 and part.nq > 1  # cosine and sine
+    return Joint(dofs, type_, parent, R, p, axis, *at, unbounded)  # type: ignore[arg-type]

@@ -24,6 +24,9 @@ from identifiability.robot.description import Robot
 from identifiability.robot.markup import read_markup
 from identifiability.robot.sidecar import read_sidecar
 
+#: Rounding of the moments of inertia of a flat body, relative to the largest.
+FLAT = 1e-13
+
 
 @dataclass(frozen=True)
 class Written:
@@ -137,6 +140,10 @@ def _write_mjcf_inertial(
     for old in element.findall("inertial"):
         element.remove(old)
     new = ET.Element("inertial", mass=f"{mass:.17g}", pos=_numbers(centre))
+    moments, axes = np.linalg.eigh(inertia)
+    lack = moments[2] - moments[0] - moments[1]
+    if abs(lack) < FLAT * moments[2]:  # MuJoCo refuses a flat body that is a rounding too thin
+        inertia = inertia + (FLAT * moments[2] + lack) * axes[:, :2] @ axes[:, :2].T
     order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     new.set("fullinertia", _numbers(np.array([inertia[i, j] for i, j in order])))
     after = [k for k, c in enumerate(element) if c.tag in ("joint", "freejoint")]

@@ -91,10 +91,19 @@ class ForwardRobot:
             self.model.dof_armature[dof] = max(inertia, 0.0)
             self.model.dof_damping[dof] = max(self._values.get(f"{name}.Fv", 0.0), 0.0)
             self.model.dof_frictionloss[dof] = max(0.5 * (forward + backward), 0.0)
+            self._set_spring(name)
             if name in self.robot.joints:
                 offset = self._values.get(f"{name}.off", 0.0)
                 bias[self.robot.joints.index(name)] = 0.5 * (forward - backward) + offset
         return bias
+
+    def _set_spring(self, name: str) -> None:
+        joint, home = self.model.joint(name), self.robot.home[None]
+        rest = self.robot.rest.get(name)
+        self.model.jnt_stiffness[joint.id] = self._values.get(f"{name}.K", 0.0)
+        self.model.qpos_spring[joint.qposadr[0]] = (
+            self.robot.dof_position(home, name)[0] if rest is None else rest
+        )
 
     def run(self, q: Array, dq: Array, tau: Array, dt: float, extra: Extra | None = None) -> Array:
         """Return the positions that the torques lead to, (K, S, n).

@@ -1,8 +1,9 @@
 """The other road from motion to torque: MuJoCo's inverse dynamics along a prescribed motion.
 
-It reads the robot file by itself and shares nothing with the regressor but the names: loops are
-closed with MuJoCo's point Jacobians, one sample at a time, and torques of the tree are projected
-on the actuated joints through them. Agreement with the regressor is therefore a real test.
+It takes the robot file as MuJoCo compiled it and shares nothing with the regressor but that: loops
+are closed with MuJoCo's point Jacobians, one sample at a time, and torques of the tree are
+projected on the actuated joints through them. Agreement with the regressor is therefore a real
+test.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import numpy as np
 from identifiability.errors import ClosureError, RobotError
 from identifiability.names import Array
 from identifiability.robot import Robot
+from identifiability.robot.markup import read_markup
+from identifiability.robot.mjcf import compile_mjcf
 
 TOLERANCE = 1e-12
 _MAX_STEPS = 30
@@ -30,7 +33,7 @@ class RigidTorque:
     ----------
     tau : (N, n) [N·m or N]
         Rigid-body torque of the actuated joints.
-    passive_q, passive_v : (N, n_e)
+    passive_q, passive_v, passive_a : (N, n_e)
         Motion of the passive one-dof joints, in the robot's order of degrees of freedom.
     X : (N, n_e, n)
         ``q̇_passive = -X q̇_actuated``.
@@ -39,6 +42,7 @@ class RigidTorque:
     tau: Array
     passive_q: Array
     passive_v: Array
+    passive_a: Array
     X: Array
 
 
@@ -51,7 +55,7 @@ class _Closure:
 
 
 class MujocoRobot:
-    """A robot file in MuJoCo, without friction, rotor inertia and contacts.
+    """A robot file in MuJoCo, without friction, rotor inertia, springs and contacts.
 
     Parameters
     ----------
@@ -65,11 +69,14 @@ class MujocoRobot:
         self.robot = robot
         self.model = _load(robot) if model is None else model
         self.data = mujoco.MjData(self.model)
-        self.model.dof_armature[:] = 0
-        self.model.dof_damping[:] = 0
-        self.model.dof_frictionloss[:] = 0
+        for part in ("dof", "actuator", "tendon"):  # older versions lack some of them
+            for kind in ("armature", "damping", "dampingpoly", "frictionloss"):
+                if hasattr(self.model, f"{part}_{kind}"):
+                    getattr(self.model, f"{part}_{kind}")[:] = 0
         self.model.jnt_stiffness[:] = 0
+        self.model.tendon_stiffness[:] = 0
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        self.model.opt.enableflags = 0
         self.actuated = np.array([self._dof(j) for j in robot.joints], int)
         self.positions = np.array([int(self._joint(j).qposadr[0]) for j in robot.joints], int)
         self.passive = np.setdiff1d(np.arange(self.model.nv), self.actuated)
@@ -98,8 +105,9 @@ class MujocoRobot:
         single = [(k, int(self._joint(d).qposadr[0]), self._dof(d)) for k, d in self._named()]
         n, m = q.shape[1], len(self.robot.dependent)
         out = RigidTorque(
-            np.zeros_like(q), np.zeros((len(q), m)), np.zeros((len(q), m)), np.zeros((len(q), m, n))
-        )
+            np.zeros_like(q), np.zeros((len(q), m)), np.zeros((len(q), m)), np.zeros((len(q), m)),
+            np.zeros((len(q), m, n)),
+        )  # fmt: skip
         full = self.home()
         for k in range(len(q)):
             full = self.walk(full, q[k], k)
@@ -116,6 +124,7 @@ class MujocoRobot:
             for column, qadr, dof in single:
                 out.passive_q[k, column] = full[qadr]
                 out.passive_v[k, column] = v[dof]
+                out.passive_a[k, column] = a[dof]
                 out.X[k, column] = X[np.flatnonzero(self.passive == dof)[0]]
         return out
 
@@ -126,15 +135,16 @@ class MujocoRobot:
 
     def home(self) -> Array:
         """Return the configuration that selects the assembly, (nq,)."""
-        if self.model.nkey:
-            names = [self.model.key(k).name for k in range(self.model.nkey)]
-            chosen = names.index("home") if "home" in names else 0
-            return np.array(self.model.key_qpos[chosen])
-        home = np.array(self.model.qpos0)
-        for joint in self.robot.dofs:
-            home[int(self._joint(joint).qposadr[0])] = self.robot.dof_position(
-                self.robot.home[None], joint
-            )[0]
+        home, q = np.array(self.model.qpos0), self.robot.home
+        for j in self.robot.tree.joints:
+            name = j.dofs[0] if j.nv == 1 else j.dofs[0].rpartition(".")[0]
+            at = int(self._joint(name).qposadr[0])
+            if j.nv == 1:
+                home[at] = self.robot.dof_position(q[None], name)[0]
+            else:  # a quaternion begins with its real part there
+                end = at + j.nq
+                home[at:end] = q[j.iq : j.iq + j.nq]
+                home[end - 4 : end] = np.roll(home[end - 4 : end], 1)
         return home
 
     def walk(self, full: Array, target: Array, sample: int) -> Array:
@@ -251,7 +261,7 @@ def _load(robot: Robot) -> Any:
             options = ET.SubElement(root, "mujoco")
             ET.SubElement(options, "compiler", fusestatic="false", balanceinertia="false")
             return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
-        return mujoco.MjModel.from_xml_path(str(robot.path))
+        return compile_mjcf(robot.path, read_markup(robot.path))
     except (ValueError, OSError) as error:
         reason = " ".join(str(error).split())[:300].rstrip(".")
         raise RobotError(f"MuJoCo cannot load {robot.path}: {reason}.") from None

@@ -81,16 +81,23 @@ def simulate(
 def joint_torque(
     robot: Robot, move: PrescribedMotion, rigid: RigidTorque, values: Mapping[str, float]
 ) -> Array:
-    """Return torque of friction and rotor inertia at joints, motors and passive joints, (N, n)."""
+    """Return torque of friction, rotors and springs at every joint and coupled motor, (N, n)."""
     tau = np.zeros_like(move.q)
+    home = robot.actuated_positions(robot.home[None])[0]
+    rest = [robot.rest.get(j, at) for j, at in zip(robot.joints, home, strict=True)]
     for axis in robot.axes:
         assert axis.row is not None
         speed, acceleration = move.dq @ axis.row, move.ddq @ axis.row
         inertia = sum(values.get(f"{axis.name}.{part}", 0.0) for part in robot.inertia_parts)
         force = forces.nominal_force(values, axis.name, speed) + inertia * acceleration
+        force = force + values.get(f"{axis.name}.K", 0.0) * ((move.q - rest) @ axis.row)
         tau += force[:, None] * axis.row
     for axis in robot.passive_axes:
         k = int(np.flatnonzero(robot.dependent == axis.dof)[0])
+        inertia = sum(values.get(f"{axis.name}.{part}", 0.0) for part in robot.inertia_parts)
+        stretch = rigid.passive_q[:, k] - robot.rest.get(axis.name, 0.0)
         force = forces.nominal_force(values, axis.name, rigid.passive_v[:, k])
+        force = force + inertia * rigid.passive_a[:, k]
+        force = force + values.get(f"{axis.name}.K", 0.0) * stretch
         tau -= force[:, None] * rigid.X[:, k]
     return tau

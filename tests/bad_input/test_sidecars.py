@@ -46,7 +46,7 @@ BAD = {
     "no polynomial": (COUPLING + "polynomial = []", "list should have at least 1 item"),
     "overflowing polynomial": (
         COUPLING + 'of = "shoulder"\npolynomial = [1e308, 1e308]',
-        "do not close at its home position",
+        r"the loops are open by 1e\+308 m at the home position",
     ),
     "ragged gear": (GEAR + "[[1, 0], [1]]", "needs 2 motors and an invertible 2×2 coupling"),
     "singular gear": (GEAR + "[[1, 1], [1, 1]]", "needs 2 motors and an invertible 2×2 coupling"),

@@ -1,0 +1,178 @@
+"""Which joints move the robot, which follow, and whether its home position says so.
+
+A closed chain has several assemblies; home selects one, so it must nearly close the loops.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NoReturn
+
+import numpy as np
+
+from identifiability.errors import ClosureError, RobotError, listing
+from identifiability.names import Array
+from identifiability.robot import closure
+from identifiability.robot.description import Robot
+from identifiability.robot.kinematics import Joint
+from identifiability.robot.newton import ACCEPTED, newton
+from identifiability.robot.sidecar import Sidecar
+from identifiability.robot.stated import Stated
+
+#: A home position further than this from closing the loops is no rounded one [m or rad].
+OPEN = 1e-2
+
+#: No joint is further from zero than this [m or rad].
+FAR = 1e6
+
+
+def choose_joints(robot: Robot, extra: Sidecar, stated: Stated) -> Robot:
+    """Split the degrees of freedom into actuated and dependent ones, and check the count.
+
+    Raises
+    ------
+    RobotError
+    """
+    names = extra.actuated if extra.actuated is not None else stated.actuated
+    if names is stated.actuated and stated.undriven:
+        raise RobotError(
+            f"{robot.path}: the actuator '{stated.undriven}' drives no single joint; name the "
+            'joints whose torque is measured in the sidecar: actuated = ["joint1", …].'
+        )
+    names = [*_single(robot)] if names is None else names
+    index = np.array([_driven_dof(robot, n) for n in names], int)
+    if len(set(names)) != len(names) or not names:
+        raise RobotError(f"{robot.path}: the actuated joints are {names}; name each one once.")
+    dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
+    robot = replace(robot, actuated=index, dependent=dependent, home=_set_home(robot, extra))
+    equations = sum(len(loop.axes) for loop in robot.loops) + len(robot.couplings)
+    if not len(dependent) and not equations:
+        return robot
+    robot = replace(robot, loop_rows=np.arange(equations), home=_follow_couplings(robot))
+    rows = closure.independent_rows(robot) if equations else np.empty(0, int)
+    if len(rows) < len(dependent):
+        _refuse_loose(robot, len(rows))
+    if len(rows) > len(dependent):
+        raise RobotError(
+            f"{robot.path}: the loops give {len(rows)} independent equations for "
+            f"{len(dependent)} passive joints, so not all {len(index)} actuated joints are free; "
+            "remove an actuator or a closure."
+        )
+    robot = replace(robot, loop_rows=rows)
+    _check_closed_home(robot)
+    try:
+        closure.check_home(robot)
+    except ClosureError as error:
+        raise RobotError(str(error)) from None
+    return robot
+
+
+def _single(robot: Robot) -> dict[str, Joint]:
+    """Return the joints with one degree of freedom by name."""
+    return {j.dofs[0]: j for j in robot.tree.joints if j.nv == 1}
+
+
+def _driven_dof(robot: Robot, name: str) -> int:
+    """Return the index in ``v`` of an actuated joint; only hinges and slides can be."""
+    for j in robot.tree.joints:
+        if j.nv > 1 and (name in j.dofs or name == j.dofs[0].rpartition(".")[0]):
+            raise RobotError(
+                f"{robot.path}: the {j.kind} joint '{j.dofs[0].rpartition('.')[0]}' cannot be "
+                "actuated; only joints with one axis can: write an actuated ball as three hinges "
+                "in one body, and fix a floating base to the ground."
+            )
+    return robot.dof_index(name)
+
+
+def _set_home(robot: Robot, extra: Sidecar) -> Array:
+    """Return the file's home with the positions that the sidecar states."""
+    home, single = np.array(robot.home), _single(robot)
+    for name, value in extra.home.items():
+        if name not in single:
+            dof = robot.dof_index(name)
+            raise RobotError(
+                f"The sidecar of {robot.path}: [home] gives '{robot.dofs[dof]}', an axis of a ball "
+                "or free joint, one position; give the whole position as a keyframe."
+            )
+        _place(single[name], home, value)
+    return home
+
+
+def _place(joint: Joint, q: Array, value: float) -> None:
+    """Write the position of a joint with one degree of freedom into a configuration (nq,)."""
+    if joint.unbounded:
+        q[joint.iq : joint.iq + 2] = np.cos(value), np.sin(value)
+    else:
+        q[joint.iq] = value
+
+
+def _follow_couplings(robot: Robot) -> Array:
+    """Return the home at which coupled passive joints are where the others put them, (nq,)."""
+    home, single = np.array(robot.home), _single(robot)
+    passive = set(robot.passive)
+    for c in robot.couplings * len(robot.couplings):  # each may follow another
+        poly = np.polynomial.Polynomial(c.polynomial)
+        if c.joint in passive:
+            at = 0.0 if c.of is None else float(robot.dof_position(home[None], c.of)[0])
+            follower, value = c.joint, float(poly(at))
+        elif c.of in passive and len(np.trim_zeros(poly.coef, "b")) == 2:
+            at = float(robot.dof_position(home[None], c.joint)[0])
+            follower, value = c.of, (at - poly.coef[0]) / poly.coef[1]
+        else:
+            continue
+        if abs(value) < FAR:
+            _place(single[follower], home, value)
+    return home
+
+
+def _refuse_loose(robot: Robot, count: int) -> NoReturn:
+    """Say what to do about passive joints that no equation determines."""
+    if count or robot.loops or robot.couplings:
+        _check_closed_home(robot)
+    wide = [j for j in robot.tree.joints if j.nv > 1]
+    floating = [j for j in wide if j.kind == "free"]
+    if floating:
+        name = floating[0].dofs[0].rpartition(".")[0]
+        raise RobotError(
+            f"{robot.path} floats on the free joint '{name}', which nothing determines: robots "
+            "must stand on the ground (a floating base is not supported); if this one was bolted "
+            "down while it was measured, remove that joint, or make it 'fixed' in URDF."
+        )
+    advice = (
+        "name the missing actuated joints (<actuator> in MJCF, 'actuated' in the sidecar), add the "
+        "closures, or choose a home position away from singularities"
+    )
+    if wide:
+        name = wide[0].dofs[0].rpartition(".")[0]
+        advice = (
+            f"the ball joint '{name}' can only be passive in a closed loop: add the closure, or "
+            "write the ball as three hinges in one body with an actuator each"
+        )
+    raise RobotError(
+        f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
+        f"but the loops give only {count} independent equations; {advice}."
+    )
+
+
+def _check_closed_home(robot: Robot) -> None:
+    """Refuse a home position that is far from closing the loops; a rounded one is near."""
+    gap = float(closure.loop_error(robot, robot.home[None])[0])
+    if not gap <= OPEN:
+        raise RobotError(
+            f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
+            f"({robot.describe_home()}), so their assembly is not determined; give a "
+            'position of every joint that closes them: <keyframe><key name="home" qpos="…"/>'
+            f"</keyframe> in MJCF, or a table [home] in the sidecar{_nearest_closed(robot)}."
+        )
+
+
+def _nearest_closed(robot: Robot) -> str:
+    """Return the passive positions that close the loops with the actuated joints at home."""
+    if len(robot.loop_rows) != len(robot.dependent):
+        return ""
+    closed = newton(robot, robot.home[None])
+    single = [name for name in robot.passive if name in _single(robot)]
+    if not closed.error[0] < ACCEPTED or len(single) < len(robot.passive):
+        return ""
+    values = [f"{n} = {robot.dof_position(closed.q, n)[0]:.4f}" for n in single]
+    return f", such as {listing(values)}"

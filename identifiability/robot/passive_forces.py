@@ -1,0 +1,208 @@
+"""Damping, dry friction, rotors and springs of a compiled MJCF, joint by joint.
+
+Those of actuators and of tendons along one joint are that joint's. What no parameter of a joint
+can hold (forces on balls, between joints, bent springs, fluids) is refused: left out, it would
+make the robot another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from identifiability.errors import RobotError
+from identifiability.names import Array
+
+#: Spring stiffness [N·m/rad or N/m] and the position at which it is relaxed [rad or m].
+Spring = tuple[float, float]
+
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+_ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+_ON_TENDON, _ALONG = int(mujoco.mjtTrn.mjTRN_TENDON), int(mujoco.mjtWrap.mjWRAP_JOINT)
+
+
+@dataclass
+class Forces:
+    """Forces along the degrees of freedom of a tree.
+
+    Attributes
+    ----------
+    damping, frictionloss, armature : (nv,)
+    springs : mapping
+        By name of the joint.
+    """
+
+    damping: Array
+    frictionloss: Array
+    armature: Array
+    springs: Mapping[str, Spring] = field(default_factory=dict)
+
+
+def read_forces(path: Path, m: Any) -> Forces:
+    """Return the forces along the joints of a compiled model.
+
+    Raises
+    ------
+    RobotError
+        If there are others than along single joints, or they are not linear in speed or position.
+    """
+    _refuse_fields(path, m)
+    forces = Forces(np.array(m.dof_damping), np.array(m.dof_frictionloss), np.array(m.dof_armature))
+    stiffness, pull = np.zeros(m.nv), np.zeros(m.nv)
+    for j in range(m.njnt):
+        _add_joint_spring(path, m, j, stiffness, pull)
+    for t in range(m.ntendon):
+        _add_tendon(path, m, t, forces, stiffness, pull)
+    for a in range(len(m.actuator_trntype)):
+        _add_actuator(path, m, a, forces)
+    _refuse_on_balls(path, m, forces)
+    bits, off = mujoco.mjtDisableBit, int(m.opt.disableflags)
+    if off & int(bits.mjDSBL_DAMPER):
+        forces.damping[:] = 0.0
+    if off & (int(bits.mjDSBL_FRICTIONLOSS) | int(bits.mjDSBL_CONSTRAINT)):
+        forces.frictionloss[:] = 0.0
+    if not off & int(bits.mjDSBL_SPRING):
+        forces.springs = {
+            m.joint(int(m.dof_jntid[d])).name: (float(stiffness[d]), float(pull[d] / stiffness[d]))
+            for d in np.flatnonzero(stiffness)
+        }
+    return forces
+
+
+def find_drives(m: Any) -> tuple[list[str] | None, str]:
+    """Return the joints that actuators drive (None without actuators), and one that drives none.
+
+    A joint may have several actuators, say one that holds a position and one that damps.
+    """
+    count = len(m.actuator_trntype)
+    joints = [_driven(m, a) for a in range(count)]
+    names = [m.joint(j).name for j in joints if j is not None]
+    other = next((m.actuator(a).name or f"number {a + 1}" for a in range(count)
+                  if joints[a] is None), "")  # fmt: skip
+    return list(dict.fromkeys(names)) if count else None, other
+
+
+def _driven(m: Any, a: int) -> int | None:
+    """Return the joint that an actuator drives, or None."""
+    target = int(m.actuator_trnid[a, 0])
+    if int(m.actuator_trntype[a]) in _ON_JOINT:
+        return target
+    single = _single(m, target) if int(m.actuator_trntype[a]) == _ON_TENDON else None
+    return single[0] if single is not None else None
+
+
+def _single(m: Any, t: int) -> tuple[int, float] | None:
+    """Return the joint that a tendon runs along, with its coefficient, if there is just one."""
+    start = int(m.tendon_adr[t])
+    parts = range(start, start + int(m.tendon_num[t]))
+    if any(int(m.wrap_type[w]) != _ALONG for w in parts):
+        return None
+    arms: dict[int, float] = {}
+    for w in parts:
+        joint = int(m.wrap_objid[w])
+        arms[joint] = arms.get(joint, 0.0) + float(m.wrap_prm[w])
+    arms = {j: c for j, c in arms.items() if c}
+    return next(iter(arms.items())) if len(arms) == 1 else None
+
+
+def _extra(m: Any, name: str, k: int) -> Any:
+    """Return an entry of an array that older versions of MuJoCo lack, else zero."""
+    array = getattr(m, name, None)
+    return 0.0 if array is None else array[k]
+
+
+def _add_joint_spring(path: Path, m: Any, j: int, stiffness: Array, pull: Array) -> None:
+    name, dof = m.joint(j).name, int(m.jnt_dofadr[j])
+    bent = np.any(_extra(m, "jnt_stiffnesspoly", j))
+    width = {0: 6, 1: 3}.get(int(m.jnt_type[j]), 1)
+    if bent or any(np.any(_extra(m, "dof_dampingpoly", d)) for d in range(dof, dof + width)):
+        raise _refusal(path, f"the joint '{name}' has stiffness or damping that is not linear")
+    if not (m.jnt_stiffness[j] or bent):
+        return
+    if _extra(m, "jnt_springyield", j):
+        raise _refusal(path, f"the joint '{name}' has a spring that yields (springyield)")
+    if int(m.jnt_type[j]) not in _SCALAR:
+        raise _refusal(path, f"the ball or free joint '{name}' has stiffness")
+    stiffness[dof] += m.jnt_stiffness[j]
+    pull[dof] += m.jnt_stiffness[j] * m.qpos_spring[m.jnt_qposadr[j]]
+
+
+def _add_tendon(path: Path, m: Any, t: int, forces: Forces, stiffness: Array, pull: Array) -> None:
+    linear = {
+        "stiffness": float(m.tendon_stiffness[t]),
+        "damping": float(m.tendon_damping[t]),
+        "frictionloss": float(m.tendon_frictionloss[t]),
+        "armature": float(_extra(m, "tendon_armature", t)),
+    }
+    bent = [k for k in ("stiffness", "damping") if np.any(_extra(m, f"tendon_{k}poly", t))]
+    present = [k for k, value in linear.items() if value] + bent
+    if not present:
+        return
+    name = m.tendon(t).name or f"number {t + 1}"
+    single = _single(m, t)
+    if single is None:
+        raise _refusal(path, f"the tendon '{name}' has {present[0]} and is not along one joint")
+    low, high = m.tendon_lengthspring[t]
+    if bent or (linear["stiffness"] and (low != high or _extra(m, "tendon_springyield", t))):
+        raise _refusal(path, f"the tendon '{name}' has stiffness or damping that is not linear")
+    dof, arm = int(m.jnt_dofadr[single[0]]), single[1]
+    stiffness[dof] += linear["stiffness"] * arm**2
+    pull[dof] += linear["stiffness"] * arm * low
+    forces.damping[dof] += linear["damping"] * arm**2
+    forces.frictionloss[dof] += linear["frictionloss"] * abs(arm)
+    forces.armature[dof] += linear["armature"] * arm**2
+
+
+def _add_actuator(path: Path, m: Any, a: int, forces: Forces) -> None:
+    """Add the rotor and the damping that an actuator brings along."""
+    rotor, damping = (
+        float(_extra(m, "actuator_armature", a)),
+        float(_extra(m, "actuator_damping", a)),
+    )
+    bent = np.any(_extra(m, "actuator_dampingpoly", a))
+    if not (rotor or damping or bent):
+        return
+    name, joint = m.actuator(a).name or f"number {a + 1}", _driven(m, a)
+    if joint is None or bent:
+        what = "damping that is not linear" if bent else "armature or damping but drives no joint"
+        raise _refusal(path, f"the actuator '{name}' has {what}")
+    arm = float(m.actuator_gear[a, 0])
+    if int(m.actuator_trntype[a]) == _ON_TENDON:
+        single = _single(m, int(m.actuator_trnid[a, 0]))
+        arm *= single[1] if single is not None else 1.0
+    dof = int(m.jnt_dofadr[joint])
+    forces.armature[dof] += rotor * arm**2
+    forces.damping[dof] += damping * arm**2
+
+
+def _refuse_on_balls(path: Path, m: Any, forces: Forces) -> None:
+    for d in range(m.nv):
+        j = int(m.dof_jntid[d])
+        if int(m.jnt_type[j]) in _SCALAR:
+            continue
+        for word in ("damping", "frictionloss", "armature"):
+            if getattr(forces, word)[d]:
+                raise _refusal(path, f"the ball or free joint '{m.joint(j).name}' has {word}")
+
+
+def _refuse_fields(path: Path, m: Any) -> None:
+    """Refuse what acts on whole bodies beside gravity."""
+    lifted = np.flatnonzero(m.body_gravcomp * m.body_mass)
+    if len(lifted):
+        raise _refusal(path, f"the body '{m.body(int(lifted[0])).name}' has gravcomp")
+    if m.opt.density or m.opt.viscosity:
+        raise _refusal(path, "<option> gives the air a density or viscosity")
+    if m.nflex or np.any(m.body_plugin >= 0):
+        raise _refusal(path, "it has deformable bodies (flex or a plugin of bodies)")
+
+
+def _refusal(path: Path, what: str) -> RobotError:
+    return RobotError(
+        f"{path}: {what}, a force that no parameter of the model can hold; take it out of the file "
+        "if the robot moves without it."
+    )

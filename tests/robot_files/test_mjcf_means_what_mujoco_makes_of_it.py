@@ -1,0 +1,243 @@
+"""Laws of reading MJCF: whatever the file says, both roads have the robot that MuJoCo has."""
+
+import numpy as np
+import pytest
+
+from identifiability.errors import RobotError
+
+LINKS = """
+  <body name="base" {base}>
+    <body name="link1" {link1}>
+      <inertial mass="4" pos="0.3 0.02 0.01" diaginertia="0.03 0.1 0.11"/>
+      <joint name="shoulder" axis="0 -1 0" {shoulder}/>
+      <body name="link2" pos="0.5 0 0" {link2}>
+        <inertial mass="2" pos="0.2 0 0.03" fullinertia="0.02 0.05 0.06 0.002 0.001 -0.003"/>
+        <joint name="elbow" axis="0 -1 0" {elbow}/>{inside}
+      </body>
+    </body>{beside}
+  </body>"""
+MOTORS = '<actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator>'
+
+
+def arm(before="", after="", compiler="", worldbody=LINKS, actuator=MOTORS, **parts):
+    words = dict.fromkeys(("base", "link1", "link2", "shoulder", "elbow", "inside", "beside"), "")
+    body = worldbody.format(**{**words, **parts})
+    return (
+        f'<mujoco><compiler angle="radian" {compiler}/>{before}<worldbody>{body}</worldbody>'
+        f"{actuator}{after}</mujoco>"
+    )
+
+
+TENDON = '<tendon><fixed name="cable" {0}><joint joint="elbow" coef="-0.5"/></fixed></tendon>'
+FEATURES = {
+    "turned root": arm(base='quat="0 1 0 0"'),
+    "tilted root": arm(base='pos="1 2 3" euler="0.3 -0.2 0.5"'),
+    "no root": arm(worldbody=LINKS.replace('<body name="base" {base}>', "").replace(
+        "</body>{beside}\n  </body>", "</body>")),
+    "two robots": arm(after="", before="").replace(
+        "</worldbody>", '<body name="floor"><geom size="1"/></body></worldbody>'),
+    "moon": arm(before='<option gravity="0 0 -1.62"/>'),
+    "ceiling": arm(before='<option gravity="1 2 9.81"/>'),
+    "no gravity": arm(before='<option><flag gravity="disable"/></option>'),
+    "axisangle not of unit length": arm(link1='axisangle="0 3 4 0.7"'),
+    "eulerseq in capitals": arm(compiler='eulerseq="ZYX"', link1='euler="0.3 0.4 0.5"'),
+    "settotalmass": arm(compiler='settotalmass="9"'),
+    "balanceinertia": arm(compiler='balanceinertia="true"').replace(
+        "0.03 0.1 0.11", "0.01 0.1 0.2"),
+    "inertiagrouprange": arm(
+        compiler='inertiafromgeom="true" inertiagrouprange="1 2"',
+        inside='<geom size="0.1"/><geom size="0.2" group="1"/>').replace(
+        '<joint name="shoulder"', '<geom size="0.1" group="2"/><joint name="shoulder"'),
+    "joint off the origin": arm(elbow='pos="0.1 0.2 -0.1"'),
+    "reference": arm(elbow='ref="0.4"', shoulder='ref="-0.3"'),
+    "several joints in a body": arm(
+        beside='<body name="wrist" pos="0.2 0 0"><joint name="a" axis="1 1 0" pos="0.1 0 0.2" '
+        'ref="0.2"/><joint name="b" type="slide" axis="0 1 1" ref="0.1"/><joint name="c" '
+        'axis="0 0 1" pos="0 0.3 0"/><geom size="0.1"/></body>',
+        actuator=MOTORS.replace("</actuator>", "".join(
+            f'<motor joint="{j}"/>' for j in "abc") + "</actuator>")),
+    "static bodies": arm(
+        inside='<body name="tool" pos="0 0.3 0" euler="1 0 0"><geom size="0.1 0.2 0.3" '
+        'type="box"/></body>'),
+    "friction": arm(elbow='damping="0.3" frictionloss="0.4" armature="0.05"'),
+    "class": arm(before='<default><default class="c"><joint damping="2" armature="1"/></default>'
+                 "</default>", link2='childclass="c"'),
+    "joint spring": arm(elbow='stiffness="7" springref="0.4"', shoulder='stiffness="2" ref="0.3"'),
+    "spring and damper by time constant": arm(elbow='springdamper="0.3 0.7"'),
+    "springs switched off": arm(before='<option><flag spring="disable" damper="disable"/></option>',
+                                elbow='stiffness="7" damping="2"'),
+    "tendon spring": arm(after=TENDON.format(
+        'stiffness="9" springlength="0.2" damping="1" armature="0.3"'),
+        elbow='stiffness="7" springref="0.4"'),
+    "rotor of an actuator": arm(actuator=MOTORS.replace(
+        '<motor joint="elbow"', '<motor joint="elbow" gear="3" armature="0.02" damping="0.1"')),
+    "energy": arm(before='<option><flag energy="enable" sleep="enable"/></option>'),
+    "frame": arm(inside='<frame pos="0.1 0 0.2" euler="0.2 0.1 0"><body name="tool"><geom '
+                 'size="0.1"/></body></frame>'),
+    "replicate": arm(inside='<replicate count="3" offset="0.1 0 0" euler="0 0.5 0"><body name="k">'
+                     '<geom size="0.1"/></body></replicate>'),
+    "mesh by vertices": arm(
+        after='<asset><mesh name="tetra" vertex="0 0 0 0.3 0 0 0 0.2 0 0 0 0.4"/></asset>',
+        inside='<body name="tool" pos="0 0.1 0"><geom type="mesh" mesh="tetra"/></body>'),
+}  # fmt: skip
+
+MISSING = """<asset><mesh name="shape" file="none.stl"/>
+  <texture name="t" type="2d" file="none.png"/><material name="m" texture="t"/></asset>
+  <sensor><jointpos joint="elbow"/></sensor>"""
+JET = '<actuator><motor name="jet" site="s"/></actuator>'
+REFUSED = {
+    "gravcomp": (arm(link2='gravcomp="1"'), "the body 'link2' has gravcomp"),
+    "air": (arm(before='<option density="1.2"/>'), "air a density or viscosity"),
+    "spring of third order": (
+        arm(elbow='stiffness="1 0 2"'), "'elbow' has stiffness or damping that is not linear"),
+    "drag": (arm(elbow='damping="1 2"'), "'elbow' has stiffness or damping that is not linear"),
+    "plastic spring": (arm(elbow='stiffness="1" springyield="0.1"'), r"yields \(springyield\)"),
+    "tendon over two joints": (
+        arm(after=TENDON.replace("<joint", '<joint joint="shoulder" coef="1"/><joint', 1)
+            .format('damping="1"')),
+        "the tendon 'cable' has damping and is not along one joint"),
+    "slack tendon": (
+        arm(after=TENDON.format('stiffness="1" springlength="0 1"')), "'cable' has stiffness or"),
+    "tendon in space": (
+        arm(beside='<site name="s"/>', inside='<site name="t"/>',
+            after='<tendon><spatial name="rope" stiffness="1"><site site="s"/><site site="t"/>'
+            "</spatial></tendon>"),
+        "the tendon 'rope' has stiffness and is not along one joint"),
+    "actuator of a site": (
+        arm(inside='<site name="s"/>', actuator=JET),
+        r"the actuator 'jet' drives no single joint; .* actuated = \[\"joint1\""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("feature", FEATURES)
+def test_both_roads_give_the_torque_of_mujoco(feature, agrees):
+    agrees(FEATURES[feature])
+
+
+def test_dry_friction_of_a_tendon_along_one_joint_is_that_joints(load_text):
+    robot = load_text(arm(elbow='frictionloss="1"', after=TENDON.format('frictionloss="2"')))
+    assert robot.nominal["elbow.Fc"] == pytest.approx(1 + 0.5 * 2)
+
+
+def test_files_that_no_inertia_needs_may_be_missing(agrees, load_text):
+    shape = '<geom type="mesh" mesh="shape" material="m"/>'
+    robot, bare = load_text(arm(after=MISSING, inside=shape)), agrees(arm())
+    assert robot.nominal == bare.nominal
+    with pytest.raises(RobotError, match=r"cannot be read as MJCF: .*none\.stl"):
+        load_text(arm(after=MISSING, inside=f'<body name="tool">{shape}</body>'))
+
+
+@pytest.mark.parametrize("feature", REFUSED)
+def test_what_no_parameter_can_hold_is_refused_by_name(feature, load_text):
+    text, sentence = REFUSED[feature]
+    with pytest.raises(RobotError, match=sentence):
+        load_text(text)
+
+
+def test_actuated_joints_of_the_sidecar_stand_for_other_transmissions(load_text):
+    text, _ = REFUSED["actuator of a site"]
+    robot = load_text(text, sidecar='actuated = ["shoulder", "elbow"]')
+    assert robot.joints == ("shoulder", "elbow")
+
+
+def parallelogram(closure, base="", home="0.7 -0.7", sites=""):
+    """A parallelogram in a vertical plane whose driven crank stands on the base."""
+    return f"""<mujoco><compiler angle="radian"/><worldbody>{{0}}<body name="base" {base}>
+      <site name="ground" pos="0.6 0 0"/><body name="fixed" pos="0.6 0 0"><site name="foot"/></body>
+      <body name="crank"><joint name="drive" axis="0 -1 0"/>
+        <inertial mass="1" pos="0.2 0 0" diaginertia="0.01 0.02 0.02"/>
+        <body name="coupler" pos="0.4 0 0"><joint name="knee" axis="0 -1 0"/>
+          <inertial mass="2" pos="0.3 0 0" diaginertia="0.01 0.05 0.05"/>
+          <body name="rocker" pos="0.6 0 0"><joint name="heel" axis="0 -1 0" damping="0.2"
+             armature="0.1" stiffness="3" springref="0.2"/>
+            <inertial mass="1.5" pos="-0.2 0 0" diaginertia="0.01 0.02 0.02"/>
+            <site name="toe" pos="-0.4 0 0"/></body></body></body></body></worldbody>
+      <equality>{closure}</equality><actuator><motor joint="drive"/></actuator>
+      <keyframe><key name="home" qpos="{home} 0.7"/></keyframe></mujoco>""".replace("{0}", sites)
+
+
+CLOSURES = {
+    "site on the root": '<connect site1="toe" site2="ground"/>',
+    "site on the root, first": '<connect site1="ground" site2="toe"/>',
+    "site in a static body": '<connect site1="foot" site2="toe"/>',
+    "site on the world": '<connect site1="toe" site2="w"/>',
+}
+
+
+@pytest.mark.parametrize("case", CLOSURES)
+@pytest.mark.parametrize("again", range(3))
+def test_a_closure_by_any_site_is_the_same_mechanism(case, again, agrees):
+    sites = '<site name="w" pos="0.6 0 0"/>'
+    robot = agrees(parallelogram(CLOSURES[case], sites=sites), spread=0.3, seed=again)
+    assert robot.nominal["heel.K"] == 3.0
+    assert robot.nominal["heel.Ia"] == 0.1
+
+
+@pytest.mark.parametrize("bodies", ['body1="rocker"', 'body1="rocker" body2="base"',
+                                    'body1="rocker" body2="world"'])  # fmt: skip
+def test_a_closure_by_body_and_anchor_closes_where_the_file_is_drawn(bodies, agrees):
+    """MuJoCo takes the second point where the first is in the reference pose: all in line."""
+    text = parallelogram(f'<connect {bodies} anchor="-0.4 0 0"/>', base='euler="0 0 0.4"')
+    agrees(text, spread=0.3)
+
+
+def test_couplings_follow_each_other_and_inactive_equalities_are_none(agrees):
+    text = arm(
+        actuator='<actuator><motor joint="shoulder"/></actuator>',
+        elbow='ref="0.2"',
+        after='<equality><joint joint1="elbow" joint2="shoulder" polycoef="0.1 -2 0.3 0.1 0"/>'
+        '<weld body1="link2" active="false"/></equality>',
+    )
+    robot = agrees(text)
+    assert robot.passive == ("elbow",)
+    off = text.replace("<worldbody>", '<option><flag equality="disable"/></option><worldbody>')
+    assert agrees(off.replace("</actuator>", '<motor joint="elbow"/></actuator>')).loops == ()
+
+
+def test_a_loop_that_is_open_at_home_is_told_with_positions_that_close_it(load_text):
+    closure = CLOSURES["site on the root"]
+    with pytest.raises(
+        RobotError, match=r"open by 0\.\d+ m at the home .* such as knee = "
+    ) as told:
+        load_text(parallelogram(closure, home="0.7 0.3"))
+    knee, heel = (float(str(told.value).split(f"{j} = ")[1][:7].rstrip(",. ")) for j in
+                  ("knee", "heel"))  # fmt: skip
+    robot = load_text(parallelogram(closure, home=f"0.7 {knee}").replace(' 0.7"', f' {heel}"'))
+    assert np.isclose(robot.home[1], knee)
+    rounded = load_text(parallelogram(closure, home="0.703 -0.70"))
+    assert rounded.passive == ("knee", "heel")
+
+
+FLOATING = arm(
+    worldbody=LINKS.replace("{base}>", '{base}><freejoint name="root"/><geom size="1"/>')
+)
+BALL = arm(worldbody=LINKS.replace('<joint name="elbow" axis="0 -1 0" {elbow}/>',
+                                   '<joint name="elbow" type="ball"/>'))  # fmt: skip
+
+
+def test_a_floating_base_is_told_and_the_advice_helps(load_text):
+    with pytest.raises(RobotError, match=r"free joint 'root', .* not supported.*remove that joint"):
+        load_text(FLOATING)
+    assert load_text(FLOATING.replace('<freejoint name="root"/>', "")).nv == 2
+    with pytest.raises(RobotError, match="the free joint 'root' cannot be actuated"):
+        load_text(FLOATING.replace("</actuator>", '<motor joint="root"/></actuator>'))
+
+
+@pytest.mark.parametrize("actuator", [MOTORS, "", '<actuator><motor joint="shoulder"/></actuator>'])
+def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text):
+    text = BALL.replace(MOTORS, actuator)
+    with pytest.raises(RobotError, match=r"ball.*'elbow'.* three hinges in one body"):
+        load_text(text)
+    hinges = [f'<joint name="elbow_{a}" axis="{x}"/>'
+              for a, x in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)]  # fmt: skip
+    motors = "".join(f'<motor joint="elbow_{a}"/>' for a in "xyz")
+    text = text.replace('<joint name="elbow" type="ball"/>', "".join(hinges))
+    every = f'<actuator><motor joint="shoulder"/>{motors}</actuator>'
+    text = text.replace(actuator, every) if actuator else text
+    assert load_text(text).joints == ("shoulder", "elbow_x", "elbow_y", "elbow_z")
+
+
+def test_friction_of_a_ball_is_refused(load_text):
+    text = BALL.replace('type="ball"', 'type="ball" damping="1"')
+    with pytest.raises(RobotError, match="the ball or free joint 'elbow' has damping"):
+        load_text(text)
