@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze
-from identifiability.errors import IdentifiabilityError
+from identifiability.errors import IdentifiabilityError, RobotError
 from identifiability.feasibility import nominal_vector
 from identifiability.physical.pseudo_inertia import to_matrix
 
@@ -16,21 +16,31 @@ def log(simulated):
     return simulated("two-link", "a", 0)
 
 
-def test_an_infeasible_cad_file_is_refused_with_the_body_named(rps, simulated, tmp_path):
-    """The platform gets an inertia that breaks the triangle inequality."""
-    text = rps.path.read_text()
-    broken = re.sub(
-        r'(<inertial mass="10.248"[^>]*fullinertia=")[^"]*', r"\g<1>0.1 0.1 0.9 0 0 0", text
-    )
-    path = tmp_path / "broken.xml"
-    path.write_text(broken)
-    (tmp_path / "broken.toml").write_text(rps.sidecar.read_text())
+def test_an_infeasible_cad_file_is_refused_with_the_body_named(simulated, tmp_path):
+    """A link gets an inertia that breaks the triangle inequality; URDF readers take it."""
+    shipped = Robot.load("six-dof-arm")
+    text = shipped.path.read_text().replace('izz="0.286"', 'izz="9.9"')
+    path = tmp_path / "broken.urdf"
+    path.write_text(text)
+    (tmp_path / "broken.toml").write_text(shipped.sidecar.read_text())
     robot = Robot.load(path)
-    log = simulated("3-rps", "601", 0)
-    with pytest.raises(IdentifiabilityError, match=r"broken\.xml: platform"):
+    log = simulated("six-dof-arm", "a", 0)
+    with pytest.raises(IdentifiabilityError, match=r"broken\.urdf: link_1"):
         analyze(robot, log, replicates=0, cad_weight=1.0)
     # Without the file as a prior the logs can still be analysed.
     assert analyze(robot, log, replicates=0).models
+
+
+def test_mujoco_decides_that_an_impossible_body_is_none(rps, tmp_path):
+    text = re.sub(
+        r'(<inertial mass="10.248"[^>]*fullinertia=")[^"]*',
+        r"\g<1>0.1 0.1 0.9 0 0 0",
+        rps.path.read_text(),
+    )
+    path = tmp_path / "broken.xml"
+    path.write_text(text)
+    with pytest.raises(RobotError, match=r"inertia must satisfy A \+ B >= C.*'platform'"):
+        Robot.load(path)
 
 
 def test_a_flat_body_cannot_be_a_log_det_prior(simulated):

@@ -24,7 +24,7 @@ from identifiability.robot.description import Robot
 from identifiability.robot.markup import read_markup
 from identifiability.robot.sidecar import read_sidecar
 
-#: Rounding of the moments of inertia of a flat body, relative to the largest.
+#: Rounding of a flat body's moments of inertia, relative to the largest.
 FLAT = 1e-13
 
 
@@ -95,7 +95,6 @@ def _template(robot: Robot) -> ET.Element:
     top: ET.Element = ET.parse(robot.path, parser=ET.XMLParser(target=builder)).getroot()
     if any(e.tag == "include" for e in top.iter()):
         top = read_markup(robot.path)
-        top.attrib.pop("rewritten", None)
     named = {e.get("name") for e in top.iter() if e.tag in ("joint", "freejoint")}
     single = {d for j in robot.tree.joints if j.nv == 1 for d in j.dofs}
     if single - named:
