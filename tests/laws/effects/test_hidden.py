@@ -52,8 +52,10 @@ def test_each_law_is_written_out_and_sized_by_its_joints_torque(polar, move, nam
     assert name in HIDDEN
     load = np.random.default_rng(0).standard_normal((400, 2))
     tau = load * [3.0, 50.0] + 1.0
-    rigid = RigidTorque(tau=load, passive_q=np.empty((400, 0)), passive_v=np.empty((400, 0)),
-                        X=np.empty((400, 0, 2)))  # fmt: skip
+    none = np.empty((400, 0))
+    rigid = RigidTorque(
+        load, passive_q=none, passive_v=none, passive_a=none, X=np.empty((400, 0, 2))
+    )
     force = law(move.dq, move.q - HOME, load)
     expected = 0.05 * force * rms(tau) / rms(force)
     found = hidden_torque(polar, move, rigid, tau, Hidden(name, 0.05))
@@ -94,7 +96,7 @@ def test_hidden_friction_of_passive_joints_is_dry_and_viscous_alike(gear, move):
     q = move.q[:, :1]
     X = -np.stack([-2 + 0.6 * q, 0.5 + 0.4 * q], 1)
     speed = -np.einsum("nij,nj->ni", X, move.dq[:, :1])
-    rigid = RigidTorque(tau=q, passive_q=speed, passive_v=speed, X=X)
+    rigid = RigidTorque(tau=q, passive_q=speed, passive_v=speed, passive_a=speed, X=X)
     tau = 7.0 * np.ones((400, 1))
     one = SimpleNamespace(t=T, q=q, dq=move.dq[:, :1], ddq=move.ddq[:, :1])
     found = hidden_torque(gear, one, rigid, tau, Hidden("passive_joint_friction", 0.1, ("rise",)))
