@@ -84,6 +84,11 @@ class RungResult:
         return sum(v.verdict is kind for v in self.verdicts)
 
     @property
+    def unjudged(self) -> str:
+        """Why its parameters are not judged; nothing if they are."""
+        return next((v.reason for v in self.verdicts if v.verdict is Class.NOT_JUDGED), "")
+
+    @property
     def margin(self) -> float:
         """Margin of the physical certificate; negative when no real robot has the parameters."""
         return self.physical.margin
@@ -96,6 +101,7 @@ class RungResult:
             "parameters": len(self.rung),
             "paper_identified": self.paper_identified,
             "identifiable": self.count(Class.IDENTIFIABLE),
+            "not_judged": self.count(Class.NOT_JUDGED),
             "error_ra": self.error_ra,
             "error_ra_validation": self.error_ra_validation,
             "error_ra_validation_se": self.error_se,
@@ -157,6 +163,7 @@ def assess_ladder(
             column_noise(reduced, fit),
             float(np.sqrt(np.mean(fitted.rms**2))),
             _aliases(reduced, fit, rung),
+            uncertainty.why_unjudged(len(fit.kept), thresholds),
         )
         stated = np.linalg.lstsq(rung.M, nominal - rung.held, rcond=None)[0]
         verdicts = judge(rung.labels, rung.units, evidence, stated, thresholds)

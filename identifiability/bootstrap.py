@@ -136,7 +136,7 @@ def bootstrap(
         raise IdentifiabilityError(
             f"The residual is correlated over {length:.0f} samples, so {information.samples} "
             f"samples make only {blocks} independent blocks; the bootstrap needs {FEWEST_BLOCKS}: "
-            "give longer or more logs."
+            "give longer or more logs, or a higher cut-off."
         )
     counts = draw_blocks(blocks, replicates, rng)
     part = merged.select(estimate.kept)

@@ -143,6 +143,7 @@ def judge_outcome(
         column_noise(information, fit),
         float(np.sqrt(np.mean(tau**2))),
         ("",) * len(rung),
+        spread.why_unjudged(len(fit.kept), rules),
     )
     verdicts = judge(rung.labels, rung.units, evidence, None, rules)
     called = np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts])

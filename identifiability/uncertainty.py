@@ -34,6 +34,8 @@ class Uncertainty:
         Autocorrelation time of each actuator's residual [samples].
     block : float
         Block length of the bootstrap [samples].
+    independent : float
+        Outputs of all actuators that count as independent: samples over `times`, summed.
     note : str
         Why something is missing, if it is.
     """
@@ -44,11 +46,18 @@ class Uncertainty:
     scores: ScoreScatter | None
     times: Array
     block: float
+    independent: float
     note: str = ""
 
     @property
     def robust(self) -> Array:
-        """The largest of the estimates that allow for autocorrelation, (k,)."""
+        """The largest of the estimates that allow for autocorrelation, (k,).
+
+        Infinite where neither resampling nor scores could be asked: a formula alone is believed
+        only as far as its model of the noise, and few samples do not show that.
+        """
+        if self.bootstrap is None and self.scores is None:
+            return np.full(len(self.white), np.inf)
         largest = self.inflated
         if self.bootstrap is not None:
             spread = np.where(np.isfinite(self.white), self.bootstrap.sd, np.inf)
@@ -56,6 +65,25 @@ class Uncertainty:
         if self.scores is not None:
             largest = np.maximum(largest, self.scores.widened)
         return largest
+
+    def why_unjudged(self, parameters: int, rules: Thresholds) -> str:
+        """Return why nothing can be said of a model's parameters, or nothing if it can.
+
+        Parameters
+        ----------
+        parameters : int
+            That the fit determined.
+        rules : Thresholds
+        """
+        least = rules.outputs_per_parameter
+        if self.independent < least * parameters:
+            return (
+                f"The logs have only {self.independent:.0f} independent outputs for {parameters} "
+                f"parameters, fewer than {least:g} for each: give a longer log or a higher cut-off."
+            )
+        if parameters and (self.bootstrap is None or self.scores is None):
+            return self.note or "Too few blocks of time to say how they scatter: give longer logs."
+        return ""
 
 
 def assess_uncertainty(
@@ -81,17 +109,42 @@ def assess_uncertainty(
         Of the bootstrap; 0 for none.
     """
     times, length = residual_times(residual, series)
+    return resample(information, fit, times, length, rng, replicates)
+
+
+def resample(
+    information: Information,
+    fit: Estimate,
+    times: Array,
+    length: float,
+    rng: np.random.Generator,
+    replicates: int,
+) -> Uncertainty:
+    """Return the standard deviations of a fit whose residual's memory is known.
+
+    Parameters
+    ----------
+    information, fit, rng, replicates
+        As in `assess_uncertainty`.
+    times : (n,) [samples]
+        Autocorrelation time of each actuator's residual.
+    length : float [samples]
+        Block length of the bootstrap.
+    """
     time = _mean_time(times, fit)
     inflated = fit.sigma * float(np.sqrt(time))
     drawn, note = None, ""
-    if replicates and fit.kept:
+    if not replicates:
+        note = "No logs were resampled: ask for some replicates."
+    elif fit.kept:
         try:
             drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
         except IdentifiabilityError as error:
             note = str(error)
     return Uncertainty(
-        fit.sigma, inflated, drawn, scatter_scores(information, fit, time), times, length, note
-    )
+        fit.sigma, inflated, drawn, scatter_scores(information, fit, time), times, length,
+        float(np.sum(information.samples / times)), note,
+    )  # fmt: skip
 
 
 def residual_times(residual: Array, series: np.ndarray) -> tuple[Array, float]:

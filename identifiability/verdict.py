@@ -25,6 +25,7 @@ class Class(StrEnum):
     NOT_IDENTIFIABLE = "not identifiable"
     CONSTRAINT = "constraint-determined"
     PRIOR = "prior-dominated"
+    NOT_JUDGED = "not judged"
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,9 @@ class Thresholds:
         exist narrow its variance below this share.
     contraction : float
         A posterior that is narrower than the prior by less than this share repeats the prior.
+    outputs_per_parameter : float
+        Fewest independent outputs a parameter with which anything is judged: torques after
+        decimation, of all actuators, each divided by the autocorrelation time of its residual.
     """
 
     sigma_percent: Positive = 20.0
@@ -55,6 +59,7 @@ class Thresholds:
     negligible_share: Share = 0.1
     constraint_variance: Share = 0.5
     contraction: Share = 0.5
+    outputs_per_parameter: Positive = 3.0
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -168,6 +173,8 @@ class Evidence:
         Of the measured torque.
     aliases : tuple of str
         For columns that are not determined: what they cannot be told from.
+    unjudged : str
+        Why nothing can be said of those that are; nothing if it can.
     """
 
     estimate: Estimate
@@ -177,6 +184,7 @@ class Evidence:
     column_noise: Array
     tau_rms: float
     aliases: tuple[str, ...]
+    unjudged: str = ""
 
 
 def holm(p: Array) -> Array:
@@ -213,7 +221,7 @@ def judge(
         percent = _percent(float(sigma[k]), float(e.value[k]))
         kind, reason = _decide(
             bool(e.determined[k]), bool(certain[k]), percent, float(effect),
-            float(evidence.recurrence[k]), evidence.aliases[k], rules,
+            float(evidence.recurrence[k]), evidence.aliases[k], evidence.unjudged, rules,
         )  # fmt: skip
         reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
         share = abs(e.value[k]) * evidence.column_rms[k] / max(evidence.tau_rms, 1e-300)
@@ -242,11 +250,14 @@ def _decide(
     effect: float,
     recurrence: float,
     alias: str,
+    unjudged: str,
     rules: Thresholds,
 ) -> tuple[Class, str]:
     if not determined:
         return Class.NOT_IDENTIFIABLE, alias
-    recurs = not recurrence < rules.recurrence  # NaN: there was no bootstrap to ask
+    if unjudged or np.isnan(recurrence):
+        return Class.NOT_JUDGED, unjudged or "No logs were resampled, so nothing can be said of it."
+    recurs = recurrence >= rules.recurrence
     if certain and percent <= rules.sigma_percent and recurs:
         return (
             Class.IDENTIFIABLE,

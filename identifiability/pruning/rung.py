@@ -13,7 +13,8 @@ from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.pruning.elimination import Step
 from identifiability.pruning.words import explain
-from identifiability.verdict import Class, Evidence, Verdict, judge
+from identifiability.uncertainty import Uncertainty, recurrence
+from identifiability.verdict import Class, Evidence, Thresholds, Verdict, judge
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class PrunedRung:
     rung : Rung
     estimate : Estimate
     verdicts : tuple of Verdict
-        On its parameters, without resampling.
+        On its parameters, with the memory of the chosen rung's residual.
     worst_sigma_percent : float
         Largest σ_robust% of its parameters [%].
     error_ra : float
@@ -69,7 +70,7 @@ class PrunedRung:
 
     @property
     def identifiable(self) -> int:
-        """Number of identifiable parameters, without resampling."""
+        """Number of identifiable parameters."""
         return sum(v.verdict is Class.IDENTIFIABLE for v in self.verdicts)
 
     @property
@@ -122,7 +123,7 @@ def build_rung(
     rung: Rung,
     fit: Estimate,
     information: Information,
-    times: float,
+    uncertainty: Uncertainty,
     errors: tuple[float, float, float, float],
     best: Step,
     unit: float,
@@ -136,8 +137,7 @@ def build_rung(
     fit : Estimate
     information : Information
         About the rung's columns.
-    times : float
-        Autocorrelation time of the residual [samples]; widens σ.
+    uncertainty : Uncertainty
     errors : (float, float, float, float)
         ε_RA fitted, unseen, SE of its difference, validation.
     best : Step
@@ -145,16 +145,16 @@ def build_rung(
     unit : float
         Held-out squares of the unpruned model.
     """
-    robust = fit.sigma * np.sqrt(times)
+    rules = Thresholds()
     rows = max(information.rows, 1)
     torque = float(np.linalg.norm(information.factor()[:, -1]) / np.sqrt(rows))
     unknown = ("This motion determines it in combination with others only, or not at all.",)
     evidence = Evidence(
-        fit, robust, np.full(len(rung), np.nan), column_rms(information),
-        column_noise(information, fit), torque,
-        unknown * len(rung),
+        fit, uncertainty.robust, recurrence(fit, uncertainty, rules), column_rms(information),
+        column_noise(information, fit), torque, unknown * len(rung),
+        uncertainty.why_unjudged(len(fit.kept), rules),
     )  # fmt: skip
-    verdicts = judge(rung.labels, rung.units, evidence)
+    verdicts = judge(rung.labels, rung.units, evidence, None, rules)
     percent = np.array([v.sigma_robust_percent for v in verdicts])
     forbidden = rung.nonnegative & fit.determined & (fit.value < 0)
     return PrunedRung(

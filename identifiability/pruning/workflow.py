@@ -270,10 +270,8 @@ def _measure(
 ) -> tuple[tuple[PrunedRung, ...], RungResult]:
     """Return the rungs with their errors, and the chosen one with verdicts and certificate."""
     steps = search.path.steps
-    # One block a log: rungs are many, and only their sums are needed.
-    information = merge_blocks(task.information, float(task.information.samples))
     models = [_rung_of(task.start, s) for s in steps]
-    parts = [m.reduce(information) for m in models]
+    parts = [m.reduce(task.information) for m in models]
     fits = [estimate(p, task.method) for p in parts]
     held = Regression(task.robot, task.model, task.held, task.base.kept) if task.held else None
     found = predict_rungs(
@@ -284,7 +282,8 @@ def _measure(
         [models[chosen]], [fits[chosen]], task.information, [physical], found.chosen,
         found.chosen_held, nominal_base(task.robot, task.base), Thresholds(), rng, replicates,
     )  # fmt: skip
-    times = float(result.autocorrelation_time.mean())
+    spread = result.uncertainty
+    times = float(spread.times.mean())
     fitted, unseen = (RungErrors.of(p, chosen, times) for p in (found.fitted, found.unseen))
     none = np.full(len(steps), np.nan)
     outside = none if found.outside is None else found.outside.relative_error()
@@ -292,7 +291,8 @@ def _measure(
     unit = max(steps[0].errors.total, 1e-300)
     rungs = tuple(
         build_rung(
-            steps[k], models[k], fits[k], parts[k], times,
+            steps[k], models[k], fits[k], parts[k],
+            resample(parts[k], fits[k], spread.times, spread.block, rng, replicates),
             (float(fitted.error_ra[k]), float(unseen.error_ra[k]),
              float(unseen.difference_se[k]), float(outside[k])),
             best, unit,
