@@ -112,9 +112,20 @@ class Calibration:
             f"{100 * float(np.nanmax([0.0, *(c.wrong_high for c in self.cells)])):.2g} %); of "
             f"those that pass the 10× rule up to "
             f"{100 * max(c.paper_wrong for c in self.cells):.2g} %."
+            + self._unjudged_statement
             + ("" if self.ranks is None else f" {self.ranks.statement}")
             + ("" if self.false_names is None else f" {self.false_names.statement}")
             + (f" {self.unmeasured}" if self.unmeasured else "")
+        )
+
+    @property
+    def _unjudged_statement(self) -> str:
+        most = max(c.not_judged for c in self.cells)
+        if not most:
+            return ""
+        return (
+            f" In up to {100 * most:.0f} % of the repetitions nothing is judged, for want of "
+            "independent outputs or of blocks to resample: give longer logs."
         )
 
     @property

@@ -49,6 +49,8 @@ class Cell:
         Of the parameters.
     each : tuple of Share
         Coverage of every parameter's robust intervals, all right together at 95 %.
+    not_judged : float
+        Share of trials whose parameters are not judged, for want of outputs or blocks.
     """
 
     noise: float
@@ -66,6 +68,7 @@ class Cell:
     paper_wrong_high: float = float("nan")
     names: tuple[str, ...] = ()
     each: tuple[Share, ...] = ()
+    not_judged: float = 0.0
 
     @property
     def worst(self) -> int:
@@ -104,6 +107,7 @@ class Outcome:
     robust: Array
     identifiable: np.ndarray
     paper: np.ndarray
+    judged: bool = True
 
 
 def judge_outcome(
@@ -147,7 +151,8 @@ def judge_outcome(
     )
     verdicts = judge(rung.labels, rung.units, evidence, None, rules)
     called = np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts])
-    return Outcome(fit.value, spread.white, spread.robust, called, fit.paper_rule)
+    judged = not evidence.unjudged
+    return Outcome(fit.value, spread.white, spread.robust, called, fit.paper_rule, judged)
 
 
 def count_outcomes(
@@ -187,6 +192,7 @@ def count_outcomes(
         clustered_share(wrong, paper, ~robust).high,
         tuple(names),
         each_share(robust),
+        float(np.mean([not t.judged for t in trials])),
     )
 
 

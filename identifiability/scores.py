@@ -23,6 +23,9 @@ from identifiability.shares import ENDS
 #: A stretch is so many autocorrelation times long, as long as there are `FEWEST` of them.
 MEMORIES, FEWEST = 5.0, 12
 
+#: By how much stretches get shorter while there are too few.
+SHORTER = 0.9
+
 #: What a stretch leaves of a direction that it determines almost alone is raised to this.
 ALONE = 0.05
 
@@ -64,6 +67,9 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
     """
     least = min(MEMORIES * time, information.samples / FEWEST)
     merged = merge_blocks(information, least)
+    while len(merged.counts) < min(FEWEST, len(information.counts)):  # logs cut stretches short
+        least *= SHORTER
+        merged = merge_blocks(information, least)
     B, k = len(merged.counts), len(fit.kept)
     if B < FEWEST or not k:
         return None

@@ -37,21 +37,24 @@ def state_answer(
         Whether the robot moves in any log.
     """
     total = len(base.parameters)
+    size = f"The robot has {total} parameters, {base.rank} of them independent in principle."
     why = _why_nothing(base, full, chosen, held_out, moves=moves)
     if why:
-        return (
-            f"Nothing is identifiable, because {why}. The robot has {total} parameters, "
-            f"{base.rank} of them independent in principle."
-        )
+        return f"Nothing is identifiable, because {why}. {size}"
+    if chosen.unjudged:
+        return f"Nothing is judged. {chosen.unjudged} {size}"
     held = 100 * chosen.error_ra_validation
+    known = f"determine {full.count(Class.IDENTIFIABLE)} of them in the unpruned model"
+    if full.unjudged:
+        known = "do not suffice to judge the unpruned model"
     text = (
-        f"Of {total} parameters {base.rank} can be told apart in principle; these logs "
-        f"determine {full.count(Class.IDENTIFIABLE)} of them in the unpruned model. The "
-        f"model to use is {chosen.name}: {chosen.count(Class.IDENTIFIABLE)} of its "
+        f"Of {total} parameters {base.rank} can be told apart in principle; these logs {known}. "
+        f"The model to use is {chosen.name}: {chosen.count(Class.IDENTIFIABLE)} of its "
         f"{len(chosen.rung)} parameters are identifiable, and it predicts motion that it has not "
         f"seen with an error of {held:.3g} %."
     )
-    return f"{text} {state_physics(chosen)}"
+    why_not = f"The unpruned model is not judged. {full.unjudged}" if full.unjudged else ""
+    return " ".join(filter(None, (text, state_physics(chosen), why_not)))
 
 
 def state_physics(chosen: RungResult) -> str:
@@ -82,7 +85,7 @@ def _why_nothing(
         return "the robot does not move in these logs"
     if not chosen.error_ra_validation < held_out.constant_error():
         return "no model predicts motion that it has not seen better than a constant torque would"
-    if chosen.count(Class.IDENTIFIABLE) or full.count(Class.IDENTIFIABLE):
+    if chosen.unjudged or chosen.count(Class.IDENTIFIABLE) or full.count(Class.IDENTIFIABLE):
         return ""
     excited = len(full.estimate.kept)
     if excited < base.rank:

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.bootstrap import Bootstrap, bootstrap
+from identifiability.bootstrap import FEWEST_BLOCKS, Bootstrap, bootstrap
 from identifiability.errors import IdentifiabilityError
 from identifiability.estimation import Estimate
 from identifiability.information import Information
 from identifiability.names import Array
 from identifiability.noise import autocorrelation_time, block_length
-from identifiability.scores import ScoreScatter, scatter_scores
+from identifiability.scores import MEMORIES, ScoreScatter, scatter_scores
 from identifiability.verdict import Thresholds
 
 
@@ -129,8 +129,13 @@ def resample(
     times : (n,) [samples]
         Autocorrelation time of each actuator's residual.
     length : float [samples]
-        Block length of the bootstrap.
+        Block length of the bootstrap, unless that leaves few blocks and the residual forgets
+        sooner.
     """
+    # The automatic choice is itself uncertain where it leaves few blocks: then what the residual
+    # remembers is enough.
+    most = max(MEMORIES * float(times.max()), information.samples / (2 * FEWEST_BLOCKS))
+    length = min(length, most)
     time = _mean_time(times, fit)
     inflated = fit.sigma * float(np.sqrt(time))
     drawn, note = None, ""

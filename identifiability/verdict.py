@@ -216,47 +216,32 @@ def judge(
     least = float(e.sigma_percent.min(initial=np.inf))
     out = []
     for k, name in enumerate(e.columns):
-        reach = abs(e.value[k]) + REACH * sigma[k] if e.determined[k] else 0.0
-        effect = reach * evidence.column_noise[k]
+        reach = abs(e.value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
         percent = _percent(float(sigma[k]), float(e.value[k]))
         kind, reason = _decide(
-            bool(e.determined[k]), bool(certain[k]), percent, float(effect),
-            float(evidence.recurrence[k]), evidence.aliases[k], evidence.unjudged, rules,
-        )  # fmt: skip
+            evidence, k, bool(certain[k]), percent, float(reach * evidence.column_noise[k]), rules
+        )
         reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
         share = abs(e.value[k]) * evidence.column_rms[k] / max(evidence.tau_rms, 1e-300)
         out.append(
             Verdict(
-                name,
-                labels[k],
-                units[k],
-                float(e.value[k]),
-                float(e.sigma[k]),
-                float(sigma[k]),
-                float(share),
-                bool(paper[k]),
-                kind,
-                reason,
+                name, labels[k], units[k], float(e.value[k]), float(e.sigma[k]), float(sigma[k]),
+                float(share), bool(paper[k]), kind, reason,
                 None if nominal is None else float(nominal[k]),
             )
-        )
+        )  # fmt: skip
     return tuple(out)
 
 
 def _decide(
-    determined: bool,
-    certain: bool,
-    percent: float,
-    effect: float,
-    recurrence: float,
-    alias: str,
-    unjudged: str,
-    rules: Thresholds,
+    evidence: Evidence, k: int, certain: bool, percent: float, effect: float, rules: Thresholds
 ) -> tuple[Class, str]:
-    if not determined:
-        return Class.NOT_IDENTIFIABLE, alias
-    if unjudged or np.isnan(recurrence):
-        return Class.NOT_JUDGED, unjudged or "No logs were resampled, so nothing can be said of it."
+    if not evidence.estimate.determined[k]:
+        return Class.NOT_IDENTIFIABLE, evidence.aliases[k]
+    recurrence = float(evidence.recurrence[k])
+    if evidence.unjudged or np.isnan(recurrence):
+        why = evidence.unjudged or "No logs were resampled, so nothing can be said of it."
+        return Class.NOT_JUDGED, why
     recurs = recurrence >= rules.recurrence
     if certain and percent <= rules.sigma_percent and recurs:
         return (
@@ -296,6 +281,8 @@ def _decide(
 
 def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
     """Return why the paper's rule says otherwise, if it does."""
+    if kind is Class.NOT_JUDGED:
+        return ""
     good = kind is Class.IDENTIFIABLE
     if paper and not good:
         return (

@@ -57,7 +57,8 @@ def analyze(
 
     **You get** one verdict a parameter. *identifiable*: use the value. *weak*: only its sign is
     certain. *negligible*: leave it out. *not identifiable*: do not believe the number, whatever it
-    is; the reason says whether noise, the motion or the structure is to blame. And you get the
+    is; the reason says whether noise, the motion or the structure is to blame. *not judged*: the
+    logs are too short, or too slow for their cut-off, to say anything. And you get the
     model to use (▸): the smallest that predicts unseen motion as well as the best does.
 
     **Hold a log back** with --validate. Without one, stretches of the logs take turns.
@@ -106,6 +107,8 @@ def print_analysis(result: Analysis, written: list[Path]) -> None:
     from rich.console import Console  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
 
+    from identifiability.verdict import Class  # noqa: PLC0415
+
     console = Console()
     table = Table(
         title=f"{escaped(result.robot.title)}: models (▸ use this one)", title_justify="left"
@@ -116,7 +119,7 @@ def print_analysis(result: Analysis, written: list[Path]) -> None:
         mark = "▸ " if k == result.selected else "  "
         table.add_row(
             mark + escaped(m.name), str(len(m.rung)), str(m.paper_identified),
-            str(sum(v.verdict.value == "identifiable" for v in m.verdicts)),
+            "not judged" if m.unjudged else str(m.count(Class.IDENTIFIABLE)),
             f"{100 * m.error_ra:.2f} %", f"{100 * m.error_ra_validation:.2f} %",
             "possible" if m.feasible else "impossible",
         )  # fmt: skip

@@ -120,7 +120,8 @@ def print_pruning(result: Ladder, written: list[Path]) -> None:
     for k, rung in enumerate(result.rungs[: result.selected + 4]):
         move = rung.step.move
         table.add_row(
-            f"{'▸ ' if k == result.selected else ''}{len(rung)}", str(rung.identifiable),
+            f"{'▸ ' if k == result.selected else ''}{len(rung)}",
+            "not judged" if rung.unjudged else str(rung.identifiable),
             f"{100 * rung.error_ra:.2f} %", f"{100 * rung.error_ra_unseen:.2f} %",
             f"{100 * rung.error_se:.2f} %", "possible" if rung.feasible else "impossible",
             escaped(f"{move.kind.value}: {_short(move.text)}") if move is not None else "",

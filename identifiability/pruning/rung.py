@@ -74,6 +74,11 @@ class PrunedRung:
         return sum(v.verdict is Class.IDENTIFIABLE for v in self.verdicts)
 
     @property
+    def unjudged(self) -> str:
+        """Why its parameters are not judged; nothing if they are."""
+        return next((v.reason for v in self.verdicts if v.verdict is Class.NOT_JUDGED), "")
+
+    @property
     def paper_identified(self) -> int:
         """Number of parameters within the 10× rule."""
         return int(self.estimate.paper_rule.sum())
@@ -99,6 +104,7 @@ class PrunedRung:
             "name": self.name,
             "parameters": len(self),
             "identifiable": self.identifiable,
+            "not_judged": sum(v.verdict is Class.NOT_JUDGED for v in self.verdicts),
             "paper_identified": self.paper_identified,
             "error_ra": self.error_ra,
             "error_ra_unseen": self.error_ra_unseen,

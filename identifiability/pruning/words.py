@@ -84,6 +84,8 @@ def statement(ladder: Ladder) -> str:
 
 
 def _identifiable(ladder: Ladder) -> str:
+    if ladder.result.unjudged:
+        return f"None of them is judged. {ladder.result.unjudged.removesuffix('.')}"
     count = ladder.result.count(Class.IDENTIFIABLE)
     total = len(ladder.chosen)
     return "All are identifiable" if count == total else f"{count} of them are identifiable"

@@ -9,7 +9,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from identifiability.assessment import RungResult, assess_ladder
-from identifiability.bootstrap import merge_blocks
 from identifiability.engines.mapping import Engine, Steps
 from identifiability.errors import IdentifiabilityError, LogError, ModelError, listing, near_match
 from identifiability.estimation import Method, estimate
@@ -50,6 +49,7 @@ from identifiability.stages import (
     running,
     share,
 )
+from identifiability.uncertainty import resample
 from identifiability.verdict import Thresholds
 
 #: Rungs as good as the best whose physical certificate is asked for, the preferred one first.

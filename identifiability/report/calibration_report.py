@@ -134,6 +134,7 @@ def _verdicts(calibration: Calibration) -> Section:
         Column("called identifiable", "number", "Parameters a repetition."),
         Column("of these wrong", "number", "Off by more than half of the true value."),
         Column("at most", "number", "Upper end of its 95 % Monte-Carlo interval."),
+        Column("not judged", "number", "Share of the repetitions, too short for a verdict."),
         Column("pass the 10× rule", "number", "Parameters a repetition."),
         Column("of these wrong", "number", "Off by more than half of the true value."),
     )
@@ -145,6 +146,7 @@ def _verdicts(calibration: Calibration) -> Section:
             TableCell(
                 "—" if np.isnan(c.wrong_high) else f"{100 * c.wrong_high:.2g} %", c.wrong_high
             ),
+            TableCell(f"{100 * c.not_judged:.0f} %", c.not_judged),
             TableCell(f"{c.paper_called:.1f}", c.paper_called),
             TableCell(f"{100 * c.paper_wrong:.2g} %", c.paper_wrong),
         )

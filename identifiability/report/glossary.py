@@ -36,6 +36,12 @@ VERDICTS = (
         "robot file.",
         "prior-dominated",
     ),
+    Term(
+        "not judged",
+        "The logs have too few independent outputs for so many parameters, or too few blocks of "
+        "time to resample, to say anything. Longer logs or a higher cut-off mend that.",
+        "not judged",
+    ),
 )
 
 GLOSSARY = (

@@ -33,6 +33,7 @@ MARKS = {
     "weak": Mark("amber", "◐", "o", "left"),
     "negligible": Mark("grey", "○", "o", "none"),
     "not identifiable": Mark("vermilion", "✕", "x"),
+    "not judged": Mark("grey", "?", "s", "none"),
     "constraint-determined": Mark("purple", "◆", "D"),
     "prior-dominated": Mark("sky", "◇", "D", "none"),
     "data": Mark("blue", "●"),

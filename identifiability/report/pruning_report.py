@@ -95,7 +95,7 @@ def _tiles(ladder: Ladder) -> tuple[Tile, ...]:
     same = ladder.stability.same
     return (
         Tile(f"{len(chosen)} of {len(full)}", "parameters are worth using"),
-        Tile(f"{found} of {len(chosen)}", "are identifiable"),
+        Tile(f"{found} of {len(chosen)}", "are identifiable", ladder.result.unjudged),
         Tile(
             error_text(error),
             "error on the validation logs" if outside else "error on unseen motion",
@@ -180,7 +180,7 @@ def _move_row(rung: PrunedRung) -> tuple[Cell, ...]:
         Cell(title, note=rung.reason),
         Cell(str(len(rung)), len(rung)),
         Cell(format_number(p, 2), p),
-        Cell(str(rung.identifiable), rung.identifiable),
+        Cell("not judged" if rung.unjudged else str(rung.identifiable), rung.identifiable),
         Cell(error_text(rung.error_ra), rung.error_ra),
         Cell(error_text(rung.error_ra_unseen), rung.error_ra_unseen),
         Cell(f"± {format_number(100 * rung.error_se, 2)} %" if rung.error_se > 0 else "—",

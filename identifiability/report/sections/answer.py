@@ -33,6 +33,7 @@ def answer_tiles(analysis: Analysis) -> tuple[Tile, ...]:
     inside = ""
     if chosen is not full:
         before = f"{full.count(Class.IDENTIFIABLE)} of {len(full.rung)}"
+        before = "not judged" if full.unjudged else before
         inside = f"{before} in the unpruned {model_title(full)}"
     effects = ", ".join(e.replace("_", " ") for e in analysis.effects)
     return (
@@ -86,7 +87,7 @@ def answer_notes(analysis: Analysis) -> Notes:
         *_excitation_notes(analysis),
         *_sample_notes(analysis),
         _noise_note(analysis),
-        *_bootstrap_notes(analysis),
+        *_judgement_notes(analysis),
         *_validation_notes(analysis),
     ]
     order = {"warning": 0, "note": 1, "good": 2}
@@ -183,10 +184,15 @@ def _noise_note(analysis: Analysis) -> Note:
     return Note("good", "Residuals are nearly independent in time.", text)
 
 
-def _bootstrap_notes(analysis: Analysis) -> list[Note]:
-    missing = analysis.chosen.uncertainty.note
-    title = "No logs were resampled; σ allows for autocorrelation by formula only."
-    return [Note("note", title, missing)] if missing else []
+def _judgement_notes(analysis: Analysis) -> list[Note]:
+    chosen, full = analysis.chosen, analysis.full
+    notes = []
+    if chosen.unjudged:
+        notes.append(Note("warning", "No parameter is judged.", chosen.unjudged))
+    if full.unjudged and full is not chosen:
+        title = f"The unpruned {model_title(full)} is not judged."
+        notes.append(Note("warning" if chosen.unjudged else "note", title, full.unjudged))
+    return notes
 
 
 def _validation_notes(analysis: Analysis) -> list[Note]:

@@ -90,7 +90,7 @@ def _model_row(m: RungResult) -> tuple[Cell, ...]:
     return (
         Cell(m.name, note=m.rung.description),
         Cell(str(size), size),
-        Cell(str(found), found),
+        Cell("not judged" if m.unjudged else str(found), found),
         Cell(str(m.paper_identified), m.paper_identified),
         Cell(error_text(m.error_ra), m.error_ra),
         Cell(error_text(m.error_ra_validation), m.error_ra_validation),

@@ -34,6 +34,10 @@ _MEANING = {
         "least contraction that is not prior-dominated",
         "1 − posterior sd ∕ prior sd",
     ),
+    "outputs_per_parameter": (
+        "fewest independent outputs with which anything is judged",
+        "a parameter; torques after decimation over their autocorrelation time, all joints",
+    ),
 }
 
 

@@ -1,0 +1,84 @@
+"""Logs that are too short, or filtered too low, for any verdict: every output says so."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import analyze, prune
+from identifiability.calibration import calibrate
+from identifiability.cli import app
+from identifiability.samples import Preparation
+from identifiability.simulation import Noise
+from identifiability.verdict import Class
+
+LOW = Preparation(cutoff=2.0)
+
+
+@pytest.fixture(scope="module")
+def slow(simulated_session):
+    """A function (robot, motion) -> log without derivatives, for a cut-off below its motion."""
+    return lambda name, motion="a": replace(
+        simulated_session(name, motion, 0, Noise(torque=0.02)), dq=None, ddq=None
+    )
+
+
+@pytest.fixture(scope="module")
+def analysis(slow):
+    return analyze("two-link", slow("two-link"), preparation=LOW, replicates=50)
+
+
+def test_nothing_is_identifiable_and_the_reason_has_a_remedy(analysis):
+    for model in analysis.models:
+        assert model.count(Class.IDENTIFIABLE) == 0
+        assert {v.verdict for v in model.verdicts} <= {Class.NOT_JUDGED, Class.NOT_IDENTIFIABLE}
+        assert model.count(Class.NOT_JUDGED) == len(model.estimate.kept)
+    assert "give longer or more logs, or a higher cut-off" in analysis.full.unjudged
+
+
+def test_table_json_statement_and_page_say_the_same(analysis, tmp_path):
+    frame = analysis.to_frame()
+    assert "not judged" in set(frame.verdict)
+    assert "identifiable" not in set(frame.verdict)
+    content = json.loads(analysis.to_json(tmp_path / "a.json").read_text())
+    assert [m["identifiable"] for m in content["models"]] == [0] * len(analysis.models)
+    assert all(m["not_judged"] for m in content["models"])
+    assert analysis.statement.startswith("Nothing is")
+    page = analysis.write_report(tmp_path / "a.html").read_text()
+    assert "No parameter is judged." in page
+    assert "not judged" in page
+
+
+def test_a_model_that_the_log_can_judge_is_judged_beside_one_that_it_cannot(slow):
+    found = analyze(
+        "3-rps", slow("3-rps", "601"), preparation=Preparation(cutoff=3.0), replicates=50
+    )
+    assert found.full.unjudged
+    assert "The unpruned model is not judged." in found.statement
+    assert found.chosen.count(Class.IDENTIFIABLE) > 0
+
+
+def test_the_command_prints_the_word_in_its_table(slow, tmp_path):
+    path = tmp_path / "run.csv"
+    slow("two-link").to_frame().to_csv(path, index=False)
+    done = CliRunner().invoke(
+        app, ["analyze", "two-link", str(path), "--cutoff", "2", "--quick"], terminal_width=200
+    )
+    assert done.exit_code == 0
+    assert "not judged" in done.output
+
+
+def test_pruning_calls_nothing_identifiable_that_is_not_judged(slow):
+    ladder = prune("two-link", slow("two-link"), preparation=LOW, replicates=4)
+    assert ladder.full.unjudged
+    assert all(r.identifiable == 0 for r in ladder.rungs if r.unjudged)
+    assert ladder.full.row()["not_judged"] == len(ladder.full)
+
+
+def test_calibration_says_in_how_many_repetitions_nothing_is_judged(analysis):
+    found = calibrate(analysis, noise=(1.0,), rho=(0.0,), trials=2, replicates=20)
+    share = found.cells[0].not_judged
+    assert share > 0
+    assert f"In up to {100 * share:.0f} % of the repetitions nothing is judged" in found.statement
+    assert found.to_dict()["cells"][0]["not_judged"] == share
