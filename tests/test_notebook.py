@@ -33,7 +33,7 @@ class Tags(HTMLParser):
 @pytest.fixture(scope="module")
 def results(simulated_session):
     log = simulated_session("two-link", "a", samples=500)
-    analysis = analyze("two-link", log, replicates=0)
+    analysis = analyze("two-link", log, replicates=20)
     out = {
         "analysis": analysis,
         "calibration": calibrate(analysis, trials=4, replicates=20),
