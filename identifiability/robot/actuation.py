@@ -94,16 +94,8 @@ def _set_home(robot: Robot, extra: Sidecar) -> Array:
                 f"The sidecar of {robot.path}: [home] gives '{robot.dofs[dof]}', an axis of a ball "
                 "or free joint, one position; give the whole position as a keyframe."
             )
-        _place(single[name], home, value)
+        home[single[name].iq] = value
     return home
-
-
-def _place(joint: Joint, q: Array, value: float) -> None:
-    """Write the position of a joint with one degree of freedom into a configuration (nq,)."""
-    if joint.unbounded:
-        q[joint.iq : joint.iq + 2] = np.cos(value), np.sin(value)
-    else:
-        q[joint.iq] = value
 
 
 def _follow_couplings(robot: Robot) -> Array:
@@ -121,7 +113,7 @@ def _follow_couplings(robot: Robot) -> Array:
         else:
             continue
         if abs(value) < FAR:
-            _place(single[follower], home, value)
+            home[single[follower].iq] = value
     return home
 
 

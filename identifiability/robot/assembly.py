@@ -190,7 +190,7 @@ def _limits(robot: Robot, extra: Sidecar) -> Array:
         joint = next(j for j in robot.tree.joints if j.iv == dof)
         lower = float(robot.model.lowerPositionLimit[joint.iq])
         upper = float(robot.model.upperPositionLimit[joint.iq])
-        if not joint.unbounded and lower < upper and max(abs(lower), abs(upper)) < 1e6:
+        if lower < upper and max(abs(lower), abs(upper)) < 1e6:
             out[row] = lower, upper
         given = extra.limits.get(name)
         if given is not None and given.q is not None:

@@ -171,8 +171,6 @@ class Robot:
         dof = self.dof_index(name)
         for j in self.tree.joints:
             if j.iv == dof and j.nv == 1:
-                if j.unbounded:
-                    return np.arctan2(q[:, j.iq + 1], q[:, j.iq])
                 return q[:, j.iq]
         raise RobotError(f"Joint '{name}' of {self.path.name} has no scalar position.")
 
@@ -185,11 +183,7 @@ class Robot:
         full = np.repeat(self.home[None], len(q), 0)
         by_dof = {j.iv: j for j in self.tree.joints}
         for column, dof in enumerate(self.actuated):
-            j = by_dof[int(dof)]
-            if j.unbounded:
-                full[:, j.iq], full[:, j.iq + 1] = np.cos(q[:, column]), np.sin(q[:, column])
-            else:
-                full[:, j.iq] = q[:, column]
+            full[:, by_dof[int(dof)].iq] = q[:, column]
         return full
 
     def describe_home(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import sys
 import tempfile
@@ -91,7 +92,7 @@ def _read_urdf(path: Path, root: ET.Element) -> Stated:
     reason = ""
     with _printed_errors() as printed:
         try:
-            model = pin.buildModelFromUrdf(str(path))
+            model = pin.buildModelFromXML(_with_angles(root))
         except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
             reason = _one_line(error)
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
@@ -114,6 +115,24 @@ def _read_urdf(path: Path, root: ET.Element) -> Stated:
     coupled = {c.joint for c in couplings}
     driven = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
     return Stated(model, [], couplings, [name for name in driven if name not in coupled])
+
+
+def _with_angles(root: ET.Element) -> str:
+    """Return a URDF whose continuous joints are revolute ones, as far as they like.
+
+    Pinocchio holds a continuous joint as cosine and sine, from which nobody can tell how often it
+    has turned; mimic joints follow that.
+    """
+    plain = copy.deepcopy(root)
+    for joint in plain.findall("joint"):
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            limit = ET.SubElement(joint, "limit") if limit is None else limit
+            for key, value in (("effort", "0"), ("velocity", "0")):
+                limit.attrib.setdefault(key, value)
+            limit.attrib.update(lower="-1e9", upper="1e9")
+    return ET.tostring(plain, encoding="unicode")
 
 
 def _read_mimic(name: str, mimic: Any, fixed: set[str]) -> Coupling:

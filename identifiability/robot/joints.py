@@ -77,5 +77,4 @@ def _read_joint(
         "ball": tuple(f"{name}.{k}" for k in ("rx", "ry", "rz")),
         "free": tuple(f"{name}.{k}" for k in ("tx", "ty", "tz", "rx", "ry", "rz")),
     }.get(type_, (name,))
-    unbounded = part.nv == 1 and part.nq > 1  # cosine and sine
-    return Joint(dofs, type_, parent, R, p, axis, *at, unbounded)  # type: ignore[arg-type]
+    return Joint(dofs, type_, parent, R, p, axis, *at)  # type: ignore[arg-type]

@@ -49,8 +49,6 @@ class Joint:
         Unit axis in its own frame (revolute and prismatic).
     iq, iv : int
         Where its coordinates start in Pinocchio's ``q`` and ``v``.
-    unbounded : bool
-        A continuous revolute joint, which Pinocchio holds as (cos q, sin q).
     """
 
     dofs: tuple[str, ...]
@@ -61,12 +59,11 @@ class Joint:
     axis: Array
     iq: int
     iv: int
-    unbounded: bool = False
 
     @property
     def nq(self) -> int:
         """Coordinates in Pinocchio's ``q``."""
-        return {"ball": 4, "free": 7}.get(self.kind, 2 if self.unbounded else 1)
+        return {"ball": 4, "free": 7}.get(self.kind, 1)
 
     @property
     def nv(self) -> int:
@@ -162,9 +159,6 @@ class Tree:
                 out[:, j.iq + 3 : j.iq + 7] = _turned(quat, dv[:, 3:])
             elif j.kind == "ball":
                 out[:, j.iq : j.iq + 4] = _turned(q[:, j.iq : j.iq + 4], dv)
-            elif j.unbounded:
-                angle = np.arctan2(q[:, j.iq + 1], q[:, j.iq]) + dv[:, 0]
-                out[:, j.iq], out[:, j.iq + 1] = np.cos(angle), np.sin(angle)
             else:
                 out[:, j.iq] += dv[:, 0]
         return out
@@ -284,7 +278,7 @@ def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
     if j.kind == "prismatic":
         return R, p + R[2] * q[j.iq]
     if j.kind == "revolute":
-        c, s = (q[j.iq], q[j.iq + 1]) if j.unbounded else (np.cos(q[j.iq]), np.sin(q[j.iq]))
+        c, s = np.cos(q[j.iq]), np.sin(q[j.iq])
         out = np.empty((3, 3, q.shape[1]))
         out[0] = c * R[0] + s * R[1]
         out[1] = c * R[1] - s * R[0]

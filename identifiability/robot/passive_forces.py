@@ -23,6 +23,7 @@ Spring = tuple[float, float]
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+_ON_BODY = int(mujoco.mjtTrn.mjTRN_BODY)  # adhesion, which acts on contacts alone
 _ON_TENDON, _ALONG = int(mujoco.mjtTrn.mjTRN_TENDON), int(mujoco.mjtWrap.mjWRAP_JOINT)
 
 
@@ -83,8 +84,8 @@ def find_drives(m: Any) -> tuple[list[str] | None, str]:
     joints = [_driven(m, a) for a in range(count)]
     names = [m.joint(j).name for j in joints if j is not None]
     other = next((m.actuator(a).name or f"number {a + 1}" for a in range(count)
-                  if joints[a] is None), "")  # fmt: skip
-    return list(dict.fromkeys(names)) if count else None, other
+                  if joints[a] is None and int(m.actuator_trntype[a]) != _ON_BODY), "")  # fmt: skip
+    return list(dict.fromkeys(names)) if names or other else None, other
 
 
 def _driven(m: Any, a: int) -> int | None:

@@ -55,6 +55,18 @@ def test_a_continuous_joint_takes_its_home_from_the_sidecar(load_text):
     assert robot.actuated_positions(robot.home[None])[0] == pytest.approx([2.0, 0.0])
 
 
+@pytest.mark.parametrize("factor", [-1.0, 0.5])
+def test_what_mimics_a_continuous_joint_follows_it_over_many_turns(factor, load_text):
+    hand = LINK.format("tip") + LINK.format("pad")
+    mimic = f'<mimic joint="j1" multiplier="{factor}"/>'
+    more = JOINT.format("j3", "continuous", "tip", "pad", "1 0 0", mimic)
+    robot = load_text(chain(more=more, links=hand), "urdf")
+    q = np.linspace(-20, 20, 40)[:, None] * [1.0, 0.1]
+    motion = complete_motion(robot, np.arange(40.0), q, q, q)
+    assert len(motion) == 40
+    np.testing.assert_allclose(robot.dof_position(motion.q, "j3"), factor * q[:, 0], atol=1e-12)
+
+
 def test_mimicking_a_fixed_joint_is_standing_still_and_a_fixed_joint_cannot_mimic(load_text):
     hand = LINK.format("tip") + LINK.format("pad") + LINK.format("plate")
     more = JOINT.format("j3", "revolute", "tip", "pad", "1 0 0", '<mimic joint="j4" offset="0.5"/>')
