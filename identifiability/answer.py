@@ -114,6 +114,23 @@ class Analysis:
         """Return one row a model."""
         return pd.DataFrame([m.row() for m in self.models])
 
+    def error_frame(self) -> pd.DataFrame:
+        """Return the errors of the selected model by joint and by log, fitted and held out.
+
+        Relative to how much the torque varies: that of the joint about its own mean, that of all
+        joints of a log about the log's mean (ε_RA of the log by itself). NaN where a log took no
+        part, or the torque does not vary.
+        """
+        fitted, unseen = (p.select([self.selected]) for p in (self.fitted, self.held_out))
+        joints = zip(self.robot.joints, fitted.joint_error(), unseen.joint_error(), strict=True)
+        rows = [("joint", name, float(a[0]), float(b[0])) for name, a, b in joints]
+        for k, s in enumerate(self.samples):
+            crossed = float("nan") if self.validation else float(unseen.relative_error(k)[0])
+            rows.append(("log", s.name, float(fitted.relative_error(k)[0]), crossed))
+        for k, s in enumerate(self.validation):
+            rows.append(("log", s.name, float("nan"), float(unseen.relative_error(k)[0])))
+        return pd.DataFrame(rows, columns=["of", "name", "error", "error_validation"])
+
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
         return {
@@ -123,6 +140,7 @@ class Analysis:
             "validation": self.validation_kind,
             "models": [m.row() for m in self.models],
             "selected": self.chosen.name,
+            "errors": self._errors(),
             "parameters": [v.to_row() for v in self.chosen.verdicts],
             "full_parameters": [v.to_row() for v in self.full.verdicts],
             "physical": {
@@ -146,6 +164,13 @@ class Analysis:
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
             "method": self.method,
             "provenance": self.provenance,
+        }
+
+    def _errors(self) -> dict[str, Any]:
+        frame = self.error_frame()
+        return {
+            f"{kind}s": part.drop(columns="of").rename(columns={"name": kind}).to_dict("records")
+            for kind, part in frame.groupby("of")
         }
 
     def to_json(self, path: str | Path) -> Path:
