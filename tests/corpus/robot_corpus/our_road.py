@@ -1,0 +1,37 @@
+"""The torque that the library finds: its regressor times the values that the file states."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.model import Model
+from identifiability.robot import Robot, complete_motion
+from robot_corpus.mujoco_road import States
+
+#: Everything that a file can state.
+EFFECTS = (
+    "rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia", "torque_offset",
+    "passive_joint_friction", "joint_stiffness",
+)  # fmt: skip
+
+
+def nominal_torque(robot: Robot, states: States) -> np.ndarray:
+    """Return the torque (N, n) of the file's own values at states, by the states' joints."""
+    model = Model.of(*EFFECTS)
+    order = _order(robot.joints, states.joints)
+    t = np.arange(len(states.q), dtype=float)
+    given = (x[:, order] for x in (states.q, states.dq, states.ddq))
+    motion = complete_motion(robot, t, *given)
+    assert len(motion) == len(t), "loops were not closed at every state"
+    values = [robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)]
+    tau = np.empty_like(states.tau)
+    tau[:, order] = model.regressor(robot, motion) @ np.array(values)
+    return tau
+
+
+def _order(ours: tuple[str, ...], theirs: tuple[str, ...]) -> list[int]:
+    """Return where each of our joints is among the others; a joint without a name by its place."""
+    known = [theirs.index(name) for name in ours if name in theirs]
+    left = [k for k in range(len(theirs)) if k not in known]
+    assert len(ours) == len(theirs), f"{ours} are actuated, the file says {theirs}"
+    return [theirs.index(name) if name in theirs else left.pop(0) for name in ours]

@@ -1,0 +1,79 @@
+"""The torque that Pinocchio finds for a URDF: nothing here is shared with the library.
+
+Pinocchio leaves damping, friction and mimic joints aside; they are taken from the file.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from robot_corpus.mujoco_road import States
+
+
+class PinocchioRoad:
+    """A URDF.
+
+    Parameters
+    ----------
+    path : Path
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.model = pin.buildModelFromUrdf(str(path))
+        self.data = self.model.createData()
+        nv = self.model.nv
+        names = {
+            self.model.names[k]: self.model.joints[k].idx_v for k in range(1, self.model.njoints)
+        }
+        self.damping, self.friction = np.zeros(nv), np.zeros(nv)
+        ratio, shift, driven = np.eye(nv), np.zeros(nv), dict(names)
+        self.slides = np.zeros(nv, bool)
+        for joint in ET.parse(path).getroot().findall("joint"):
+            at = names.get(joint.get("name", ""))
+            if at is None:
+                continue
+            self.slides[at] = joint.get("type") == "prismatic"
+            dynamics, mimic = joint.find("dynamics"), joint.find("mimic")
+            if dynamics is not None:
+                self.damping[at] = float(dynamics.get("damping", 0))
+                self.friction[at] = float(dynamics.get("friction", 0))
+            if mimic is not None:
+                ratio[at] = 0
+                of = mimic.get("joint", "")
+                if of in names:  # a fixed joint stays at zero
+                    ratio[at, names[of]] = float(mimic.get("multiplier", 1))
+                shift[at] = float(mimic.get("offset", 0))
+                del driven[joint.get("name", "")]
+        self.joints = tuple(driven)
+        free = [driven[name] for name in self.joints]
+        # A mimic of a mimic follows after as many steps as there are between.
+        self.map, self.shift = ratio[:, free], shift
+        for _ in range(nv):
+            self.map, self.shift = ratio @ self.map, ratio @ self.shift + shift
+        assert all(
+            np.array_equal(self.map[at], e) for at, e in zip(free, np.eye(len(free)), strict=True)
+        )
+
+    def states(self, rng: np.random.Generator, count: int, spread: float) -> States:
+        """Return random states of the actuated joints, away from zero speed, and their torque."""
+        n = len(self.joints)
+        single = [self.map[:, k].argmax() for k in range(n)]
+        reach = np.where(self.slides[single], 0.2 * spread, spread)
+        q = reach * rng.uniform(-1, 1, (count, n))
+        dq = rng.choice([-1, 1], (count, n)) * rng.uniform(0.3, 2, (count, n))
+        ddq = 5 * rng.normal(size=(count, n))
+        tau = np.array([self._torque(*row) for row in zip(q, dq, ddq, strict=True)])
+        return States(self.joints, q, dq, ddq, tau)
+
+    def _torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        model = self.model
+        v, a = self.map @ dq, self.map @ ddq
+        at = pin.integrate(model, pin.neutral(model), self.map @ q + self.shift)
+        force = pin.rnea(model, self.data, at, v, a)
+        force = force + self.damping * v + self.friction * np.sign(v)
+        tau: np.ndarray = self.map.T @ force
+        return tau
