@@ -70,28 +70,23 @@ ACTUATORS = (
         '[[<general gainprm="3" biastype="affine" biasprm="1 2 3"||<motor]] joint="elbow"/>',
     ),
     _driven("actuator cylinder", '[[<cylinder timeconst="0.1" area="2"||<motor]] joint="elbow"/>'),
-    _driven("actuator pid", '[[<pid kp="3" ki="2"||<motor]] joint="elbow"/>', "pid"),
+    _driven("actuator pid", '[[<pid kp="3" ki="2"||<motor]] joint="elbow"/>'),
     _driven(
         "actuator dcmotor",
         '[[<dcmotor motorconst="0.05" resistance="1"||<motor]] joint="elbow"/>',
-        "dcmotor",
     ),
-    _driven("actuator muscle", '[[<muscle lengthrange="0 1"||<motor]] joint="elbow"/>', "muscle"),
+    _driven("actuator muscle", '[[<muscle lengthrange="0 1"||<motor]] joint="elbow"/>'),
     _driven("actuator jointinparent", '<motor [[jointinparent||joint]]="elbow"/>'),
-    _driven(
-        "actuator armature", '<motor joint="elbow" [[armature="0.3"]]/>', "armature", inert=False
-    ),
+    _driven("actuator armature", '<motor joint="elbow" [[armature="0.3"]]/>', inert=False),
     _driven(
         "actuator armature with a gear",
         '<motor joint="elbow" gear="3" [[armature="0.3"]]/>',
-        "armature",
         inert=False,
     ),
-    _driven("actuator damping", '<motor joint="elbow" [[damping="0.3"]]/>', "damping", inert=False),
+    _driven("actuator damping", '<motor joint="elbow" [[damping="0.3"]]/>', inert=False),
     _driven(
         "actuator damping with a gear",
         '<motor joint="elbow" gear="3" [[damping="0.3"]]/>',
-        "damping",
         inert=False,
     ),
     _driven(
@@ -141,7 +136,35 @@ ACTUATORS = (
 )
 
 
+def _band(name: str, attributes: str, refusal: str = "", **places: str) -> Entry:
+    tendon = f'<tendon><fixed {attributes}><joint joint="elbow" coef="-0.5"/></fixed></tendon>'
+    return Entry(f"tendon along one joint: {name}", arm(after=tendon, **places), refusal)
+
+
 TENDONS = (
+    _band("stiffness", '[[stiffness="5"]]'),
+    _band("springlength", 'stiffness="5" [[springlength="0.7"]]'),
+    _band("springlength with a dead band", 'stiffness="5" [[springlength="0.1 0.7"]]', "tendon"),
+    _band(
+        "stiffness beside the joint's",
+        '[[stiffness="5" springlength="0.7"]]',
+        elbow='stiffness="3" springref="20"',
+    ),
+    _band("damping", '[[damping="0.5"]]'),
+    _band("damping that is a polynomial", 'damping="0.5[[ 0.3]]"', "tendon"),
+    _band("frictionloss", '[[frictionloss="0.5"]]'),
+    _band("frictionloss beside the joint's", '[[frictionloss="0.5"]]', elbow='frictionloss="1"'),
+    _band("armature", '[[armature="0.5"]]'),
+    Entry(
+        "tendon along one joint with a motor",
+        arm(
+            after='<tendon><fixed name="t"><joint joint="elbow" coef="-0.5"/></fixed></tendon>'
+            "<actuator>"
+            '<motor [[tendon="t"||joint="elbow"]]/><motor joint="shoulder"/><motor joint="wrist"/>'
+            "</actuator>"
+        ),
+        inert=True,
+    ),
     Entry("tendon spatial over a drum and a pulley", _WRAP, refusal="tendon"),
     _tendon("tendon fixed without forces", '[[group="1"]]', "", inert=True),
     _tendon("tendon fixed with limits", '[[limited="true" range="-1 1"]]', "", inert=True),
@@ -150,7 +173,9 @@ TENDONS = (
     _tendon(
         "tendon fixed springlength with a dead band", 'stiffness="5" [[springlength="0.1 0.7"]]'
     ),
-    _tendon("tendon fixed springlength without stiffness", '[[springlength="0.7"]]', inert=True),
+    _tendon(
+        "tendon fixed springlength without stiffness", '[[springlength="0.7"]]', "", inert=True
+    ),
     _tendon("tendon fixed damping", '[[damping="0.5"]]'),
     _tendon("tendon fixed frictionloss", '[[frictionloss="0.5"]]'),
     _tendon("tendon fixed armature", '[[armature="0.5"]]'),

@@ -39,7 +39,6 @@ BODY = (
         "body mocap",
         arm(world='[[<body name="target" mocap="true"><geom size="0.1"/></body>]]'),
         inert=True,
-        refusal="mocap",
     ),
     Entry(
         "body nested in static ones",
@@ -93,7 +92,6 @@ BODY = (
             )
         ),
         inert=True,
-        refusal="name",
     ),
     Entry(
         "body user data",

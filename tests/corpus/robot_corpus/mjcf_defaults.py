@@ -78,7 +78,6 @@ DEFAULT = (
             '<default>[[<tendon stiffness="9"/>]]</default>',
             '<tendon><fixed><joint joint="elbow" coef="0.5"/></fixed></tendon>',
         ),
-        refusal="tendon",
     ),
     Entry(
         "default motor gear", arm('<default>[[<motor gear="50"/>]]</default>', MOTORS), inert=True
@@ -108,7 +107,6 @@ MACROS = (
             f'pos="0 0.2 0"><joint name="extra" axis="1 0 0"/>{GEOM}</body>'
             "[[</frame>]]"
         ),
-        refusal="frame",
     ),
     Entry(
         "frame with a childclass",
@@ -117,7 +115,6 @@ MACROS = (
             in_fore=FORE + '<frame [[childclass="all"]]><body name="extra" pos="0 0.2 0">'
             f'<joint name="extra" axis="1 0 0"/>{GEOM}</body></frame>',
         ),
-        refusal="frame",
     ),
     Entry(
         "frame in a frame",
@@ -125,7 +122,6 @@ MACROS = (
             in_fore='<frame pos="0.1 0 0" [[axisangle="0 1 1 30"]]><frame '
             f'quat="1 0 1 0">{GEOM}</frame></frame>'
         ),
-        refusal="frame",
     ),
     Entry(
         "replicate of geoms",
@@ -133,7 +129,6 @@ MACROS = (
             in_fore='[[<replicate count="3" offset="0 0.1 0" '
             f'euler="0 0 30">]]{GEOM}[[</replicate>]]'
         ),
-        refusal="replicate",
     ),
     Entry(
         "replicate of bodies",
@@ -142,7 +137,6 @@ MACROS = (
             '<body name="finger"><joint name="finger"/>'
             f"{GEOM}</body></replicate>"
         ),
-        refusal="replicate",
     ),
     Entry(
         "attach",

@@ -111,9 +111,9 @@ LOOPS = (
     _bar("equality connect under gravity of its own", top='[[<option gravity="2 0 5"/>]]'),
     _bar("passive joint damping", rocker='[[damping="0.6"]]'),
     _bar("passive joint frictionloss", rod='[[frictionloss="0.6"]]'),
-    _bar("passive joint armature", rod='[[armature="0.3"]]', refusal="armature"),
-    _bar("passive joint stiffness", rod='[[stiffness="3"]]', refusal="stiffness"),
-    _bar("passive joint springref", rod='stiffness="3" [[springref="0.5"]]', refusal="spring"),
+    _bar("passive joint armature", rod='[[armature="0.3"]]'),
+    _bar("passive joint stiffness", rod='[[stiffness="3"]]'),
+    _bar("passive joint springref", rod='stiffness="3" [[springref="0.5"]]'),
     _bar(
         "passive joint off the centre",
         rocker='[[pos="0.05 0 0.1"]]',
@@ -161,7 +161,6 @@ LOOPS = (
     _coupled(
         "equality joint with passive armature",
         "",
-        "armature",
         elbow='axis="0 1 0" [[armature="0.5"]]',
     ),
     Entry(

@@ -47,7 +47,6 @@ JOINT = (
             "</body>"
         ),
         inert=True,
-        refusal="name",
     ),
     Entry("joint armature", arm(elbow='axis="0 1 0" [[armature="0.7"]]')),
     Entry("joint damping", arm(elbow='axis="0 1 0" [[damping="0.7"]]')),
@@ -57,11 +56,10 @@ JOINT = (
         refusal="damping",
     ),
     Entry("joint frictionloss", arm(elbow='axis="0 1 0" [[frictionloss="0.7"]]')),
-    Entry("joint stiffness", arm(elbow='axis="0 1 0" [[stiffness="7"]]'), refusal="stiffness"),
+    Entry("joint stiffness", arm(elbow='axis="0 1 0" [[stiffness="7"]]')),
     Entry(
         "joint stiffness of a slide",
         arm(wrist='type="slide" [[stiffness="70"]]'),
-        refusal="stiffness",
     ),
     Entry(
         "joint stiffness that is a polynomial",
@@ -71,19 +69,15 @@ JOINT = (
     Entry(
         "joint springref",
         arm(elbow='axis="0 1 0" stiffness="7" [[springref="40"]]'),
-        refusal="spring",
     ),
     Entry(
         "joint springref of a slide",
         arm(wrist='type="slide" stiffness="7" [[springref="0.2"]]'),
-        refusal="spring",
     ),
     Entry(
         "joint springref without a spring", arm(elbow='axis="0 1 0" [[springref="40"]]'), inert=True
     ),
-    Entry(
-        "joint springdamper", arm(elbow='axis="0 1 0" [[springdamper="0.5 1"]]'), refusal="spring"
-    ),
+    Entry("joint springdamper", arm(elbow='axis="0 1 0" [[springdamper="0.5 1"]]')),
     Entry(
         "joint springyield",
         arm(elbow='axis="0 1 0" stiffness="7" [[springyield="0.1"]]'),
@@ -96,7 +90,6 @@ JOINT = (
     Entry(
         "joint ref with a spring",
         arm(elbow='axis="0 1 0" stiffness="5" springref="10" [[ref="30"]]'),
-        refusal="spring",
     ),
     Entry(
         "joint ref, two in one body",

@@ -140,22 +140,18 @@ OPTION = (
     Entry(
         "option flag spring",
         arm('<option><flag [[spring="disable"]]/></option>', elbow='stiffness="7" springref="20"'),
-        refusal="spring",
     ),
     Entry(
         "option flag damper",
         arm('<option><flag [[damper="disable"]]/></option>', elbow='damping="7"'),
-        refusal="damper",
     ),
     Entry(
         "option flag frictionloss",
         arm('<option><flag [[frictionloss="disable"]]/></option>', elbow='frictionloss="7"'),
-        refusal="frictionloss",
     ),
     Entry(
         "option flag constraint",
         arm('<option><flag [[constraint="disable"]]/></option>', elbow='frictionloss="7"'),
-        refusal="constraint",
     ),
     Entry(
         "option flag equality",
@@ -165,7 +161,6 @@ OPTION = (
             '<actuator><motor joint="shoulder"/>[[<motor joint="elbow"/>]]'
             '<motor joint="wrist"/></actuator>',
         ),
-        refusal="equality",
     ),
     Entry(
         "option flag equality for a loop",
@@ -173,7 +168,6 @@ OPTION = (
             '<option><flag [[equality="disable"]]/></option>',
             after='<actuator>[[<motor joint="rod"/><motor joint="rocker"/>]]</actuator>',
         ),
-        refusal="equality",
         spread=0.4,
     ),
     Entry(

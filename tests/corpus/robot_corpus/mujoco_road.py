@@ -60,13 +60,13 @@ class MujocoRoad:
 
     def _actuated(self) -> list[int]:
         """Return the joints with a motor, else all, by index, in the order of the tree."""
-        m = self.model
-        driven = {
-            int(m.actuator_trnid[k, 0])
-            for k in range(len(m.actuator_trnid)) if int(m.actuator_trntype[k]) in _AT_JOINT
-        }  # fmt: skip
-        chosen = sorted(driven) or range(m.njnt)
-        return [j for j in chosen if int(m.jnt_type[j]) in _SINGLE]
+        m, driven = self.model, set()
+        for kind, target in zip(m.actuator_trntype, m.actuator_trnid[:, 0], strict=True):
+            if int(kind) in _AT_JOINT:
+                driven.add(int(target))
+            elif int(kind) == int(mujoco.mjtTrn.mjTRN_TENDON) and m.tendon_num[target] == 1:
+                driven.add(int(m.wrap_objid[m.tendon_adr[target]]))
+        return [j for j in sorted(driven) or range(m.njnt) if int(m.jnt_type[j]) in _SINGLE]
 
     def states(self, rng: np.random.Generator, count: int, spread: float) -> States:
         """Return random states of the actuated joints, away from zero speed, and their torque."""
