@@ -31,6 +31,8 @@ def test_moves_zero_and_tie_columns_and_later_moves_act_on_the_leaders():
     np.testing.assert_array_equal(gone.group, [0, ZERO, 2, ZERO, ZERO])
     assert gone.zeroed() == ["b", "d", "e"]
     np.testing.assert_array_equal(gone.survivors(), [True, False, True, False, False])
+    wider = tied.apply(Move(Kind.TIE, tie=(("a", "d"),)))  # whom it led before comes along
+    np.testing.assert_array_equal(wider.group, [0, 0, 2, 0, 0])
     again = gone.apply(Move(Kind.TIE, tie=(("a", "b", "c"),)))  # what is zero stays so
     np.testing.assert_array_equal(again.group, [0, ZERO, 0, ZERO, ZERO])
 
