@@ -60,8 +60,7 @@ class Uncertainty:
             return np.full(len(self.white), np.inf)
         largest = self.inflated
         if self.bootstrap is not None:
-            spread = np.where(np.isfinite(self.white), self.bootstrap.sd, np.inf)
-            largest = np.maximum(largest, spread)
+            largest = np.maximum(largest, self.bootstrap.sd)
         if self.scores is not None:
             largest = np.maximum(largest, self.scores.widened)
         return largest

@@ -108,20 +108,39 @@ def test_intervals_of_several_shares_are_right_together():
         )
 
 
-def test_an_outcome_is_judged_as_the_answer_would_judge_it():
+def made(samples):
+    """Return an outcome of which one parameter is known well and one is not, and its estimate."""
     rng = np.random.default_rng(0)
-    made = Experiment(
-        W=rng.normal(size=(960, 2, 2)), log=np.zeros(960, int), columns=("p0", "p1"), block=8
+    experiment = Experiment(
+        W=rng.normal(size=(samples, 2, 2)),
+        log=np.zeros(samples, int),
+        columns=("p0", "p1"),
+        block=max(1, samples // 120),
     )
-    information, tau = made.outcome(np.array([1.0, 0.01]), 0.3 * rng.normal(size=(960, 2)))
+    noise = 0.3 * rng.normal(size=(samples, 2))
+    information, tau = experiment.outcome(np.array([1.0, 0.01]), noise)
     rung = Rung(
         name="m", description="", columns=("p0", "p1"), labels=("p0", "p1"), units=("kg", "kg"),
         M=np.eye(2), held=np.zeros(2), nonnegative=np.zeros(2, bool),
     )  # fmt: skip
-    found = judge_outcome(rung, made, information, tau, np.random.default_rng(0), replicates=50)
-    fit = estimate(information)
+    found = judge_outcome(
+        rung, experiment, information, tau, np.random.default_rng(0), replicates=50
+    )
+    return found, estimate(information)
+
+
+def test_an_outcome_is_judged_as_the_answer_would_judge_it():
+    found, fit = made(960)
     np.testing.assert_allclose(found.value, fit.value)
     np.testing.assert_allclose(found.white, fit.sigma)
     assert (found.robust >= found.white).all()
     np.testing.assert_array_equal(found.identifiable, [True, False])
     np.testing.assert_array_equal(found.paper, fit.paper_rule)
+    assert found.judged
+
+
+def test_outcomes_too_short_to_be_judged_are_counted():
+    short, long = made(6)[0], made(960)[0]
+    assert not short.judged
+    assert not short.identifiable.any()
+    assert count([short, long, long, long], [1.0, 0.01]).not_judged == 0.25

@@ -7,7 +7,13 @@ from identifiability.bootstrap import Bootstrap
 from identifiability.estimation import estimate
 from identifiability.noise import autocorrelation, autocorrelation_time, block_length
 from identifiability.scores import ScoreScatter
-from identifiability.uncertainty import Uncertainty, assess_uncertainty, recurrence, residual_times
+from identifiability.uncertainty import (
+    Uncertainty,
+    assess_uncertainty,
+    recurrence,
+    resample,
+    residual_times,
+)
 from identifiability.verdict import Thresholds
 
 from .made import ar1, fit_of, gather
@@ -91,6 +97,19 @@ def test_the_bootstraps_blocks_are_as_long_as_the_longest_memory_asks(rows):
     assert found.bootstrap.block_samples >= found.block
     assert found.scores is not None
     assert (found.robust >= np.max([found.inflated, found.bootstrap.sd, found.scores.sd], 0)).all()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "memory", "block"),
+    [(20.0, 2.0, 20.0), (900.0, 2.0, 125.0), (900.0, 40.0, 200.0), (160.0, 40.0, 160.0)],
+)
+def test_blocks_leave_sixteen_of_them_or_are_as_long_as_five_memories(rows, wanted, memory, block):
+    W, tau = rows
+    information = gather(W, tau)
+    times, rng = np.array([1.0, memory]), np.random.default_rng(0)
+    found = resample(information, estimate(information), times, wanted, rng, 10)
+    assert found.block == block
+    assert found.bootstrap.blocks == 2000 // block
 
 
 def test_too_short_a_log_says_why_there_is_no_bootstrap(rows):
