@@ -278,7 +278,7 @@ def _closures(model: Any, robot: Robot) -> list[_Closure]:
         ends = [[(model.body(b).id, np.array(p)) for b, p in pair] for pair in stated]
         return [_Closure((e[0][0], e[1][0]), (e[0][1], e[1][1])) for e in ends]
     out = []
-    for k in range(model.neq):
+    for k in range(model.neq if robot.loops else 0):  # a flag of the file may open them all
         if model.eq_type[k] != mujoco.mjtEq.mjEQ_CONNECT or not model.eq_active0[k]:
             continue
         first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from robot_corpus import ELEMENTS, ENTRIES, SILENT, Entry
 from robot_corpus.mujoco_road import MujocoRoad, States
-from robot_corpus.our_road import nominal_torque
+from robot_corpus.our_road import nominal_torque, simulated_torque
 from robot_corpus.pinocchio_road import PinocchioRoad
 
 from identifiability.errors import RobotError
@@ -19,13 +19,17 @@ AGREE = 1e-9
 #: The MuJoCo that knows every attribute of the corpus.
 NEWEST = 4000000
 
+#: MuJoCo simulates, and it moves no bodies without mass.
+MASSLESS = ("URDF link without inertial", "URDF mass of zero")
+READ = [e for e in ENTRIES if not e.refusal and e.name not in MASSLESS]
+
 MARKED = [e for e in ENTRIES if e.marked and not e.unreadable]
 
 
-def states_of(entry: Entry, folder, *, without: bool = False) -> States:
+def states_of(entry: Entry, folder, *, without: bool = False, count: int = STATES) -> States:
     path = entry.write(folder, without=without)
     road = PinocchioRoad(path) if entry.urdf else MujocoRoad(path, strict=not without)
-    return road.states(np.random.default_rng(20), STATES, entry.spread)
+    return road.states(np.random.default_rng(20), count, entry.spread)
 
 
 def too_new(entry: Entry, path) -> bool:
@@ -49,6 +53,15 @@ def test_both_roads_agree_or_the_sentence_names_the_feature(entry, tmp_path):
     assert not entry.unreadable, "it cannot be read, but was"
     states = states_of(entry, tmp_path)
     tau = nominal_torque(robot, states)
+    np.testing.assert_allclose(tau, states.tau, rtol=0, atol=AGREE * np.abs(states.tau).max())
+
+
+@pytest.mark.parametrize("entry", READ, ids=lambda e: e.name)
+def test_the_simulated_robot_is_that_of_the_file(entry, tmp_path):
+    if too_new(entry, entry.write(tmp_path)):
+        return
+    states = states_of(entry, tmp_path, count=20)
+    tau = simulated_torque(Robot.load(entry.write(tmp_path)), states)
     np.testing.assert_allclose(tau, states.tau, rtol=0, atol=AGREE * np.abs(states.tau).max())
 
 

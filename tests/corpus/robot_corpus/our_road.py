@@ -1,4 +1,4 @@
-"""The torque that the library finds: its regressor times the values that the file states."""
+"""The torque that the library finds: its regressor times the file's values, and its simulator's."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from identifiability.model import Model
 from identifiability.robot import Robot, complete_motion
+from identifiability.simulation import PrescribedMotion, simulate
 from robot_corpus.mujoco_road import States
 
 #: Everything that a file can state.
@@ -26,6 +27,15 @@ def nominal_torque(robot: Robot, states: States) -> np.ndarray:
     values = [robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)]
     tau = np.empty_like(states.tau)
     tau[:, order] = model.regressor(robot, motion) @ np.array(values)
+    return tau
+
+
+def simulated_torque(robot: Robot, states: States) -> np.ndarray:
+    """Return the torque (N, n) in the log of the simulated robot at states, by their joints."""
+    order = _order(robot.joints, states.joints)
+    given = (x[:, order] for x in (states.q, states.dq, states.ddq))
+    tau = np.empty_like(states.tau)
+    tau[:, order] = simulate(robot, PrescribedMotion(np.arange(len(tau)) * 1.0, *given)).tau
     return tau
 
 
