@@ -8,7 +8,6 @@ from threadpoolctl import threadpool_limits
 from identifiability.answer import SCHEMA, Analysis
 from identifiability.assessment import assess_ladder, select_model
 from identifiability.engines.mapping import Engine
-from identifiability.errors import LogError
 from identifiability.estimation import Method
 from identifiability.evaluation import Task, predict, predict_all
 from identifiability.grouping import find_base_parameters
@@ -31,8 +30,8 @@ from identifiability.stages import (
     Logs,
     Progress,
     believe,
-    check_held_out,
     fit_ladder,
+    open_logs,
     plan_cross_validation,
     prepare_logs,
     running,
@@ -106,11 +105,9 @@ def analyze(
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
             say("reading logs", 0.0)
             reading = share(say, "reading logs", 0.0, 0.2)
-            train = prepare_logs(robot, logs, preparation, runner, reading)
-            if not train:
-                raise LogError("No log was given; give at least one.")
-            held = prepare_logs(robot, validate, preparation, runner)
-            check_held_out(train, held)
+            raw, raw_held, hints = open_logs(logs, validate)
+            train = prepare_logs(robot, raw, preparation, runner, reading)
+            held = prepare_logs(robot, raw_held, preparation, runner)
             say("finding base parameters", 0.2)
             base = find_base_parameters(robot, model, streams[0])
             rungs = build_ladder(ladder, robot, base)
@@ -143,5 +140,5 @@ def analyze(
         return Analysis(
             robot, base, train, held, information, results, at,
             fitted.first(len(rungs)), out.first(len(rungs)), model.names, method, seed, belief,
-            thresholds, (hint,) if hint else (),
+            thresholds, tuple(filter(None, (hint, *hints))),
         )  # fmt: skip

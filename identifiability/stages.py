@@ -25,6 +25,7 @@ from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile, open_log
+from identifiability.logs.repeats import drop_repeats
 from identifiability.model import Regression
 from identifiability.names import Array
 from identifiability.options import Expected
@@ -106,6 +107,23 @@ def prepare_logs(
     return tuple(
         prepare_log(robot, log, how, engine=engine, progress=progress) for log in read_logs(logs)
     )
+
+
+def open_logs(
+    logs: Sequence[LogLike] | LogLike, validate: Sequence[LogLike] | LogLike
+) -> tuple[list[Log | LogFile], list[Log | LogFile], tuple[str, ...]]:
+    """Return fitted and held-out logs, every row once, and hints on those that repeat others.
+
+    Raises
+    ------
+    LogError
+        If there is none, or one is given twice.
+    """
+    train, held = read_logs(logs), read_logs(validate)
+    if not train:
+        raise LogError("No log was given; give at least one.")
+    check_held_out(train, held)
+    return drop_repeats(train, held)
 
 
 def check_held_out(

@@ -73,6 +73,8 @@ class Diagnosis:
     seed : int
     forward : ForwardGap or None
         Forward simulation before and after, where it was made.
+    hints : tuple of str
+        What seems to be wrong with the logs, for the user to check.
     """
 
     robot: Robot
@@ -103,6 +105,7 @@ class Diagnosis:
     rules: Rules
     seed: int
     forward: ForwardGap | None = None
+    hints: tuple[str, ...] = ()
 
     @property
     def base_effects(self) -> tuple[Effect, ...]:
@@ -165,6 +168,7 @@ class Diagnosis:
             "model": list(self.base),
             "fixed": self.fixed,
             "statement": self.statement,
+            "hints": list(self.hints),
             "before": {"error_ra": self.error_before, "error_ra_validation": self.held_before},
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [_effect_row(e) for e in self.refuted],

@@ -75,9 +75,10 @@ def _state_refused(d: Diagnosis) -> str:
 
 def remarks(d: Diagnosis) -> list[Remark]:
     """Return what else should be known of the named effects, and what was refuted."""
-    refuted = [Remark("Refuted", _state_contradicted(e, d.verified_on)) for e in d.refuted]
+    always = [Remark("Refuted", _state_contradicted(e, d.verified_on)) for e in d.refuted]
+    always += [Remark("Check the logs", hint) for hint in d.hints]
     if not d.effects:
-        return refuted
+        return always
     out = []
     if np.isfinite(d.real_after):
         text = (
@@ -88,7 +89,7 @@ def remarks(d: Diagnosis) -> list[Remark]:
     if d.forward is not None and d.forward.measured:
         better = d.forward.interval[1] < 0
         out.append(Remark("In simulated motion", d.forward.statement, better))
-    return [*out, *(r for e in d.effects for r in _caveats(e)), *refuted]
+    return [*out, *(r for e in d.effects for r in _caveats(e)), *always]
 
 
 def _state_effect(e: NamedEffect) -> str:

@@ -18,14 +18,13 @@ from identifiability.diagnosis.result import Diagnosis
 from identifiability.diagnosis.roles import assign_roles
 from identifiability.diagnosis.rules import Rules
 from identifiability.diagnosis.thinning import prepare_thin
-from identifiability.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
 from identifiability.model import Model
 from identifiability.options import Names, Seed, at_least, checked
 from identifiability.robot import Robot, RobotLike
 from identifiability.samples import Preparation, Samples
-from identifiability.stages import Logs, Progress, check_held_out, read_logs
+from identifiability.stages import Logs, Progress, open_logs
 
 #: Simulated noises without which no p-value falls below 5 %.
 FEWEST = 19
@@ -93,10 +92,7 @@ def diagnose(
     with threadpool_limits(1):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         say("reading logs", 0.0)
-        train_logs, held_logs = read_logs(logs), read_logs(validate)
-        if not train_logs:
-            raise LogError("No log was given; give at least one.")
-        check_held_out(train_logs, held_logs)
+        train_logs, held_logs, hints = open_logs(logs, validate)
         roles = assign_roles(train_logs, held_logs)
         train, choose, verify = (
             [prepare_rows(robot, log, preparation) for log in part]
@@ -119,6 +115,7 @@ def diagnose(
         found = conclude(
             material, naming, stress, train, verify, roles, rules, fixed, seed, streams[2]
         )
+        found = replace(found, hints=hints)
         if not (forward and found.effects):
             return found
         say("simulating forward", 0.95)

@@ -57,6 +57,8 @@ class Ladder:
         As asked for.
     least : int
         The rung with the least held-out error.
+    hints : tuple of str
+        What seems to be wrong with the logs, for the user to check.
     """
 
     robot: Robot
@@ -76,6 +78,7 @@ class Ladder:
     method: Method
     seed: int
     least: int
+    hints: tuple[str, ...] = ()
 
     @property
     def chosen(self) -> PrunedRung:
@@ -105,7 +108,7 @@ class Ladder:
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        return statement(self)
+        return " ".join((statement(self), *self.hints))
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the rung to use."""
@@ -130,6 +133,7 @@ class Ladder:
             "robot": {"name": self.robot.name, "title": self.robot.title},
             "samples": self.information.samples,
             "statement": self.statement,
+            "hints": list(self.hints),
             "models": [r.row() for r in self.rungs],
             "selected": self.chosen.name,
             "parameters": [v.to_row() for v in self.verdicts],

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.assessment import RungResult, assess_ladder
 from identifiability.engines.mapping import Engine, Steps
-from identifiability.errors import IdentifiabilityError, LogError, ModelError, listing, near_match
+from identifiability.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.estimation import Method, estimate
 from identifiability.feasibility import PhysicalResult, assess_feasibility
 from identifiability.grouping import BaseParameters, find_base_parameters
@@ -44,7 +44,7 @@ from identifiability.samples.longsamples import Prepared
 from identifiability.stages import (
     Logs,
     Progress,
-    check_held_out,
+    open_logs,
     prepare_logs,
     running,
     share,
@@ -124,11 +124,9 @@ def prune(
             ladder = default_ladder(robot) if ladder is None else read_ladder(ladder)
         say("reading logs", 0.0)
         reading = share(say, "reading logs", 0.0, 0.1)
-        train = prepare_logs(robot, logs, preparation, runner, reading)
-        held = prepare_logs(robot, validate, preparation, runner)
-        if not train:
-            raise LogError("No log was given; give at least one.")
-        check_held_out(train, held)
+        raw, raw_held, hints = open_logs(logs, validate)
+        train = prepare_logs(robot, raw, preparation, runner, reading)
+        held = prepare_logs(robot, raw_held, preparation, runner)
         say("building the regression", 0.1)
         building = share(say, "building the regression", 0.1, 0.4)
         task = _set_up(robot, ladder, train, held, method, streams[0], runner, building)
@@ -159,7 +157,7 @@ def prune(
         return Ladder(
             robot, task.base, train, held, task.information, task.start, rungs, chosen, result,
             search.path.refused, stability, absorption,
-            task.model.names, criterion, method, seed, least_error(search.path.steps),
+            task.model.names, criterion, method, seed, least_error(search.path.steps), hints,
         )  # fmt: skip
 
 

@@ -1,0 +1,118 @@
+"""Rows that are given more than once: copies are no new evidence, however often they come.
+
+A measurement that is repeated has noise of its own. Rows whose positions and torques all agree to
+a ten-thousandth of how much they vary, many rows on end, are therefore copies: a log joined to
+itself, a cut of another log, a log that was written again with fewer digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain, pairwise
+
+import numpy as np
+
+from identifiability import signals
+from identifiability.errors import LogError
+from identifiability.logs.checks import FEWEST
+from identifiability.logs.log import Log
+from identifiability.logs.logfile import LogFile
+from identifiability.names import Array
+
+#: Values agree within this share of their standard deviation.
+AGREES = 1e-4
+
+#: Consecutive rows that must agree with consecutive earlier ones; standstills count as one.
+RUN = 16
+
+#: A log that is too long to be compared row by row is a copy if this share of some windows is.
+COPY = 0.9
+
+Recording = Log | LogFile
+
+
+def drop_repeats(
+    logs: Sequence[Recording], held: Sequence[Recording] = ()
+) -> tuple[list[Recording], list[Recording], tuple[str, ...]]:
+    """Return fitted and held-out logs without rows that came before, and a hint for each such log.
+
+    Raises
+    ------
+    LogError
+        If nothing is left of a held-out log.
+    """
+    left = [_keep(*pair) for pair in zip([*logs, *held], _find_copies([*logs, *held]), strict=True)]
+    hints = tuple(
+        f"{log.name} repeats rows that were given before, noise and all ({len(log) - count} of "
+        f"{len(log)}): they count once; give each measurement once."
+        for log, kept in zip([*logs, *held], left, strict=True)
+        if (count := sum(len(part) for part in kept)) < len(log)
+    )
+    n = len(logs)
+    for log, kept in zip(held, left[n:], strict=True):
+        if not kept:
+            raise LogError(
+                f"The validation log {log.name} repeats rows of the logs before it; its error "
+                "would say nothing about unseen motion: give another log, or none for "
+                "cross-validation."
+            )
+    return list(chain(*left[:n])), list(chain(*left[n:])), hints
+
+
+def _keep(log: Recording, copied: np.ndarray) -> list[Recording]:
+    """Return the stretches of a log that are no copies and long enough to be used."""
+    if not copied.any():
+        return [log]
+    if isinstance(log, LogFile):
+        return [] if copied.mean() >= COPY else [log]
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], copied.astype(int), [1]])))
+    stretches = [(a, b) for a, b in edges.reshape(-1, 2).tolist() if b - a >= FEWEST]
+    if len(stretches) == 1:
+        return [log.rows(*stretches[0])]
+    return [log.cut(a, b, f"{log.name}, rows {a + 1}–{b}") for a, b in stretches]
+
+
+def _find_copies(logs: Sequence[Recording]) -> list[np.ndarray]:
+    """Return which of the rows that are looked at came before, for each log."""
+    parts = [(k, part) for k, log in enumerate(logs) for part in _shown(log)]
+    joints = [j for j in logs[0].joints if all(j in log.joints for log in logs)] if logs else []
+    owner = np.concatenate([np.full(len(p), k) for k, p in parts]) if parts else np.empty(0, int)
+    if not joints or not len(owner):
+        return [np.zeros(int((owner == k).sum()), bool) for k in range(len(logs))]
+    starts = np.cumsum([0, *(len(p) for _, p in parts)])[:-1]
+    copied = _match(np.concatenate([_values(p, joints) for _, p in parts]), starts)
+    return [copied[owner == k] for k in range(len(logs))]
+
+
+def _shown(log: Recording) -> list[Log]:
+    if isinstance(log, Log):
+        return [log]
+    return [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
+
+
+def _values(log: Log, joints: Sequence[str]) -> Array:
+    at = [log.joints.index(j) for j in joints]
+    return np.concatenate([log.q[:, at], log.tau[:, at]], axis=1)
+
+
+def _match(rows: Array, starts: np.ndarray) -> np.ndarray:
+    """Return which rows (N, k) continue a run of copies of earlier ones, (N,) bool.
+
+    Runs do not reach over `starts`.
+    """
+    spread = rows.std(0)
+    cells = np.rint(rows / np.where(spread > 0, AGREES * spread, 1.0)).astype(np.int64)
+    mix = np.random.default_rng(0).integers(1, 2**63, rows.shape[1], np.uint64) | np.uint64(1)
+    keys = (cells.astype(np.uint64) * mix).sum(1, dtype=np.uint64)
+    _, at, which = np.unique(keys, return_index=True, return_inverse=True)
+    index = np.arange(len(rows))
+    still = np.concatenate([[False], keys[1:] == keys[:-1]])
+    since = np.maximum.accumulate(np.where(still, 0, index))  # first row of a standstill
+    behind = (index - at[which])[since]
+    begins = np.diff(behind, prepend=-1) != 0
+    begins[starts] = True
+    copied = np.zeros(len(rows), bool)
+    for a, b in pairwise([*np.flatnonzero(begins).tolist(), len(rows)]):
+        if behind[a] > 0 and np.count_nonzero(~still[a:b]) >= RUN:
+            copied[a:b] = True
+    return copied
