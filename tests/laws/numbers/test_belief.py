@@ -1,0 +1,128 @@
+"""What bodies that can exist, or the prior, add to a verdict, from numbers alone."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from identifiability.belief import Belief, StandardBelief, Summary, refine_verdicts
+from identifiability.posterior.diagnostics import Convergence
+from identifiability.posterior.prior import Prior
+from identifiability.verdict import Class, Thresholds, Verdict
+
+
+def verdict(kind, robust=1.0):
+    return Verdict(
+        name="x", label="x", unit="kg", value=2.0, sigma=0.1, sigma_robust=robust, share=0.1,
+        paper_rule=True, verdict=kind, reason="As the data say.", nominal=None,
+    )  # fmt: skip
+
+
+def summary(sd, reasons=()):
+    one = np.ones(1)
+    return Summary(
+        mean=3.0 * one, sd=np.array([sd]), interval=np.array([[2.5, 3.5]]),
+        draws=np.zeros((5, 1)), chains=np.zeros((1, 1, 5, 1)), at_edge=0 * one,
+        convergence=Convergence(one, one, one, one, 0.5, tuple(reasons)),
+    )  # fmt: skip
+
+
+def standard():
+    one = np.ones(1)
+    return StandardBelief(
+        names=("x",), prior_mean=one, prior_sd=one, data_sd=one, mean=one, sd=one, source=(),
+        chains=np.zeros((1, 1, 5, 1)), root=np.eye(1),
+    )  # fmt: skip
+
+
+@dataclass
+class Judged:
+    """What a refinement asks of a model."""
+
+    verdicts: tuple
+
+
+def refined(kind=Class.WEAK, *, sd=0.1, prior=1.0, data=1.0, robust=1.0, reasons=(), rules=None):
+    belief = Belief(
+        signs=None, physical=summary(sd, reasons), standard=standard(),
+        model_prior_sd=np.array([prior]), model_data_sd=np.array([data]),
+    )  # fmt: skip
+    (found,) = refine_verdicts(Judged((verdict(kind, robust),)), belief, rules)
+    return found
+
+
+@pytest.mark.parametrize("kind", [Class.WEAK, Class.NOT_IDENTIFIABLE])
+def test_what_the_data_leave_open_may_be_determined_by_bodies(kind):
+    found = refined(kind)
+    assert found.verdict is Class.CONSTRAINT
+    assert found.reason.startswith("As the data say. Bodies that can exist, with the prior")
+    assert "narrow it to 2.5 … 3.5 (95 %)" in found.reason
+    assert found.interval95 == (2.5, 3.5)
+    assert found.data_interval95 == verdict(kind).data_interval95
+    assert found.value == 2.0
+
+
+@pytest.mark.parametrize(
+    "kind", [k for k in Class if k not in (Class.WEAK, Class.NOT_IDENTIFIABLE)]
+)
+def test_every_other_verdict_stays(kind):
+    assert refined(kind) == verdict(kind)
+
+
+@pytest.mark.parametrize(("sd", "narrowed"), [(0.70, True), (0.71, False)])
+def test_narrowed_means_half_the_variance_that_the_data_leave(sd, narrowed):
+    """.707² is a half."""
+    found = refined(sd=sd, prior=10.0)
+    assert (found.verdict is Class.CONSTRAINT) == narrowed
+    assert (found == verdict(Class.WEAK)) == (not narrowed)
+
+
+@pytest.mark.parametrize(("data", "kind"), [(0.99, Class.PRIOR), (1.01, Class.CONSTRAINT)])
+def test_by_bodies_means_half_the_variance_that_data_and_prior_leave(data, kind):
+    assert refined(sd=0.707, data=data, prior=10.0, robust=2.0).verdict is kind
+
+
+@pytest.mark.parametrize(("prior", "kind"), [(0.19, Class.PRIOR), (0.21, Class.CONSTRAINT)])
+def test_what_is_half_as_wide_as_the_prior_is_learned(prior, kind):
+    found = refined(sd=0.1, prior=prior)
+    assert found.verdict is kind
+    assert ("it is the prior that narrows it" in found.reason) == (kind is Class.PRIOR)
+    assert found.interval95 == (2.5, 3.5)
+
+
+def test_the_limits_are_the_users():
+    assert refined(sd=0.5, prior=10.0).verdict is Class.CONSTRAINT
+    strict = Thresholds(constraint_variance=0.2)
+    assert refined(sd=0.5, prior=10.0, rules=strict).verdict is Class.WEAK
+    assert refined(sd=0.1, prior=0.3, rules=Thresholds(contraction=0.7)).verdict is Class.PRIOR
+
+
+def test_a_posterior_that_may_not_be_shown_adds_nothing():
+    assert refined(reasons=["It moved too little."]) == verdict(Class.WEAK)
+    for missing in (replace_belief(physical=None), replace_belief(standard=None)):
+        assert refine_verdicts(Judged((verdict(Class.WEAK),)), missing) == (verdict(Class.WEAK),)
+
+
+def replace_belief(**change):
+    one = np.ones(1)
+    whole = Belief(
+        signs=None, physical=summary(0.1), standard=standard(), model_prior_sd=one,
+        model_data_sd=one,
+    )  # fmt: skip
+    return replace(whole, **change)
+
+
+def test_learning_is_one_less_what_is_left_of_the_priors_width():
+    known = replace(standard(), prior_sd=np.array([4.0]), sd=np.array([1.0]))
+    np.testing.assert_allclose(known.contraction, [0.75])
+
+
+def test_a_prior_around_a_robot_is_as_wide_as_its_bodies_are_large():
+    """2 kg whose material is .3 m from the origin (rms): m, m ℓ and m ℓ²; others by their size."""
+    theta = np.array([0.18, 0.01, 0.0, 0.08, 0.0, 0.10, 0.1, 0.0, 0.0, 2.0])
+    phi = np.append(theta, [0.5, 0.0])
+    prior = Prior.around(phi, [list(range(10))], 0.3, np.full(12, 7.0))
+    np.testing.assert_allclose(prior.mean, phi)
+    np.testing.assert_allclose(prior.sd[:6], 0.3 * 2 * 0.3**2)
+    np.testing.assert_allclose(prior.sd[6:9], 0.3 * 2 * 0.3)
+    np.testing.assert_allclose(prior.sd[9:], [0.3 * 2, 0.3 * 0.5, 7.0])

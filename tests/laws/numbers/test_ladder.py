@@ -1,0 +1,95 @@
+"""Rungs as a ladder file states them: zeroed, held, tied, kept, over named groups."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.errors import ModelError
+from identifiability.grouping import group_columns
+from identifiability.ladder import LadderEntry, build_ladder, full_rung, ladder_model, nominal_base
+from identifiability.names import Parameter
+
+NOMINAL = {"arm.m": 2.0, "arm.mx": 0.3, "arm.Ixx": 0.5, "arm.Fv": 7.0, "arm.Fc+": 1.0}
+ROBOT = SimpleNamespace(nominal=NOMINAL)
+
+
+@pytest.fixture(scope="module")
+def base():
+    """Four groups; arm.Ixx acts like three times arm.m."""
+    rng = np.random.default_rng(0)
+    W = rng.normal(size=(60, 5))
+    W[:, 2] = 3 * W[:, 0]
+    kinds = (("m", "kg"), ("mx", "kg·m"), ("Ixx", "kg·m²"), ("Fc+", "N·m"), ("Fc-", "N·m"))
+    return group_columns(W, [Parameter("arm", k, u, "x") for k, u in kinds])
+
+
+def rungs(base, *entries):
+    return build_ladder(LadderEntry(models=[{"name": "full"}, *entries]), ROBOT, base)
+
+
+def test_the_first_rung_has_every_group(base):
+    (full,) = rungs(base)
+    assert full.columns == base.names == ("arm.m", "arm.mx", "arm.Fc+", "arm.Fc-")
+    np.testing.assert_array_equal(full.M, np.eye(4))
+    np.testing.assert_array_equal(full.held, 0.0)
+    np.testing.assert_array_equal(full.nonnegative, [True, False, True, True])
+    np.testing.assert_array_equal(full_rung(base).M, full.M)
+
+
+def test_zeroed_parameters_are_left_out_and_held_ones_keep_their_value(base):
+    rung = rungs(base, {"name": "r", "zero": ["arm.mx"], "hold": {"arm.Fc+": 0.4}})[1]
+    assert rung.columns == ("arm.m", "arm.Fc-")
+    np.testing.assert_array_equal(rung.held, [0, 0, 0.4, 0])
+    np.testing.assert_array_equal(rung.expand(np.array([5.0, 6.0])), [5, 0, 0.4, 6])
+
+
+def test_nominal_is_the_value_of_the_whole_group(base):
+    """m + 3 Ixx = 2 + 1.5."""
+    rung = rungs(base, {"name": "r", "hold": {"arm.m": "nominal"}})[1]
+    np.testing.assert_allclose(rung.held, [3.5, 0, 0, 0])
+    np.testing.assert_allclose(nominal_base(ROBOT, base), [3.5, 0.3, 1.0, 0.0])
+
+
+def test_tied_parameters_share_one_value(base):
+    rung = rungs(base, {"name": "r", "tie": {"arm.Fc": ["arm.Fc+", "arm.Fc-"]}})[1]
+    assert rung.columns == ("arm.m", "arm.mx", "arm.Fc")
+    assert rung.units == ("kg", "kg·m", "N·m")
+    np.testing.assert_array_equal(rung.expand(np.array([1.0, 2.0, 3.0])), [1, 2, 3, 3])
+    assert rung.labels[2] == "Fc+(arm) = Fc-(arm)"
+
+
+def test_kept_parameters_alone_are_left_and_rungs_start_where_they_say(base):
+    first, second, third = rungs(
+        base, {"name": "a", "zero": ["arm.mx"]}, {"name": "b", "from": "full", "keep": ["arm.mx"]}
+    )
+    assert len(first) == 4
+    assert second.columns == ("arm.m", "arm.Fc+", "arm.Fc-")
+    assert third.columns == ("arm.mx",)
+    following = rungs(base, {"name": "a", "zero": ["arm.mx"]}, {"name": "b", "zero": ["arm.m"]})
+    assert following[2].columns == ("arm.Fc+", "arm.Fc-")
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ({"name": "r", "zero": ["arm.my"]}, "names the parameter 'arm.my', which is not there"),
+        ({"name": "r", "keep": ["arm.my"]}, "names the parameter 'arm.my', which is not there"),
+        ({"name": "full"}, "two rungs named 'full'"),
+        ({"name": "r", "from": "ful"}, "starts from 'ful', which does not stand before it"),
+        ({"name": "r", "tie": {"x": ["arm.m", "arm.m"]}}, "two or more different parameters"),
+        ({"name": "r", "tie": {"arm.mx": ["arm.Fc+", "arm.Fc-"]}}, "a name that no other"),
+        ({"name": "r", "tie": {"x": ["arm.m", "arm.mx"]}}, "of the units kg"),
+    ],
+)
+def test_what_a_rung_cannot_mean_is_refused(base, entry, said):
+    with pytest.raises(ModelError, match=said):
+        rungs(base, entry)
+
+
+def test_only_the_first_rung_names_effects():
+    two = LadderEntry(models=[{"name": "a"}, {"name": "b", "effects": ["rigid_body"]}])
+    with pytest.raises(ModelError, match="The rung 'b' names effects, but a ladder reduces one"):
+        ladder_model(two)
+    one = LadderEntry(models=[{"name": "a", "effects": ["rigid_body"]}])
+    assert ladder_model(one).names == ("rigid_body",)

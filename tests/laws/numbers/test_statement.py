@@ -1,0 +1,91 @@
+"""The answer in words follows the counts and errors."""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+from identifiability.statement import state_answer, state_physics
+from identifiability.verdict import Class
+
+
+@dataclass
+class Judged:
+    """What a statement asks of a model."""
+
+    name: str = "small"
+    identifiable: int = 3
+    size: int = 5
+    error_ra_validation: float = 0.1
+    error_ra_physical: float = 0.2
+    infeasible: tuple = ()
+    feasible: bool = True
+    kept: int = 5
+    unjudged: str = ""
+    certificate: object = field(default=object)
+
+    @property
+    def rung(self):
+        return range(self.size)
+
+    @property
+    def estimate(self):
+        return SimpleNamespace(kept=range(self.kept))
+
+    @property
+    def physical(self):
+        return SimpleNamespace(certificate=self.certificate)
+
+    def count(self, kind):
+        return self.identifiable if kind is Class.IDENTIFIABLE else 0
+
+
+BASE = SimpleNamespace(parameters=range(40), rank=12)
+
+
+def said(full=None, chosen=None, *, constant=0.9, moves=True):
+    held_out = SimpleNamespace(constant_error=lambda: constant)
+    full = full or Judged("full", 2, 12, kept=12)
+    return state_answer(BASE, full, chosen or Judged(), held_out, moves=moves)
+
+
+def test_the_answer_counts_what_is_determined_and_names_the_model_to_use():
+    text = said()
+    assert text.startswith(
+        "Of 40 parameters 12 can be told apart in principle; these logs determine 2 of them in "
+        "the unpruned model. The model to use is small: 3 of its 5 parameters are identifiable, "
+        "and it predicts motion that it has not seen with an error of 10 %."
+    )
+    assert text.endswith("A real robot can have its values.")
+
+
+def test_nothing_is_identifiable_for_a_reason():
+    def why(*args, **options):
+        text = said(*args, **options)
+        assert text.startswith("Nothing is identifiable, because ")
+        assert "The robot has 40 parameters, 12 of them independent in principle." in text
+        return text
+
+    none = Judged(identifiable=0)
+    assert "the robot does not move in these logs" in why(moves=False)
+    for constant in (0.1, 0.05, float("nan")):
+        assert "better than a constant torque would" in why(constant=constant)
+    hidden = Judged("full", 0, 12, kept=12)
+    assert "the residual hides every parameter" in why(hidden, none)
+    poor = Judged("full", 0, 12, kept=7)
+    assert "the motion excites only 7 independent combinations" in why(poor, none)
+
+
+def test_some_identifiable_parameter_of_either_model_is_something():
+    none, hidden = Judged(identifiable=0), Judged("full", 0, 12, kept=12)
+    assert not said(None, none).startswith("Nothing")
+    assert not said(hidden, Judged()).startswith("Nothing")
+
+
+def test_physics_says_what_is_impossible_and_how_near_the_nearest_is():
+    assert state_physics(Judged()) == "A real robot can have its values."
+    signs = state_physics(Judged(feasible=False, infeasible=("a.m", "b.Fv")))
+    assert "2 of its values have a sign that physics forbids (a.m" in signs
+    assert "the nearest real robot errs by 20 %." in signs
+    bodies = state_physics(Judged(feasible=False))
+    assert "No real robot has exactly its values, although each sign is possible" in bodies
+    open_ = state_physics(Judged(feasible=False, certificate=None))
+    assert "The motion leaves some of its parameters open" in open_
