@@ -1,0 +1,268 @@
+"""What a motion is good for: criteria, what logs know already, the cost of a candidate."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.excitation.criteria import IDLE, Condition, LogDet, Separation, scaled
+from identifiability.excitation.limits import Limits, find_limits
+from identifiability.excitation.objective import OPEN, Objective
+from identifiability.excitation.question import Known, gather_known, pose_question
+from identifiability.excitation.search import DRAWS, search
+from identifiability.excitation.series import FINENESS, OVERSHOOT, Series
+from identifiability.robot import Robot, complete_motion
+from identifiability.samples import Samples
+
+
+@pytest.fixture(scope="module")
+def two():
+    return Robot.load("two-link")
+
+
+@pytest.fixture(scope="module")
+def five_bar():
+    return Robot.load("five-bar")
+
+
+# --- criteria ---------------------------------------------------------------------------------
+
+
+def test_the_cost_of_a_condition_is_its_logarithm_whatever_the_units():
+    """Two unit columns at cos θ = .8: the condition is √(1.8/.2) = 3."""
+    G = np.array([[[1.0, 0.8], [0.8, 1.0]]]) * np.outer([1.0, 50.0], [1.0, 50.0])
+    assert Condition().cost(G)[0] == pytest.approx(np.log(3.0))
+    assert Condition().figure(np.log(3.0)) == pytest.approx(3.0)
+    lost = np.array([[[1.0, 0.0], [0.0, 0.0]]])  # a column that never acts
+    assert Condition().cost(lost)[0] == pytest.approx(0.5 * np.log(1e14))
+
+
+def test_information_is_what_is_left_of_a_column_beside_all_others():
+    """Of length 3 with half of its square inside the other one: 9/2, so −log-det/2 of σ."""
+    G = np.array([[[9.0, 3 * np.sqrt(0.5)], [3 * np.sqrt(0.5), 1.0]]])
+    cost = LogDet(np.array([0])).cost(G)[0]
+    assert cost == pytest.approx(-0.5 * np.log(4.5))
+    assert LogDet(np.array([0])).figure(cost) == pytest.approx(np.log(4.5))
+    both = LogDet(np.array([0, 1])).cost(G)[0]
+    assert both == pytest.approx(-0.25 * np.log(4.5))  # determinant 9 − 4.5
+
+
+def test_separation_is_minus_the_logarithm_of_the_sine_and_more_where_little_is_seen():
+    """Two effects at cos θ = .6 beside a model at right angles, then half inside the model."""
+    G = np.eye(3)[None].copy()
+    G[0, 1, 2] = G[0, 2, 1] = 0.6
+    rule = Separation(np.array([1]), np.array([2]))
+    assert rule.cost(G)[0] == pytest.approx(-np.log(0.8), abs=1e-6)
+    assert rule.figure(-np.log(0.8)) == pytest.approx(0.6)
+    share = 0.04  # of the first effect is outside the model: less than 2 · 3 %
+    W = np.array([[1.0, np.sqrt(1 - share**2), 0.0], [0.0, share, 0.0], [0.0, 0.0, 1.0]])
+    hidden = (W.T @ W)[None]
+    similarity, visible = rule.angles(hidden)
+    np.testing.assert_allclose(visible[0], [share, 1.0], rtol=1e-6)
+    assert similarity[0] == pytest.approx(0.0, abs=1e-6)
+    assert rule.cost(hidden)[0] == pytest.approx(np.log(0.06 / share), abs=1e-5)
+
+
+def test_columns_that_never_act_are_zero_with_length_one():
+    length = np.array([1e6, 1e3, 0.5 * IDLE * 1e6])
+    unit, found = scaled((np.outer(length, length))[None])
+    np.testing.assert_allclose(found[0], [1e6, 1e3, 1.0])
+    np.testing.assert_allclose(unit[0], [[1, 1, 0], [1, 1, 0], [0, 0, 0]])
+
+
+# --- limits -----------------------------------------------------------------------------------
+
+
+def test_limits_that_nobody_states_are_assumed_about_home(two, five_bar):
+    """±1 rad, 2 rad/s and 10 rad/s² of a hinge; the stated ones stay."""
+    n = len(two.joints)
+    free = replace(
+        two, limits=np.array([[-np.inf, np.inf], [-0.5, 0.5]]), home=np.array([0.3, 0.1]),
+        speed_limits=np.full(n, np.inf), acceleration_limits=np.array([np.inf, 7.0]),
+    )  # fmt: skip
+    limits = find_limits(free)
+    np.testing.assert_allclose(limits.low, [-0.7, -0.5])
+    np.testing.assert_allclose(limits.high, [1.3, 0.5])
+    np.testing.assert_allclose(limits.speed, [2, 2])
+    np.testing.assert_allclose(limits.acceleration, [10, 7])
+    np.testing.assert_allclose(limits.middle, [0.3, 0.0])
+    np.testing.assert_allclose(limits.half_range, [1.0, 0.5])
+    assert limits.assumed == ("shoulder.q", "shoulder.v", "elbow.v", "shoulder.a")
+    assert find_limits(five_bar).closure_bound == 300.0
+
+
+def test_a_slide_without_limits_is_assumed_slower_and_shorter(two):
+    slides = replace(
+        two, limits=np.full((2, 2), np.inf) * [-1, 1], speed_limits=np.full(2, np.inf),
+        acceleration_limits=np.full(2, np.inf),
+        tree=replace(two.tree, joints=tuple(replace(j, kind="prismatic") for j in two.tree.joints)),
+    )  # fmt: skip
+    limits = find_limits(slides)
+    np.testing.assert_allclose(limits.half_range, 0.1)
+    np.testing.assert_allclose([limits.speed, limits.acceleration], [[0.3, 0.3], [1.0, 1.0]])
+
+
+def test_a_series_has_the_velocity_amplitudes_of_its_candidate_where_there_is_room():
+    limits = Limits(("a",), np.array([-9.0]), np.array([11.0]), np.array([4.0]), np.array([1e3]))
+    series = Series(limits, 2.0, 2)
+    x = np.array([[0.1, 0.0, 0.0, -0.2, 0.5]])  # sine 1, 2, cosine 1, 2 of velocity; centre
+    offset, amplitude = series.series(x)
+    np.testing.assert_allclose(amplitude[0, 0], np.array([0.1, 0, 0, -0.2]) * 4 / np.sqrt(2))
+    q, v, _ = (part[0, :, 0] for part in series.motion(x, 400))
+    t = 2.0 * np.arange(400) / 400
+    expected = 4 / np.sqrt(2) * (0.1 * np.cos(np.pi * t) - 0.2 * np.sin(2 * np.pi * t))
+    np.testing.assert_allclose(v, expected, atol=1e-12)
+    half = 0.5 * OVERSHOOT * np.ptp(series.motion(x, FINENESS * 2)[0])
+    middle = 0.5 * (q.max() + q.min())
+    assert middle == pytest.approx(1.0 + np.tanh(0.5) * (10.0 - half), abs=1e-3)
+    assert offset[0, 0] == pytest.approx(middle, abs=0.5)
+
+
+# --- the cost of a candidate ------------------------------------------------------------------
+
+
+def samples(robot, n=200, seed=0):
+    t = np.linspace(0, 2, n)
+    w = 2 * np.pi * np.array([0.8, 1.3])
+    q = np.sin(np.outer(t, w))
+    motion = complete_motion(robot, t, q, w * np.cos(np.outer(t, w)), -(w**2) * q)
+    tau = np.random.default_rng(seed).standard_normal((n, 2)) * [1.0, 5.0]
+    return Samples(f"log {seed}", motion, tau, None, (), "")
+
+
+def test_logs_are_known_by_their_gram_matrix_in_units_of_each_joints_noise(two):
+    question = pose_question(two, "information", None, None, None)
+    assert question.model.names == (
+        "rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
+    )  # fmt: skip
+    logs = [samples(two, 200), samples(two, 100, 1)]
+    known = gather_known(question, logs, 50)
+    W = np.concatenate(
+        [question.model.regressor(two, s.motion)[:, :, question.columns] for s in logs]
+    )
+    by_hand = np.einsum("nij,i,nik->jk", W, known.weights, W)
+    np.testing.assert_allclose(known.G, by_hand, rtol=1e-7, atol=1e-7 * np.abs(by_hand).max())
+    assert known.samples == 150.0
+    assert known.logs == ("log 0", "log 1")
+    assert known.weights[0] / known.weights[1] == pytest.approx(25, rel=0.3)
+    np.testing.assert_allclose(known.repeated, 1.5 * known.G)
+    nothing = gather_known(question, [], 50)
+    assert not nothing.G.any()
+    assert (nothing.weights.tolist(), nothing.samples) == ([1.0, 1.0], 50.0)
+
+
+def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two):
+    question = pose_question(two, "information", None, ["elbow.Fv"], None)
+    known = gather_known(question, [samples(two)], 50)
+    objective = Objective(question, known, Series(find_limits(two), 2.0, 2), 40)
+    x = objective.series.draw(3, np.random.default_rng(0))
+    expected = []
+    for one in x:
+        q, v, a = (part[0] for part in objective.series.motion(one, 40))
+        motion = complete_motion(two, np.arange(40.0), q, v, a)
+        W = question.model.regressor(two, motion)[:, :, question.columns]
+        G = known.G + np.einsum("nij,i,nik->jk", W, known.weights, W) * 200 / 40
+        covariance = np.linalg.inv(G)
+        k = question.names.index("elbow.Fv")
+        expected.append(0.5 * np.log(covariance[k, k]))
+    np.testing.assert_allclose(objective(x), expected, rtol=1e-6)
+    np.testing.assert_allclose([objective(x[k : k + 1])[0] for k in range(3)], expected, rtol=1e-6)
+    cost, slope = objective.gradient(x[1])
+    assert cost == pytest.approx(expected[1])
+    h = 1e-4
+    central = [
+        (objective(x[[1]] + h * e)[0] - objective(x[[1]] - h * e)[0]) / (2 * h)
+        for e in np.eye(x.shape[1])
+    ]
+    np.testing.assert_allclose(slope, central, atol=2e-3)
+
+
+def test_a_candidate_outside_its_workspace_pays_for_it(five_bar):
+    question = pose_question(five_bar, "condition", None, None, None)
+    assert question.model.names == ("rigid_body",)
+    known = gather_known(question, [], 50)
+    inside = find_limits(five_bar)
+    x = np.zeros((1, Series(inside, 2.0, 1).size))
+    x[0, :4] = [0.3, 0.5, -0.2, 0.4]
+    body = five_bar.bodies[1]
+    plain = Objective(question, known, Series(inside, 2.0, 1), 30)
+    walled = find_limits(five_bar, {"workspace": {body: {"x": (50.0, 51.0)}}})
+    G, space = Objective(question, known, Series(walled, 2.0, 1), 30).look(x, 30)
+    assert space.outside[0] > 49
+    paid = Objective(question, known, Series(walled, 2.0, 1), 30)(x)[0]
+    assert paid - plain(x)[0] == pytest.approx(200 * (space.outside[0] + 1e-3))
+    assert plain(x)[0] == pytest.approx(Condition().cost(G)[0])
+
+
+def test_a_candidate_that_does_not_close_everywhere_pays_most(rps):
+    question = pose_question(rps, "condition", None, None, None)
+    inside = find_limits(rps)
+    shift = np.array([3.0, 0.0, 0.0])  # one leg grows longer than the platform allows
+    far = replace(inside, low=inside.low, high=inside.high + shift)
+    objective = Objective(question, gather_known(question, [], 50), Series(far, 2.0, 1), 30)
+    x = np.zeros((1, objective.series.size))
+    x[0, 0] = 50.0  # to its limits
+    far_slow = replace(far, speed=far.speed * 100, acceleration=far.acceleration * 1000)
+    objective = replace(objective, series=Series(far_slow, 2.0, 1))
+    _, space = objective.look(x, 30)
+    assert 0 < space.open[0] < 30
+    assert objective(x)[0] == pytest.approx(OPEN * (1 + space.open[0] / 30))
+
+
+class Bowl:
+    """A told objective: two valleys, the deeper one at −3, kinks at their bottoms."""
+
+    series = SimpleNamespace(
+        draw=lambda count, rng: rng.uniform(-6, 6, (count, 1)),
+    )
+
+    def __call__(self, x):
+        x = x[:, 0]
+        return np.minimum(np.abs(x - 3.0), np.abs(x + 3.0) - 0.5)
+
+    def gradient(self, x):
+        h = 1e-6
+        return float(self(x[None])[0]), (self(x[None] + h) - self(x[None])) / h
+
+
+def test_the_search_improves_its_best_starts_and_orders_what_it_found():
+    told = []
+    found = search(
+        Bowl(), np.random.default_rng(0), iterations=30, budget=60.0,
+        say=lambda cost, share: told.append((cost, share)),
+    )  # fmt: skip
+    costs = [cost for cost, _ in found.found]
+    assert costs == sorted(costs)
+    assert len(costs) == 3
+    assert costs[0] == pytest.approx(-0.5, abs=1e-3)
+    assert found.found[0][1][0] == pytest.approx(-3.0, abs=1e-3)
+    assert costs[0] <= found.costs.min()
+    np.testing.assert_allclose(found.costs, Bowl()(found.draws))
+    assert len(found.draws) == DRAWS
+    assert found.evaluations > DRAWS
+    assert found.complete
+    assert all(0 <= share <= 1 for _, share in told)
+    for start in {s.start for s in found.steps}:
+        own = [s.cost for s in found.steps if s.start == start]
+        assert own == sorted(own, reverse=True)
+
+
+def test_where_no_candidate_closes_there_is_nothing_to_improve():
+    class Open(Bowl):
+        def __call__(self, x):
+            return np.full(len(x), OPEN * 1.5)
+
+    found = search(Open(), np.random.default_rng(0), iterations=5, budget=9.0, say=print)
+    assert found.found == ()
+    assert (found.evaluations, found.complete) == (DRAWS, True)
+
+
+def test_a_question_about_two_effects_has_the_model_then_each_of_them(two):
+    pair = ["stribeck_friction", "quadratic_friction@elbow"]
+    question = pose_question(two, "separate", None, None, pair)
+    assert question.chosen == tuple(pair)
+    names = np.array(question.names)
+    assert names[question.criterion.first].tolist() == ["shoulder.Fs", "elbow.Fs"]
+    assert names[question.criterion.second].tolist() == ["elbow.Fq"]
+    assert Known(np.eye(2), np.ones(1), 5.0).repeated.tolist() == (2 * np.eye(2)).tolist()

@@ -1,0 +1,113 @@
+"""Rounding by the rule that is cited, and when ranks of planted values are uniform."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from identifiability.posterior.calibration import Calibration
+from identifiability.ranks import LEVEL, RankCheck
+from identifiability.report.numbers import (
+    format_count,
+    format_measured,
+    format_number,
+    format_percent,
+    join,
+)
+
+
+@pytest.mark.parametrize(
+    ("sigma", "value", "shown"),
+    [
+        (0.100, "1.23", "0.10"), (0.354, "1.23", "0.35"), (0.3544, "1.23", "0.35"),
+        (0.355, "1.2", "0.4"), (0.949, "1.2", "0.9"), (0.950, "1.2", "1.0"), (0.999, "1.2", "1.0"),
+        (3.54, "1.2", "3.5"), (3.55, "1", "4"), (9.5, "1", "10"), (35.4, "1", "35"),
+        (35.5, "0", "40"), (0.0354, "1.235", "0.035"), (0.0949, "1.23", "0.09"),
+    ],
+)  # fmt: skip
+def test_two_digits_of_sigma_up_to_354_and_one_from_355_to_949(sigma, value, shown):
+    """[PDG 2024, sec. 5.3]; from 950 on it is 1000 with two digits."""
+    assert format_measured(1.2346, sigma) == (value, shown)
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "shown"),
+    [
+        (12345.0, 3, "12300"), (123456.0, 3, "123000"), (999999.0, 3, "1·10⁶"),
+        (1234567.0, 3, "1.23·10⁶"), (0.0001234, 3, "0.000123"), (0.00001234, 3, "1.23·10⁻⁵"),
+        (-0.5, 1, "−0.5"), (2.0, 4, "2"), (0.0, 4, "0"), (float("inf"), 4, "—"),
+    ],
+)  # fmt: skip
+def test_numbers_get_a_power_of_ten_below_1e_4_and_from_1e6_on(value, digits, shown):
+    assert format_number(value, digits) == shown
+    assert format_number(2.0, 4, pad=True) == "2.000"
+
+
+@pytest.mark.parametrize(
+    ("percent", "shown"),
+    [
+        (9.94, "9.9"), (9.95, "10"), (9999.0, "9999"), (9999.5, "> 9999"), (0.001, "0.0010"),
+        (0.00099, "< 0.001"), (0.0, "0"), (1.26, "1.3"),
+    ],
+)  # fmt: skip
+def test_percentages_have_two_digits_and_two_ends(percent, shown):
+    assert format_percent(percent) == shown
+
+
+def test_counts_agree_with_their_noun_and_lists_say_how_many_are_left_out():
+    assert [format_count(k, "log") for k in (0, 1, 2)] == ["0 logs", "1 log", "2 logs"]
+    assert format_count(2, "body", "bodies") == "2 bodies"
+    assert join(list("abcdef")) == "a, b, c, d, e and f"
+    assert join(list("abcdefg")) == "a, b, c, d, e and 2 more"
+
+
+# --- ranks ------------------------------------------------------------------------------------
+
+
+def test_ranks_are_compared_with_bins_of_the_size_that_they_have():
+    """32 ranks in 5 bins: 7, 6, 7, 6, 6 ranks each, so equal counts are not what is expected."""
+    draws, bins = 31, 5
+    edges = np.linspace(0, 32, bins + 1)
+    size = np.array([np.sum((np.arange(32) >= a) & (np.arange(32) < b))
+                     for a, b in itertools.pairwise(edges)])  # fmt: skip
+    assert size.tolist() == [7, 6, 7, 6, 6]
+    rng = np.random.default_rng(0)
+    ranks = np.stack([rng.integers(0, 32, 640), np.r_[np.arange(320) % 32, np.zeros(320, int)]], 1)
+    found = Calibration(ranks, draws).p_values(bins)
+    for column, p in zip(ranks.T, found, strict=True):
+        counts = [np.sum((column >= a) & (column < b))
+                  for a, b in itertools.pairwise(edges)]  # fmt: skip
+        expected = 640 * size / 32
+        chi = np.sum((counts - expected) ** 2 / expected)
+        assert p == pytest.approx(stats.chi2.sf(chi, bins - 1))
+    assert found[0] > 0.01 > found[1]
+    even = Calibration(np.tile(np.arange(32), 20)[:, None], draws)
+    assert even.p_values(bins)[0] == pytest.approx(1.0)
+
+
+def check(*p):
+    counts = np.full((len(p), 8), 50.0)
+    return RankCheck(tuple(f"x{k}" for k in range(len(p))), counts, np.array(p), 400)
+
+
+def test_one_bad_parameter_of_many_must_be_worse_by_their_number():
+    """Holm: the smallest p of k counts k times."""
+    assert LEVEL == 0.01
+    assert check(0.02, 0.5).uniform
+    assert not check(0.004, 0.5).uniform
+    assert check(0.004, *[0.5] * 4).uniform
+    assert check(0.004, *[0.5] * 4).adjusted[0] == pytest.approx(0.02)
+    bad = check(0.9, 1e-5, 0.5)
+    assert bad.worst == 1
+    assert "is not calibrated" in bad.statement
+    assert "3e-05, x1" in bad.statement
+    assert "is calibrated" in check(0.9, 0.5).statement
+    assert bad.to_dict()["parameters"][1]["adjusted"] == pytest.approx(3e-5)
+
+
+def test_the_band_holds_99_per_cent_of_the_bins():
+    low, high = check(0.5).band
+    inside = stats.binom.cdf(high, 400, 1 / 8) - stats.binom.cdf(low - 1, 400, 1 / 8)
+    assert 0.985 < inside < 0.997
+    assert low < 50 < high
