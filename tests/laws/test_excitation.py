@@ -207,7 +207,7 @@ def test_a_candidate_that_does_not_close_everywhere_pays_most(rps):
     objective = replace(objective, series=Series(far_slow, 2.0, 1))
     _, space = objective.look(x, 30)
     assert 0 < space.open[0] < 30
-    assert objective(x)[0] == pytest.approx(OPEN * (1 + space.open[0] / 30))
+    assert objective(x)[0] == pytest.approx(50.0 * (1 + space.open[0] / 30))
 
 
 class Bowl:

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.least_squares import LeastSquares
 from identifiability.posterior.calibration import Calibration
+from identifiability.posterior.prior import Prior
+from identifiability.posterior.target import Target
 from identifiability.ranks import LEVEL, RankCheck
 from identifiability.report.numbers import (
     format_count,
@@ -111,3 +115,38 @@ def test_the_band_holds_99_per_cent_of_the_bins():
     inside = stats.binom.cdf(high, 400, 1 / 8) - stats.binom.cdf(low - 1, 400, 1 / 8)
     assert 0.985 < inside < 0.997
     assert low < 50 < high
+
+
+def test_a_half_goes_to_the_even_digit():
+    assert format_measured(1.2345, 0.035) == ("1.234", "0.035")
+    assert format_measured(1.2355, 0.035) == ("1.236", "0.035")
+
+
+# --- the posterior's coordinates --------------------------------------------------------------
+
+
+def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual():
+    """Three parameters, two of whose combinations are seen in four rows."""
+    rng = np.random.default_rng(0)
+    R = rng.standard_normal((4, 2)) @ np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
+    mean, sd = np.array([0.3, -1.0, 2.0]), np.array([2.0, 3.0, 0.5])
+    z, rss = rng.standard_normal(4), 7.0
+    region = PhysicalSet(np.empty((0, 10), int), np.zeros(3, bool), columns=("a", "b", "c"))
+    target = Target(LeastSquares(R, z, rss, 50.0), Prior(mean, sd), region, iact=2.0)
+    gain = target.diagonal.gain
+    assert np.count_nonzero(gain) == 2
+    np.testing.assert_allclose(gain[:2], np.linalg.svd(R * sd)[1][:2])
+    assert target.diagonal.shape == pytest.approx((50 / 2 + 2) / 2)
+    left = z - R @ mean
+    outside = left - R @ np.linalg.lstsq(R, left, rcond=None)[0]
+    assert target.diagonal.rss_min == pytest.approx(rss + outside @ outside)
+    many = rng.standard_normal((5, 4))
+    found = target.replicates(many, np.arange(5.0))
+    for k, one in enumerate(many):
+        left = one - R @ mean
+        outside = left - R @ np.linalg.lstsq(R, left, rcond=None)[0]
+        assert found.rss_min[k] == pytest.approx(k + outside @ outside)
+        phi = rng.standard_normal(3)
+        direct = np.sum((R @ phi - one) ** 2) + k
+        eta = np.repeat(target.to_eta(phi)[None], 5, axis=0)
+        assert found.rss(eta)[k] == pytest.approx(direct)

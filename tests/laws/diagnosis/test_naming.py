@@ -1,11 +1,12 @@
 """Naming from numbers alone: what is tried, what it costs, what may have a name."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from identifiability.diagnosis.held_out import HeldOut
 from identifiability.diagnosis.naming import (
     Naming,
     Option,
@@ -257,6 +258,51 @@ def test_what_does_not_predict_motion_that_did_not_choose_it_has_no_name(world, 
     assert found.steps[1].best == ("b", "j")
     assert found.steps[1].reason == "it does not predict unseen motion better"
     assert found.steps[1].gain < 0 < found.steps[0].gain
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(0.002, 2), (0.4, 1), (0.999, 0)])
+def test_a_name_must_gain_what_the_rules_ask_for(world, candidate, gain, expected):
+    """The first effect takes a half of the error, the second one a quarter of what is left."""
+    e = world.basis
+    options = [candidate("a", "j", 0), candidate("b", "j", 1)]
+    found = run(world, quiet(world, 60.0, 15.0), [e[:, 0], e[:, 1]], options, gain=gain)
+    assert 0.4 < found.steps[0].gain < 0.9
+    assert 0.01 < found.steps[1].gain < 0.3
+    assert named(found) == [("a", "j"), ("b", "j")][:expected]
+
+
+def test_what_errs_least_as_a_real_robot_is_kept_and_not_what_came_after(world, candidate):
+    @dataclass(frozen=True)
+    class Strict(HeldOut):
+        """As a real robot every effect but the first one does harm."""
+
+        def error(self, chosen, *, real=False):
+            return super().error(chosen) if not real else abs(len(chosen) - 1.0)
+
+    e = world.basis
+    options = [candidate(f, "j", k) for k, f in enumerate("abc")]
+    rows = world.make(quiet(world, 60.0, 40.0, 30.0), list(e[:, :3].T))
+    held = Strict(train=rows, choosing=replace(rows))
+    found = name_effects(world.bench(rows, 99), options, held, Rules())
+    assert named(found) == [("a", "j")]
+    assert len(found.steps) == 3
+    assert found.steps[1].gain > 0.05
+
+
+def test_a_search_that_no_longer_errs_less_ends_after_its_patience(world, candidate):
+    @dataclass(frozen=True)
+    class Flat(HeldOut):
+        def error(self, chosen, *, real=False):
+            return 1.0 if real else super().error(chosen)
+
+    e = world.basis
+    options = [candidate(f"f{k}", "j", k) for k in range(6)]
+    rows = world.make(quiet(world, 90, 80, 70, 60, 50, 40), list(e[:, :6].T))
+    held = Flat(train=rows, choosing=replace(rows))
+    for patience in (1, 3):
+        found = name_effects(world.bench(rows, 99), options, held, Rules(patience=patience))
+        assert len(found.steps) == patience
+        assert found.chosen == ()
 
 
 def test_the_gain_of_a_step_is_the_relative_fall_of_the_held_out_error(world, candidate):
