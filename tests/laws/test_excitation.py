@@ -229,7 +229,7 @@ class Bowl:
 def test_the_search_improves_its_best_starts_and_orders_what_it_found():
     told = []
     found = search(
-        Bowl(), np.random.default_rng(0), iterations=30, budget=60.0,
+        Bowl(), np.random.default_rng(0), iterations=30, evaluations=1e9, time_limit=60.0,
         say=lambda cost, share: told.append((cost, share)),
     )  # fmt: skip
     costs = [cost for cost, _ in found.found]
@@ -241,7 +241,7 @@ def test_the_search_improves_its_best_starts_and_orders_what_it_found():
     np.testing.assert_allclose(found.costs, Bowl()(found.draws))
     assert len(found.draws) == DRAWS
     assert found.evaluations > DRAWS
-    assert found.complete
+    assert found.end == "converged"
     assert all(0 <= share <= 1 for _, share in told)
     for start in {s.start for s in found.steps}:
         own = [s.cost for s in found.steps if s.start == start]
@@ -253,9 +253,23 @@ def test_where_no_candidate_closes_there_is_nothing_to_improve():
         def __call__(self, x):
             return np.full(len(x), OPEN * 1.5)
 
-    found = search(Open(), np.random.default_rng(0), iterations=5, budget=9.0, say=print)
+    found = search(Open(), np.random.default_rng(0), iterations=5, evaluations=99, time_limit=9.0,
+                   say=print)  # fmt: skip
     assert found.found == ()
-    assert (found.evaluations, found.complete) == (DRAWS, True)
+    assert (found.evaluations, found.end) == (DRAWS, "converged")
+
+
+@pytest.mark.parametrize(
+    ("evaluations", "time_limit", "end"), [(12, 60.0, "evaluations"), (1e9, 0.0, "time")]
+)
+def test_a_search_looks_at_no_more_candidates_than_it_may(evaluations, time_limit, end):
+    found = search(
+        Bowl(), np.random.default_rng(0), iterations=30, evaluations=evaluations,
+        time_limit=time_limit, say=lambda cost, share: None,
+    )  # fmt: skip
+    assert found.end == end
+    assert DRAWS <= found.evaluations <= DRAWS + min(evaluations, 12)
+    assert found.found[0][0] <= found.costs.min()
 
 
 def test_a_question_about_two_effects_has_the_model_then_each_of_them(two):

@@ -98,6 +98,38 @@ def test_a_spring_pulls_to_home_which_is_not_zero(polar, move, columns):
     check(columns(polar, m, JointStiffness()), per_joint("K", ("N·m/rad", "N/m"), force))
 
 
+def test_a_spring_of_the_file_pulls_to_where_the_file_says_it_is_relaxed(
+    make, tables, move, columns
+):
+    text = tables.POLAR.replace('name="lift"', 'name="lift" stiffness="40" springref="0.5"')
+    robot = make(text)
+    m = move(robot, T)
+    force = m.actuated_q - np.array([0.5, -0.15])
+    check(columns(robot, m, JointStiffness()), per_joint("K", ("N·m/rad", "N/m"), force))
+    assert robot.nominal["lift.K"] == 40.0
+
+
+def test_springs_and_rotors_of_passive_joints_are_felt_through_their_gears(
+    make, tables, move, columns
+):
+    text = tables.GEAR.replace('name="swing"', 'name="swing" stiffness="12" springref="0.2"')
+    robot = make(text.replace('name="rise" type', 'name="rise" armature="0.3" type'))
+    m = move(robot, T)
+    q, v, a = m.actuated_q, m.actuated_v, m.actuated_a
+    swing, rise = -2 + 0.6 * q, 0.5 + 0.4 * q
+    found = columns(robot, m, JointStiffness())
+    assert list(found) == ["turn.K", "swing.K"]
+    np.testing.assert_allclose(found["turn.K"][1], q, atol=1e-12)  # home is zero
+    stretched = 0.1 - 2 * q + 0.3 * q**2 - 0.2
+    np.testing.assert_allclose(found["swing.K"][1], swing * stretched, atol=1e-9)
+    found = columns(robot, m, ActuatorInertia())
+    assert [(n, unit) for n, (unit, _) in found.items()] == [
+        ("turn.Ia", "kg·m²"),
+        ("rise.Ia", "kg"),
+    ]
+    np.testing.assert_allclose(found["rise.Ia"][1], rise * (rise * a + 0.4 * v**2), atol=1e-9)
+
+
 def test_ripple_starts_at_home_and_repeats_with_its_period(polar, move, columns):
     m = move(polar, T)
     x = m.actuated_q - np.array([0.3, -0.15])

@@ -161,6 +161,16 @@ def test_the_torque_that_is_delayed_can_be_any_models(polar, by_hand, columns):
     np.testing.assert_allclose(found["reach.delay"][1][:, 1], 2.0)
 
 
+def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
+    from identifiability.effects.delay import nominal_torque
+
+    robot = make(tables.POLAR.replace('name="reach"', 'name="reach" stiffness="40" springref="1"'))
+    m = move(robot, T)
+    change = nominal_torque(robot, m) - nominal_torque(polar, m)
+    np.testing.assert_allclose(change[:, 0], 0.0, atol=1e-9)
+    np.testing.assert_allclose(change[:, 1], 40 * (m.actuated_q[:, 1] - 1.0), atol=1e-9)
+
+
 @pytest.mark.parametrize("forward", [2.5, None])
 def test_the_delayed_torque_has_a_level_for_each_direction_where_the_file_states_one(
     make, tables, move, by_hand, forward
