@@ -13,14 +13,11 @@ from identifiability.evaluation import Task, predict, predict_all
 from identifiability.grouping import find_base_parameters
 from identifiability.information import gather_information
 from identifiability.ladder import (
-    LadderEntry,
     LadderLike,
-    build_ladder,
-    default_ladder,
+    build_comparison,
+    find_ladder,
     ladder_model,
-    ladder_path,
     nominal_base,
-    read_ladder,
 )
 from identifiability.model import Regression
 from identifiability.options import NotNegative, Replicates, Seed, checked
@@ -68,9 +65,9 @@ def analyze(
         Fitted to.
     validate : the same, optional
         Held out; without them errors come from blocked cross-validation.
-    ladder : LadderEntry or path, optional
-        Models to compare; by default the ladder beside the robot file, else asymmetric and
-        symmetric friction.
+    ladder : path, LadderEntry or result of `prune`, optional
+        Models to compare, each also with the unpruned one; by default the ladder beside the robot
+        file, else asymmetric and symmetric friction.
     preparation : Preparation, optional
         How derivatives are made.
     method : {"wls", "ols"}
@@ -98,10 +95,8 @@ def analyze(
     streams = np.random.default_rng(seed).spawn(3)
     with threadpool_limits(1, "blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
-        if not isinstance(ladder, LadderEntry):
-            path = ladder if ladder is not None else ladder_path(robot)
-            ladder = default_ladder(robot) if path is None else read_ladder(path)
-        model = ladder_model(ladder)
+        source = find_ladder(robot, ladder, beside=True)
+        model = ladder_model(source.entry)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
             say("reading logs", 0.0)
             reading = share(say, "reading logs", 0.0, 0.2)
@@ -110,7 +105,7 @@ def analyze(
             held = prepare_logs(robot, raw_held, preparation, runner)
             say("finding base parameters", 0.2)
             base = find_base_parameters(robot, model, streams[0])
-            rungs = build_ladder(ladder, robot, base)
+            rungs = build_comparison(source.entry, robot, base)
             say("building the regression", 0.3)
             regression = Regression(robot, model, train, base.kept)
             building = share(say, "building the regression", 0.3, 0.6)
@@ -139,6 +134,10 @@ def analyze(
             results, belief = believe(robot, base, information, results, at, streams[2], say, train)
         return Analysis(
             robot, base, train, held, information, results, at,
-            fitted.first(len(rungs)), out.first(len(rungs)), model.names, method, seed, belief,
-            thresholds, tuple(filter(None, (hint, *hints))),
+            fitted.first(len(rungs)), out.first(len(rungs)), model.texts, method, seed, belief,
+            thresholds, tuple(filter(None, (hint, *hints))), source,
+            {
+                "replicates": replicates, "posterior": posterior, "cad_weight": cad_weight,
+                "preparation": preparation or Preparation(),
+            },
         )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
@@ -17,6 +18,7 @@ from identifiability.estimation import Method
 from identifiability.evaluation import Prediction
 from identifiability.grouping import BaseParameters
 from identifiability.information import Information
+from identifiability.ladder import LadderSource
 from identifiability.options import check_choice
 from identifiability.output import write_json
 from identifiability.robot import Robot
@@ -55,6 +57,10 @@ class Analysis:
         As asked for.
     hints : tuple of str
         What seems to be wrong with the logs, for the user to check.
+    source : LadderSource or None
+        Where the models came from.
+    settings : mapping
+        Other options that decided the numbers.
     """
 
     robot: Robot
@@ -72,11 +78,18 @@ class Analysis:
     belief: Belief | None = None
     thresholds: Thresholds = field(default_factory=Thresholds)
     hints: tuple[str, ...] = ()
+    source: LadderSource | None = None
+    settings: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def chosen(self) -> RungResult:
         """The selected model."""
         return self.models[self.selected]
+
+    @property
+    def first(self) -> str:
+        """The first model of the ladder as it was given: of a model file its only one."""
+        return self.full.name if self.source is None else self.source.entry.models[0].name
 
     @property
     def full(self) -> RungResult:
@@ -85,8 +98,10 @@ class Analysis:
 
     @cached_property
     def provenance(self) -> dict[str, str]:
-        """Versions, seed and hashes of the inputs."""
-        return state_provenance(self.robot, (*self.samples, *self.validation), self.seed)
+        """Versions, seed, options, and hashes of the inputs."""
+        options = {"method": self.method, **self.settings}
+        logs = (*self.samples, *self.validation)
+        return state_provenance(self.robot, logs, self.seed, self.source, options)
 
     def to_frame(self, model: str | None = None) -> pd.DataFrame:
         """Return one row a parameter of the selected model, or of the named one.

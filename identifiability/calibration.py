@@ -8,8 +8,8 @@ values, noise has the size and the correlation of the residual, of any order at 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from html import escape
 from itertools import islice
@@ -74,6 +74,8 @@ class Calibration:
         Names that a diagnosis gives where nothing is missing, where that was asked for.
     unmeasured : str
         Why that could not be measured.
+    provenance : mapping
+        What decided the numbers of the analysis and these.
     """
 
     robot: str
@@ -86,6 +88,7 @@ class Calibration:
     own: ResidualNoise | None = None
     false_names: FalseNames | None = None
     unmeasured: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a cell."""
@@ -156,6 +159,7 @@ class Calibration:
             "posterior": None if self.ranks is None else self.ranks.to_dict(),
             "diagnosis": None if self.false_names is None else self.false_names.to_dict(),
             "seed": self.seed,
+            "provenance": self.provenance,
         }
 
     def _noise_rows(self) -> list[dict[str, Any]]:
@@ -207,7 +211,7 @@ def calibrate(
     analysis : Analysis
         Whose motion, model and residual are used.
     model : str, optional
-        Which model of the ladder; by default the unpruned one.
+        Which model of the ladder; by default its first one.
     noise : sequence of float
         Multiples of the residual's standard deviation.
     rho : sequence of float
@@ -236,7 +240,7 @@ def calibrate(
     LogError
         If the logs do not fit in memory.
     """
-    result = analysis.models[0 if model is None else analysis.find_model(model)]
+    result = analysis.models[analysis.find_model(model or analysis.first)]
     samples = in_memory(analysis.samples, Samples)
     regression = _regression(analysis)
     experiment = Experiment.of(regression, result.rung.M, result.rung.columns)
@@ -285,6 +289,10 @@ def calibrate(
     return Calibration(
         analysis.robot.name, result.name, len(truth), tuple(cells), seed, ranks,
         analysis.robot.joints, own, named, reason,
+        {
+            **analysis.provenance, "seed": str(seed), "trials": str(trials),
+            "replicates": str(replicates), "sbc": str(sbc), "diagnoses": str(diagnoses),
+        },
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from identifiability.effects import Effect, find_effect
+from identifiability.effects import FAMILIES, Effect, Part, Placed, find_effect
 from identifiability.errors import ModelError
 from identifiability.names import Array, Parameter
 from identifiability.options import Expected, checked
@@ -33,8 +33,17 @@ class Model:
     @staticmethod
     @checked
     def of(*names: EffectName) -> Model:
-        """Return the model of some effects by name."""
-        return Model(()).with_effects(find_effect(n) for n in names)
+        """Return the model of some effects by name.
+
+        ``NAME@PLACE+PLACE`` is an effect at some joints, motors or bodies only, and
+        ``NAME@PLACE:SHAPE`` has a shape of its own there, such as the Stribeck velocity [SI].
+
+        Raises
+        ------
+        ModelError
+            If there is no such effect, or none with a shape.
+        """
+        return Model(()).with_effects(_read_effects(names))
 
     def with_effects(self, effects: Iterable[Effect]) -> Model:
         """Return the model with more effects; what they supersede is left out."""
@@ -56,6 +65,11 @@ class Model:
         """Names of the effects."""
         return tuple(e.name for e in self.effects)
 
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The effects as a ladder file writes them, and `of` reads them."""
+        return tuple(text for e in self.effects for text in e.texts)
+
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the standard parameters of all effects, in column order."""
         return tuple(p for e in self.effects for p in e.parameters(robot))
@@ -73,3 +87,36 @@ class Model:
             effect.fill(robot, motion, W[:, :, start : start + width])
             start += width
         return W
+
+
+def _read_effects(texts: Iterable[str]) -> list[Effect]:
+    """Return effects as a ladder file writes them; all places of one are one effect."""
+    by_name: dict[str, list[str]] = {}
+    for text in texts:
+        by_name.setdefault(text.partition("@")[0], []).append(text)
+    return [_read_effect(name, dict.fromkeys(written)) for name, written in by_name.items()]
+
+
+def _read_effect(name: str, written: Iterable[str]) -> Effect:
+    effect = find_effect(name)
+    parts: list[Part] = []
+    for text in written:
+        if "@" not in text:
+            return effect
+        places, shape = _split_shape(text.partition("@")[2])
+        family = FAMILIES.get(name)
+        if shape is not None and (family is None or family.shapes is None):
+            raise ModelError(f"'{text}': {name} has no shape; leave out the number behind the ':'.")
+        for place in places.split("+"):
+            built = effect if shape is None or family is None else family.build(shape, place)
+            parts.append(Part(built, place))
+    return Placed(parts, tuple(written))
+
+
+def _split_shape(text: str) -> tuple[str, float | None]:
+    """Return the places and the shape of ``PLACE+PLACE:SHAPE``; names may have colons too."""
+    places, colon, number = text.rpartition(":")
+    try:
+        return (places, float(number)) if colon else (text, None)
+    except ValueError:
+        return text, None

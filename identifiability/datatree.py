@@ -72,8 +72,6 @@ def build_datatree(
 
 
 def _choose(belief: Belief | None, which: Which) -> Summary:
-    if which not in ("physical", "signs"):
-        raise ModelError(f"There is no posterior '{which}'; the posteriors are physical, signs.")
     if belief is None:
         raise ModelError("The result has no posterior; ask for it with analyze(…, posterior=True).")
     summary = belief.physical if which == "physical" else belief.signs

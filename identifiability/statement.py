@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from importlib import metadata
 
+import clarabel
+
 from identifiability.assessment import RungResult
+from identifiability.engines.fingerprint import NUMERICS
 from identifiability.errors import listing
 from identifiability.evaluation import Prediction
 from identifiability.grouping import BaseParameters
+from identifiability.ladder import LadderSource
 from identifiability.robot import Robot
 from identifiability.samples.longsamples import Prepared
 from identifiability.verdict import Class
 
-_PACKAGES = ("identifiability", "pin", "mujoco", "numpy", "scipy", "pandas")
+_PACKAGES = ("identifiability", *NUMERICS, "pandas")
 
 
 def state_answer(
@@ -96,8 +101,14 @@ def _why_nothing(
     return "the residual hides every parameter"
 
 
-def state_provenance(robot: Robot, samples: Sequence[Prepared], seed: int) -> dict[str, str]:
-    """Return versions, seed and hashes of the inputs."""
+def state_provenance(
+    robot: Robot,
+    samples: Sequence[Prepared],
+    seed: int,
+    source: LadderSource | None = None,
+    options: Mapping[str, object] | None = None,
+) -> dict[str, str]:
+    """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
     out = {"python": platform.python_version()}
     for package in _PACKAGES:
         try:
@@ -105,7 +116,25 @@ def state_provenance(robot: Robot, samples: Sequence[Prepared], seed: int) -> di
         except metadata.PackageNotFoundError:
             out[package] = "not installed"
     out["seed"] = str(seed)
+    out["solver"] = _solver_settings()
+    out.update({name: str(value) for name, value in (options or {}).items()})
+    out["robot"] = str(robot.path)
     out[f"sha256 {robot.path.name}"] = robot.sha256
+    if robot.sidecar is not None:
+        out["sidecar"] = str(robot.sidecar)
+        out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
+    if source is not None:
+        out["ladder"] = source.origin
+        out["sha256 ladder"] = source.sha256
     for s in samples:
         out[f"sha256 {s.name}"] = s.sha256
     return out
+
+
+def _solver_settings() -> str:
+    """Return the solver of the physical set and its tolerances, which are its own defaults."""
+    own = clarabel.DefaultSettings()
+    return (
+        f"clarabel, tol_gap_rel {own.tol_gap_rel:g}, tol_feas {own.tol_feas:g}, "
+        f"max_iter {own.max_iter}"
+    )

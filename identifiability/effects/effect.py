@@ -29,6 +29,11 @@ class Effect(ABC):
     #: Effects whose columns these already contain; a model drops them.
     supersedes: tuple[str, ...] = ()
 
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """How a ladder file writes the effect."""
+        return (self.name,)
+
     @abstractmethod
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the parameters that the columns multiply."""

@@ -49,13 +49,21 @@ class Placed(Effect):
     ----------
     parts : sequence of Part
         At least one.
+    texts : sequence of str, optional
+        How a ladder file writes it.
     """
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[Part], texts: Sequence[str] = ()) -> None:
         self.parts = tuple(parts)
+        self._texts = tuple(texts)
         self.name = self.parts[0].effect.name
         self.equation = self.parts[0].effect.equation
         self.supersedes = ()
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """How a ladder file writes the effect."""
+        return self._texts or super().texts
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the parameters of all parts, part by part.

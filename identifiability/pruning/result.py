@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,14 @@ from identifiability.assessment import RungResult
 from identifiability.estimation import Method
 from identifiability.grouping import BaseParameters
 from identifiability.information import Information
-from identifiability.ladder import Rung
+from identifiability.ladder import (
+    LadderEntry,
+    LadderSource,
+    Rung,
+    ladder_text,
+    rung_entry,
+    unused_ladder,
+)
 from identifiability.output import write_json, write_text
 from identifiability.pruning.absorption import Absorption
 from identifiability.pruning.elimination import Refusal
@@ -21,9 +30,10 @@ from identifiability.pruning.moves import Partition
 from identifiability.pruning.rung import PrunedRung
 from identifiability.pruning.selection import Criterion
 from identifiability.pruning.stability import Stability
-from identifiability.pruning.words import ladder_toml, statement
+from identifiability.pruning.words import statement
 from identifiability.robot import Robot
 from identifiability.samples.longsamples import Prepared
+from identifiability.statement import state_provenance
 from identifiability.verdict import Verdict
 
 SCHEMA = "identifiability/pruning/1"
@@ -57,8 +67,12 @@ class Ladder:
         As asked for.
     least : int
         The rung with the least held-out error.
+    source : LadderSource
+        Where the model that pruning started from came from.
+    settings : mapping
+        Other options that decided the numbers.
     hints : tuple of str
-        What seems to be wrong with the logs, for the user to check.
+        What seems to be wrong with the logs, for the user to check, and what was not used.
     """
 
     robot: Robot
@@ -78,6 +92,8 @@ class Ladder:
     method: Method
     seed: int
     least: int
+    source: LadderSource
+    settings: Mapping[str, object]
     hints: tuple[str, ...] = ()
 
     @property
@@ -109,6 +125,13 @@ class Ladder:
     def statement(self) -> str:
         """The answer in plain words."""
         return " ".join((statement(self), *self.hints))
+
+    @cached_property
+    def provenance(self) -> dict[str, str]:
+        """Versions, seed, options, and hashes of the inputs."""
+        options = {"method": self.method, "criterion": self.criterion, **self.settings}
+        logs = (*self.samples, *self.validation)
+        return state_provenance(self.robot, logs, self.seed, self.source, options)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the rung to use."""
@@ -157,11 +180,13 @@ class Ladder:
                 "sentence": physical.sentence,
                 "parameters": physical.parameters(),
             },
-            "ladder": ladder_toml(self),
+            "ladder": self.model_text,
             "effects": list(self.effects),
             "criterion": self.criterion,
             "method": self.method,
             "seed": self.seed,
+            "hints": list(self.hints),
+            "provenance": self.provenance,
         }
 
     def to_json(self, path: str | Path) -> Path:
@@ -169,8 +194,18 @@ class Ladder:
         return write_json(path, self.to_dict())
 
     def write_model(self, path: str | Path) -> Path:
-        """Write the chosen model as a ladder file, for `analyze` and others."""
-        return write_text(path, ladder_toml(self))
+        """Write the chosen model as a model file (a ladder of one rung), for every other verb."""
+        return write_text(path, self.model_text)
+
+    @property
+    def model_text(self) -> str:
+        """The chosen model as the text of a model file."""
+        title = self.robot.title or self.robot.name
+        return ladder_text(self.to_ladder(), f"{title}: the model that pruning chose.")
+
+    def to_ladder(self) -> LadderEntry:
+        """Return the chosen model as a ladder of one rung, for `analyze`, `diagnose` and others."""
+        return LadderEntry(models=[rung_entry(self.chosen.rung, self.base, self.effects)])
 
     def write_report(self, path: str | Path) -> Path:
         """Write the result as one self-contained HTML file, whole or not at all."""

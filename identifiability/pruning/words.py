@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,64 +92,3 @@ def _identifiable(ladder: Ladder) -> str:
 
 def _percent(error: float) -> str:
     return f"{100 * error:.3g} %" if np.isfinite(error) else "unknown size"
-
-
-def ladder_toml(ladder: Ladder) -> str:
-    """Return the unpruned and the chosen model as a ladder file."""
-    partition = ladder.partition
-    known = set(ladder.start.columns)
-    gone = [n for n in ladder.base.names if n not in known]
-    lines = [
-        f"# {ladder.robot.title or ladder.robot.name}: the model that pruning chose.",
-        "",
-        "[[models]]",
-        f"name = {_quote(ladder.start.name)}",
-        'description = "where pruning started"',
-        f"effects = {_list(ladder.effects)}",
-    ]
-    lines += _start_lines(ladder, gone)
-    lines += ["", "[[models]]", f"name = {_quote(ladder.chosen.name)}",
-              f"description = {_quote(ladder.chosen.rung.description)}"]  # fmt: skip
-    zeroed = partition.zeroed()
-    if zeroed:
-        lines.append("zero = [")
-        lines += [f"  {_quote(c)}," for c in zeroed]
-        lines.append("]")
-    ties = partition.ties()
-    if ties:
-        lines.append("[models.tie]")
-        lines += [f"{_quote(name)} = {_list(members)}" for name, members in ties.items()]
-    return "\n".join(lines) + "\n"
-
-
-def _start_lines(ladder: Ladder, gone: list[str]) -> list[str]:
-    """Return how the starting model differs from the base model."""
-    start, names = ladder.start, ladder.base.names
-    tied = {
-        column: [names[k] for k in np.flatnonzero(start.M[:, i])]
-        for i, column in enumerate(start.columns)
-    }
-    ties = {c: m for c, m in tied.items() if len(m) > 1 or m != [c]}
-    inside = {n for m in ties.values() for n in m}
-    zero = [n for n in gone if n not in inside and start.held[names.index(n)] == 0]
-    hold = {
-        n: float(start.held[names.index(n)])
-        for n in gone
-        if n not in inside and start.held[names.index(n)] != 0
-    }
-    lines = [f"zero = {_list(zero)}"] if zero else []
-    if hold:
-        pairs = ", ".join(f"{_quote(n)} = {v!r}" for n, v in hold.items())
-        lines.append(f"hold = {{ {pairs} }}")
-    if ties:
-        lines.append("[models.tie]")
-        lines += [f"{_quote(c)} = {_list(m)}" for c, m in ties.items()]
-    return lines
-
-
-def _quote(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _list(names: list[str] | tuple[str, ...]) -> str:
-    return "[" + ", ".join(_quote(n) for n in names) + "]"

@@ -20,10 +20,10 @@ from identifiability.ladder import (
     LadderLike,
     Rung,
     build_ladder,
-    default_ladder,
+    find_ladder,
     ladder_model,
     nominal_base,
-    read_ladder,
+    unused_ladder,
 )
 from identifiability.model import Model, Regression
 from identifiability.options import Names, Positive, Replicates, Seed, checked
@@ -84,7 +84,7 @@ def prune(
         The size of the model is chosen on these only.
     validate : the same, optional
         Held out from everything; only reported.
-    ladder : LadderEntry or path, optional
+    ladder : path, LadderEntry or result of `prune`, optional
         Its first model is where pruning starts; by default every base parameter with asymmetric
         friction.
     forbid : sequence of str
@@ -120,8 +120,7 @@ def prune(
     streams = np.random.default_rng(seed).spawn(4)
     with threadpool_limits(1, "blas"), running(engine) as runner:
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
-        if not isinstance(ladder, LadderEntry):
-            ladder = default_ladder(robot) if ladder is None else read_ladder(ladder)
+        source = find_ladder(robot, ladder, beside=False)
         say("reading logs", 0.0)
         reading = share(say, "reading logs", 0.0, 0.1)
         raw, raw_held, hints = open_logs(logs, validate)
@@ -129,7 +128,7 @@ def prune(
         held = prepare_logs(robot, raw_held, preparation, runner)
         say("building the regression", 0.1)
         building = share(say, "building the regression", 0.1, 0.4)
-        task = _set_up(robot, ladder, train, held, method, streams[0], runner, building)
+        task = _set_up(robot, source.entry, train, held, method, streams[0], runner, building)
         say("walking down the ladder", 0.4)
         search = _search(
             task, _check_wishes(task.start, forbid, force), streams[1], propose=propose,
@@ -157,7 +156,12 @@ def prune(
         return Ladder(
             robot, task.base, train, held, task.information, task.start, rungs, chosen, result,
             search.path.refused, stability, absorption,
-            task.model.names, criterion, method, seed, least_error(search.path.steps), hints,
+            task.model.texts, criterion, method, seed, least_error(search.path.steps), source,
+            {
+                "forbid": list(forbid), "force": list(force), "propose": propose, "reach": reach,
+                "replicates": replicates, "preparation": preparation or Preparation(),
+            },
+            (*hints, *unused_ladder(robot, ladder)),
         )  # fmt: skip
 
 

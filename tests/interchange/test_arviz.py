@@ -7,6 +7,7 @@ import pytest
 
 from identifiability import analyze
 from identifiability.errors import ModelError
+from identifiability.options import OptionError
 
 pytest.importorskip("arviz_base", reason="needs the extra 'arviz'")
 arviz = pytest.importorskip("arviz_stats")
@@ -59,7 +60,7 @@ def test_what_is_not_there_is_said_in_a_sentence(result, simulated_session, monk
     bare = analyze("two-link", simulated_session("two-link", "a", samples=200), replicates=0)
     with pytest.raises(ModelError, match=r"ask for it with analyze\(…, posterior=True\)\.$"):
         bare.to_arviz()
-    with pytest.raises(ModelError, match=r"There is no posterior 'flat'; the posteriors are "):
+    with pytest.raises(OptionError, match="posterior must be 'physical' or 'signs', not 'flat'"):
         result.to_arviz("flat")
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(ModelError, match=r"pip install 'identifiability\[arviz\]'\.$"):

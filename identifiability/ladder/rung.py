@@ -1,83 +1,18 @@
-"""A ladder of models: each rung zeroes, ties or keeps base parameters of the one it starts from.
-
-A ladder is a TOML file (every key but ``name`` is optional)::
-
-    [[models]]
-    name = "Model 1"
-    effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
-
-    [[models]]
-    name = "Model 2"
-    from = "Model 1"                       # default: the rung before
-    zero = ["leg1_lower.mx"]               # left out: held at 0
-    hold = {"platform.mz" = 0.1}           # held at a value, or at "nominal" (the robot file's)
-    tie = {"slider1.Fc" = ["slider1.Fc+", "slider1.Fc-"]}    # columns added: equal values
-    keep = ["slider1.Fv"]                  # everything else is left out
-
-Names are those of base parameters (the parameter that represents a group).
-"""
+"""`Rung`: one model of a ladder over base parameters, as columns and a held torque."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from identifiability.documents import read_document
 from identifiability.errors import ModelError, listing, near_match
 from identifiability.grouping import BaseParameters
 from identifiability.information import Information
-from identifiability.logs.checks import LARGEST
-from identifiability.model import Model
+from identifiability.ladder.file import LadderEntry, RungEntry
 from identifiability.names import Array
-from identifiability.options import Expected
 from identifiability.robot import Robot
-
-#: The model that a log is analysed with when no ladder is given.
-DEFAULT_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
-
-
-def _held(value: Any) -> Any:
-    """Refuse what is neither a number nor the word, in one sentence instead of one for each."""
-    number = isinstance(value, (int, float)) and abs(value) < LARGEST
-    if not number and value != "nominal":
-        raise ValueError("give a finite number in SI units, or 'nominal'")
-    return value
-
-
-Held = Annotated[float | Literal["nominal"], BeforeValidator(_held)]
-
-
-class RungEntry(BaseModel):
-    """A rung as it stands in the file."""
-
-    model_config = ConfigDict(extra="forbid", populate_by_name=True, allow_inf_nan=False)
-
-    name: str = Field(min_length=1)
-    description: str = ""
-    effects: list[str] | None = None
-    start: str | None = Field(default=None, alias="from")
-    zero: list[str] = []
-    hold: dict[str, Held] = {}
-    tie: dict[str, list[str]] = {}
-    keep: list[str] | None = None
-
-
-class LadderEntry(BaseModel):
-    """The file."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    models: list[RungEntry] = Field(min_length=1)
-
-
-LadderLike = Annotated[
-    LadderEntry | str | Path, Expected("the path of a ladder file or a LadderEntry")
-]
 
 
 @dataclass(frozen=True)
@@ -163,63 +98,6 @@ def full_rung(base: BaseParameters, name: str = "full model", description: str =
     )  # fmt: skip
 
 
-def default_ladder(robot: Robot) -> LadderEntry:
-    """Return the ladder for a robot that has none: asymmetric, then symmetric friction.
-
-    Springs are part of it where the robot file states some.
-    """
-    springs = any(name.endswith(".K") and value for name, value in robot.nominal.items())
-    tie = {f"{joint}.Fc": [f"{joint}.Fc+", f"{joint}.Fc-"] for joint in robot.joints}
-    return LadderEntry(
-        models=[
-            RungEntry(
-                name="full model",
-                description="every base parameter, friction asymmetric",
-                effects=[*DEFAULT_EFFECTS, *(["joint_stiffness"] if springs else [])],
-            ),
-            RungEntry(
-                name="symmetric friction",
-                description="one Coulomb level for both directions",
-                tie=tie,
-            ),
-        ]
-    )
-
-
-def ladder_path(robot: Robot) -> Path | None:
-    """Return the ladder that stands beside the robot file, if there is one."""
-    beside = robot.path.with_name("ladder.toml")
-    return beside if beside.is_file() else None
-
-
-def read_ladder(path: str | Path) -> LadderEntry:
-    """Read a ladder file.
-
-    Raises
-    ------
-    ModelError
-        With the file, the key and what was expected.
-    """
-    return read_document(path, LadderEntry, "TOML", "ladder", ModelError)
-
-
-def ladder_model(entry: LadderEntry) -> Model:
-    """Return the model whose effects the ladder's rungs reduce.
-
-    Raises
-    ------
-    ModelError
-    """
-    first = entry.models[0]
-    later = [r.name for r in entry.models[1:] if r.effects is not None]
-    if later:
-        raise ModelError(
-            f"The rung '{later[0]}' names effects, but a ladder reduces one model: name all "
-            "effects in its first rung and zero or tie what the others leave out."
-        )
-    return Model.of(*(first.effects if first.effects is not None else DEFAULT_EFFECTS))
-
-
 def build_ladder(entry: LadderEntry, robot: Robot, base: BaseParameters) -> tuple[Rung, ...]:
     """Return the rungs of a ladder over some base parameters.
 
@@ -241,6 +119,21 @@ def build_ladder(entry: LadderEntry, robot: Robot, base: BaseParameters) -> tupl
         start = before if item.start is None else rungs[item.start]
         before = rungs[item.name] = _build_rung(item, start, robot, base)
     return tuple(rungs.values())
+
+
+def build_comparison(entry: LadderEntry, robot: Robot, base: BaseParameters) -> tuple[Rung, ...]:
+    """Return the rungs of a ladder below the unpruned model, which goes first if it is not there.
+
+    Raises
+    ------
+    ModelError
+    """
+    rungs = build_ladder(entry, robot, base)
+    if len(rungs[0]) == len(base):
+        return rungs
+    taken = {rung.name for rung in rungs}
+    name = next(n for n in ("full model", "every base parameter", "") if n not in taken)
+    return (full_rung(base, name, "every base parameter"), *rungs)
 
 
 def _build_rung(item: RungEntry, start: Rung, robot: Robot, base: BaseParameters) -> Rung:
@@ -291,3 +184,18 @@ def nominal_base(robot: Robot, base: BaseParameters) -> Array:
     phi = np.array([robot.nominal.get(p.name, 0.0) for p in base.parameters])
     values: Array = base.G @ phi
     return values
+
+
+def rung_entry(rung: Rung, base: BaseParameters, effects: Sequence[str]) -> RungEntry:
+    """Return how a rung stands in a ladder file, reduced from the base parameters in one step."""
+    names = base.names
+    members = {
+        c: [names[k] for k in np.flatnonzero(rung.M[:, i])] for i, c in enumerate(rung.columns)
+    }
+    gone = [k for k in range(len(base)) if not rung.M[k].any()]
+    return RungEntry(
+        name=rung.name, description=rung.description, effects=list(effects),
+        zero=[names[k] for k in gone if rung.held[k] == 0],
+        hold={names[k]: float(rung.held[k]) for k in gone if rung.held[k] != 0},
+        tie={c: m for c, m in members.items() if m != [c]},
+    )  # fmt: skip
