@@ -1,0 +1,139 @@
+"""A model file is a ladder of one rung: every verb takes it, and says what it used."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from identifiability import Model, Robot, analyze, prune, simulate
+from identifiability.calibration import calibrate
+from identifiability.effects import Placed
+from identifiability.errors import ModelError
+from identifiability.grouping import find_base_parameters, random_motion
+from identifiability.ladder import build_ladder, ladder_text, read_ladder, rung_entry
+from identifiability.simulation import shipped_trajectory
+
+
+@pytest.fixture(scope="module")
+def log():
+    rng = np.random.default_rng(0)
+    return simulate(
+        "two-link", shipped_trajectory(Robot.load("two-link"), "a"), noise="paper", rng=rng
+    )
+
+
+@pytest.fixture(scope="module")
+def pruned(log):
+    return prune("two-link", log, replicates=0, force=["shoulder.Fv"])
+
+
+def test_a_pruned_model_is_one_rung_that_is_judged_beside_the_full_model(pruned, log, tmp_path):
+    path = pruned.write_model(tmp_path / "model.toml")
+    assert len(read_ladder(path).models) == 1
+    for ladder in (path, str(path), pruned):
+        again = analyze("two-link", log, ladder=ladder, replicates=0)
+        full, model = again.models
+        assert len(full.rung) == len(again.base) > len(model.rung)
+        assert model.rung.columns == pruned.chosen.columns
+        np.testing.assert_allclose(
+            model.estimate.value, pruned.chosen.estimate.value, rtol=1e-9, atol=1e-12
+        )
+    assert prune("two-link", log, ladder=pruned, replicates=0).full.columns == pruned.chosen.columns
+
+
+def test_calibration_is_about_the_model_of_a_model_file(pruned, log):
+    analysis = analyze("two-link", log, ladder=pruned, replicates=0)
+    found = calibrate(analysis, trials=2, replicates=20, noise=(1.0,), rho=(0.0,))
+    assert found.model == pruned.chosen.name
+    assert found.to_dict()["provenance"]["trials"] == "2"
+
+
+def test_a_rung_with_every_reduction_is_written_and_read_back_as_it_was(tmp_path):
+    robot = Robot.load("two-link")
+    path = tmp_path / "ladder.toml"
+    path.write_text(
+        '[[models]]\nname = "a \\"quoted\\" name"\nzero = ["shoulder.Fv"]\n'
+        'hold = {"elbow.Fv" = 0.25, "link2.mx" = "nominal"}\n'
+        'tie = {"elbow.Fc" = ["elbow.Fc+", "elbow.Fc-"]}\n'
+        '[[models]]\nname = "b"\nzero = ["elbow.Fc"]\n'
+    )
+    model = Model.of("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
+    base = find_base_parameters(robot, model)
+    for rung in build_ladder(read_ladder(path), robot, base):
+        entry = read_ladder(path).model_copy(
+            update={"models": [rung_entry(rung, base, model.texts)]}
+        )
+        written = tmp_path / "written.toml"
+        written.write_text(ladder_text(entry, "a comment"))
+        (again,) = build_ladder(read_ladder(written), robot, base)
+        assert again.columns == rung.columns
+        np.testing.assert_array_equal(again.M, rung.M)
+        np.testing.assert_array_equal(again.held, rung.held)
+
+
+def test_effects_live_where_a_file_says_with_the_shape_that_it_gives():
+    robot = Robot.load("two-link")
+    texts = ("rigid_body", "stribeck_friction@elbow:0.02", "joint_stiffness@shoulder+elbow")
+    model = Model.of(*texts)
+    assert model.texts == texts
+    assert model.names == ("rigid_body", "stribeck_friction", "joint_stiffness")
+    names = [p.name for p in model.parameters(robot)]
+    assert names[-3:] == ["elbow.Fs", "shoulder.K", "elbow.K"]
+    stribeck = model.effects[1]
+    assert isinstance(stribeck, Placed)
+    assert stribeck.parts[0].effect.velocity == 0.02
+    motion = random_motion(robot, np.random.default_rng(0), 20)
+    W = Model((stribeck,)).regressor(robot, motion)[:, 1, 0]
+    speed = motion.actuated_v[:, 1]
+    np.testing.assert_allclose(W, np.exp(-np.abs(speed) / 0.02) * np.sign(speed))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("stribek_friction@elbow", "There is no effect 'stribek_friction', did you mean"),
+        ("coulomb_friction@elbow:0.1", "coulomb_friction has no shape"),
+        ("stribeck_friction@elbw:0.1", "has no parameter at 'elbw' of two-link"),
+    ],
+)
+def test_effects_that_cannot_live_there_are_refused(text, sentence):
+    with pytest.raises(ModelError, match=sentence):
+        Model.of("rigid_body", text).parameters(Robot.load("two-link"))
+
+
+@pytest.fixture
+def beside(tmp_path):
+    """A robot file with a ladder and a sidecar beside it."""
+    shipped = Robot.load("two-link")
+    for part in (shipped.path, shipped.sidecar):
+        (tmp_path / part.name).write_bytes(part.read_bytes())
+    (tmp_path / "ladder.toml").write_text('[[models]]\nname = "mine"\n')
+    return Robot.load(tmp_path / shipped.path.name)
+
+
+def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(beside, log):
+    result = analyze(beside, log, replicates=0, cad_weight=0.5, method="ols")
+    found = json.loads(json.dumps(result.to_dict()["provenance"]))
+    ladder = beside.path.with_name("ladder.toml")
+    assert result.chosen.name == "mine"
+    assert found["ladder"] == str(ladder)
+    assert found["sha256 ladder"] == hashlib.sha256(ladder.read_bytes()).hexdigest()
+    assert found["sidecar"] == str(beside.sidecar)
+    sidecar = hashlib.sha256(beside.sidecar.read_bytes()).hexdigest()
+    assert found[f"sha256 {beside.sidecar.name}"] == sidecar
+    assert {"pin", "mujoco", "numpy", "scipy", "cvxpy", "clarabel", "emcee"} <= set(found)
+    assert "not installed" not in found.values()
+    assert "tol_gap_rel" in found["solver"]
+    decided = ("method", "cad_weight", "replicates", "seed")
+    assert [found[k] for k in decided] == ["ols", "0.5", "0", "0"]
+
+
+def test_pruning_says_that_a_ladder_beside_the_robot_was_not_used(beside, log, pruned):
+    unused = "ladder.toml beside robot.xml was not used"
+    found = prune(beside, log, replicates=0)
+    assert found.hints[0].startswith(unused)
+    assert found.to_dict()["hints"] == list(found.hints)
+    assert found.provenance["ladder"] == "default"
+    assert prune(beside, log, ladder=pruned, replicates=0).hints == ()
+    assert pruned.hints == ()
