@@ -63,7 +63,7 @@ def prune(
     json: options.Json = None,
     model: Annotated[
         Path | None,
-        typer.Option(help="Write the chosen model here, as a model file: a ladder of one rung."),
+        typer.Option(help="Write the chosen model here, as a ladder of one rung."),
     ] = None,
     derivatives: options.Source = options.Derivatives.auto,
     cutoff: options.Cutoff = None,
@@ -130,8 +130,7 @@ def print_pruning(result: Ladder, written: list[Path]) -> None:
     console.print(table)
     wide = not console.is_terminal
     console.print(escaped(result.statement), highlight=False, soft_wrap=wide)
-    for text in (result.stability.statement, *result.hints):
-        console.print(escaped(text), highlight=False, soft_wrap=wide)
+    console.print(escaped(result.stability.statement), highlight=False, soft_wrap=wide)
     for path in written:
         sys.stdout.write(f"{path}\n")
 

@@ -21,7 +21,6 @@ from identifiability.ladder import (
     Rung,
     ladder_text,
     rung_entry,
-    unused_ladder,
 )
 from identifiability.output import write_json, write_text
 from identifiability.pruning.absorption import Absorption
@@ -185,7 +184,6 @@ class Ladder:
             "criterion": self.criterion,
             "method": self.method,
             "seed": self.seed,
-            "hints": list(self.hints),
             "provenance": self.provenance,
         }
 
