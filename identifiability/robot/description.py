@@ -17,6 +17,7 @@ from identifiability.options import Expected, FilePath, checked
 from identifiability.robot.kinematics import Tree
 from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.markup import included_files
+from identifiability.robot.mjcf import weighing_files
 from identifiability.robot.transmission import Axis, Transmission
 
 RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
@@ -104,7 +105,7 @@ class Robot:
         Raises
         ------
         RobotError
-            If the file cannot be read, lost bodies, or leaves the motion undetermined.
+            If the file cannot be read, states what cannot be held, or leaves joints undetermined.
         """
         from identifiability.robot.files import read_robot  # noqa: PLC0415 - it imports us
 
@@ -116,8 +117,8 @@ class Robot:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the robot file, what it includes, and its sidecar; meshes have no say."""
-        files = (self.path, *included_files(self.path))
+        """Hash of the robot file, what it includes, meshes that weigh, and its sidecar."""
+        files = (self.path, *included_files(self.path), *weighing_files(self.path))
         digest = hashlib.sha256()
         for file in (*files, self.sidecar) if self.sidecar is not None else files:
             digest.update(file.read_bytes())

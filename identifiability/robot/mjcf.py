@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 
 from identifiability.errors import RobotError, near_match
-from identifiability.robot.markup import file_text
+from identifiability.robot.markup import file_text, read_markup
 
 _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom
 _FILED = (int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF))
@@ -38,13 +38,41 @@ def compile_mjcf(path: Path, root: ET.Element) -> Any:
     RobotError
         With MuJoCo's reason, and the near match of a name that is not there.
     """
+    with _refused(path, root):
+        spec = _parse(path, root)
+        _name_all(spec)
+        return spec.compile()
+
+
+def weighing_files(path: Path) -> tuple[Path, ...]:
+    """Return the files of meshes from which an MJCF takes inertias.
+
+    Raises
+    ------
+    RobotError
+    """
+    root = read_markup(path)
+    if root.tag != "mujoco":
+        return ()
+    with _refused(path, root):
+        spec = _parse(path, root)
+    folder = path.parent / (spec.compiler.meshdir or "")
+    return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
+
+
+def _parse(path: Path, root: ET.Element) -> Any:
+    spec = mujoco.MjSpec.from_string(file_text(path, root))
+    spec.modelfiledir = str(path.parent)
+    _take_out_idle(spec)
+    return spec
+
+
+@contextmanager
+def _refused(path: Path, root: ET.Element) -> Iterator[None]:
+    """Give MuJoCo's reasons as ours."""
     try:
         with quiet():
-            spec = mujoco.MjSpec.from_string(file_text(path, root))
-            spec.modelfiledir = str(path.parent)
-            _take_out_idle(spec)
-            _name_all(spec)
-            return spec.compile()
+            yield
     except (ValueError, mujoco.FatalError) as error:
         raise RobotError(f"{path} cannot be read as MJCF: {_reason(error, root)}") from None
 

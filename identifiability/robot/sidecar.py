@@ -4,7 +4,7 @@ Every key is optional::
 
     name = "3-RPS parallel robot"
     prior_relative = 1.0                 # width of the other priors (default: 1, the size itself)
-    actuated = ["joint1", "joint2"]      # URDF: which joints have a motor (default: all)
+    actuated = ["joint1", "joint2"]      # which joints have a motor (default: <actuator>, or all)
     inertia_parts = ["Jr", "Js"]         # what an actuator's inertia is made of (default: Ia)
 
     [home]                               # joint = position; selects the assembly of a closed chain

@@ -19,6 +19,7 @@ import numpy as np
 from identifiability.errors import RobotError
 from identifiability.names import Array
 from identifiability.robot import Robot
+from identifiability.robot.mjcf import quiet
 from identifiability.robot.write import write_robot
 from identifiability.simulation.forces import both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot
@@ -105,6 +106,7 @@ class ForwardRobot:
             self.robot.dof_position(home, name)[0] if rest is None else rest
         )
 
+    @quiet()
     def run(self, q: Array, dq: Array, tau: Array, dt: float, extra: Extra | None = None) -> Array:
         """Return the positions that the torques lead to, (K, S, n).
 
@@ -136,7 +138,6 @@ class ForwardRobot:
         coulomb = np.array(self.model.dof_frictionloss[actuated])
         alive = np.ones(count, bool)
         limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
-        mujoco.set_mju_user_warning(lambda _message: None)  # else a log file in the user's folder
         try:
             for step in range(steps):
                 force = tau[:, step] - self._bias
@@ -153,7 +154,6 @@ class ForwardRobot:
                     if alive[k]:
                         out[k, step] = at
         finally:
-            mujoco.set_mju_user_warning(None)
             self.model.dof_frictionloss[actuated] = coulomb
         return out
 

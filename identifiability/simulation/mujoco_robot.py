@@ -19,7 +19,7 @@ from identifiability.errors import ClosureError, RobotError
 from identifiability.names import Array
 from identifiability.robot import Robot
 from identifiability.robot.markup import read_markup
-from identifiability.robot.mjcf import compile_mjcf
+from identifiability.robot.mjcf import compile_mjcf, quiet
 
 TOLERANCE = 1e-12
 _MAX_STEPS = 30
@@ -94,6 +94,7 @@ class MujocoRobot:
     def _dof(self, name: str) -> int:
         return int(self._joint(name).dofadr[0])
 
+    @quiet()
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> RigidTorque:
         """Return rigid-body torques for a motion of the actuated joints, each (N, n).
 

@@ -127,6 +127,27 @@ def test_files_that_no_inertia_needs_may_be_missing(agrees, load_text):
         load_text(arm(after=MISSING, inside=f'<body name="tool">{shape}</body>'))
 
 
+def test_the_hash_knows_meshes_that_weigh_and_no_others(load_text, tmp_path):
+    text = arm(
+        after='<asset><mesh name="tool" file="tool.obj"/></asset>',
+        inside='<body name="tool"><geom type="mesh" mesh="tool"/></body>',
+        compiler='meshdir="shapes"',
+    )
+    stated = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    (tmp_path / "shapes").mkdir()
+    hashes = []
+    for size in ("0.3", "0.4"):
+        corners = f"v 0 0 0\nv {size} 0 0\nv 0 0.2 0\nv 0 0 0.4\n"
+        faces = "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+        (tmp_path / "shapes" / "tool.obj").write_text(corners + faces)
+        hashes += [
+            load_text(text).sha256,
+            load_text(text.replace("<geom", f"{stated}<geom")).sha256,
+        ]
+    assert hashes[0] != hashes[2]
+    assert hashes[1] == hashes[3]
+
+
 @pytest.mark.parametrize("feature", REFUSED)
 def test_what_no_parameter_can_hold_is_refused_by_name(feature, load_text):
     text, sentence = REFUSED[feature]
