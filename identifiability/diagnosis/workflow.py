@@ -18,6 +18,7 @@ from identifiability.diagnosis.result import Diagnosis
 from identifiability.diagnosis.roles import assign_roles
 from identifiability.diagnosis.rules import Rules
 from identifiability.diagnosis.thinning import prepare_thin
+from identifiability.effects import stated_effects
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
 from identifiability.model import Model
@@ -100,8 +101,9 @@ def diagnose(
         )
         say("building columns", 0.1)
         material = gather(
-            robot, choose_model(model), train, choose, streams[0], effects=effects, fixed=fixed,
-            rules=rules, draws=max(draws // 2, FEWEST) if quick else draws, verify=verify,
+            robot, choose_model(robot, model), train, choose, streams[0], effects=effects,
+            fixed=fixed, rules=rules, verify=verify,
+            draws=max(draws // 2, FEWEST) if quick else draws,
         )  # fmt: skip
         say("naming effects", 0.4)
         naming = name_effects(
@@ -122,11 +124,11 @@ def diagnose(
         return replace(found, forward=simulate_forward(found, streams[3]))
 
 
-def choose_model(model: Model | Iterable[str] | None) -> Model:
+def choose_model(robot: Robot, model: Model | Iterable[str] | None) -> Model:
     """Return the model to diagnose."""
     if isinstance(model, Model):
         return model
-    return Model.of(*(BASE_EFFECTS if model is None else model))
+    return Model.of(*((*BASE_EFFECTS, *stated_effects(robot)) if model is None else model))
 
 
 def prepare_rows(robot: Robot, log: Log | LogFile, how: Preparation | None) -> Samples:

@@ -32,6 +32,7 @@ from identifiability.effects.placed import Part, Placed
 from identifiability.effects.position import JointStiffness, PositionRipple
 from identifiability.effects.rigid_body import RigidBody
 from identifiability.errors import ModelError, near_match
+from identifiability.robot import Robot
 
 EFFECTS: dict[str, Effect] = {
     effect.name: effect
@@ -72,6 +73,12 @@ def find_effect(name: str) -> Effect:
         ) from None
 
 
+def stated_effects(robot: Robot) -> tuple[str, ...]:
+    """Return what default models have beyond their own effects: springs that the file states."""
+    springs = any(name.endswith(".K") and value for name, value in robot.nominal.items())
+    return ("joint_stiffness",) if springs else ()
+
+
 __all__ = [
     "EFFECTS",
     "FAMILIES",
@@ -85,4 +92,5 @@ __all__ = [
     "forget_family",
     "joint_places",
     "register_family",
+    "stated_effects",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.effects import Effect, Part, Placed, find_effect
+from identifiability.effects import Effect, Part, Placed, find_effect, stated_effects
 from identifiability.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.estimation import estimate
 from identifiability.excitation.criteria import Condition, Criterion, LogDet, Separation
@@ -103,7 +103,8 @@ def pose_question(
         )
     _check_fit(criterion, parameters, separate)
     pair = [_place_effect(robot, text) for text in separate or ()]
-    model = Model.of(*(EFFECTS[criterion] if effects is None else effects))
+    usual = (*EFFECTS[criterion], *(stated_effects(robot) if criterion != "condition" else ()))
+    model = Model.of(*(usual if effects is None else effects))
     base = find_base_parameters(robot, model)
     whole = Model((*model.effects, *pair))
     every = whole.parameters(robot)

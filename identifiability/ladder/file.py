@@ -32,6 +32,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from identifiability.composition import Model
 from identifiability.documents import read_document
+from identifiability.effects import stated_effects
 from identifiability.errors import ModelError
 from identifiability.logs.checks import LARGEST
 from identifiability.options import Expected
@@ -169,14 +170,13 @@ def default_ladder(robot: Robot) -> LadderEntry:
 
     Springs are part of it where the robot file states some.
     """
-    springs = any(name.endswith(".K") and value for name, value in robot.nominal.items())
     tie = {f"{joint}.Fc": [f"{joint}.Fc+", f"{joint}.Fc-"] for joint in robot.joints}
     return LadderEntry(
         models=[
             RungEntry(
                 name="full model",
                 description="every base parameter, friction asymmetric",
-                effects=[*DEFAULT_EFFECTS, *(["joint_stiffness"] if springs else [])],
+                effects=[*DEFAULT_EFFECTS, *stated_effects(robot)],
             ),
             RungEntry(
                 name="symmetric friction",

@@ -1,13 +1,12 @@
 """Torque by the file's own values on two roads, one of which is MuJoCo reading the file itself."""
 
-import warnings
-
 import mujoco
 import numpy as np
 import pytest
 
 from identifiability.model import Model
 from identifiability.robot import Robot, complete_motion
+from identifiability.robot.mjcf import quiet
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
            "joint_stiffness", "passive_joint_friction")  # fmt: skip
@@ -24,8 +23,7 @@ def regressor_torque(robot, q, dq, ddq):
 
 def mujoco_torque(robot, motion, text):
     """MuJoCo's inverse dynamics of the file, projected on the actuated joints."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # attributes that are going out of use are still in files
+    with quiet():  # attributes that are going out of use are still in files
         m = mujoco.MjModel.from_xml_string(text)
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     d = mujoco.MjData(m)

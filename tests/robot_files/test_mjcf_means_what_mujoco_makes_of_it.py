@@ -262,3 +262,26 @@ def test_friction_of_a_ball_is_refused(load_text):
     text = BALL.replace('type="ball"', 'type="ball" damping="1"')
     with pytest.raises(RobotError, match="the ball or free joint 'elbow' has damping"):
         load_text(text)
+
+
+def test_default_models_have_the_springs_that_the_file_states(load_text, rps):
+    from identifiability.diagnosis.workflow import choose_model
+    from identifiability.ladder import default_ladder, ladder_model
+
+    sprung = load_text(FEATURES["joint spring"])
+    for robot, expected in ((sprung, True), (rps, False)):
+        models = ladder_model(default_ladder(robot)), choose_model(robot, None)
+        assert [("joint_stiffness" in m.names) for m in models] == [expected, expected]
+
+
+def test_a_robot_moves_forward_against_its_springs(load_text):
+    """Held at rest against its spring and weight, an arm stays where it is."""
+    from identifiability.simulation import PrescribedMotion, simulate
+    from identifiability.simulation.forward import ForwardRobot
+
+    robot = load_text(FEATURES["joint spring"])
+    q = np.tile([0.3, -0.5], (20, 1))
+    still = PrescribedMotion(np.arange(20) * 0.01, q, 0 * q, 0 * q)
+    tau = simulate(robot, still).tau
+    moved = ForwardRobot(robot, {}).run(q[:1], 0 * q[:1], tau[None], 0.01)
+    np.testing.assert_allclose(moved[0], q, atol=1e-9)
