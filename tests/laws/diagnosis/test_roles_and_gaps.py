@@ -1,0 +1,140 @@
+"""Who fits, chooses and verifies; stretches of long logs; motion gaps and false names."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from identifiability.diagnosis.false_names import FalseNames
+from identifiability.diagnosis.forward_gap import ForwardGap
+from identifiability.diagnosis.material import family_blocks
+from identifiability.diagnosis.roles import assign_roles, divide
+from identifiability.diagnosis.thinning import thin
+from identifiability.errors import LogError
+from identifiability.logs import Log
+from identifiability.robot import Robot, complete_motion
+from identifiability.samples import Samples
+from identifiability.signals import Decimation
+
+
+def log(name="log", n=1000):
+    x = np.arange(float(n))[:, None]
+    return Log(name=name, joints=("j",), t=0.01 * x[:, 0], q=x, tau=x, dq=None, ddq=None, sha256="")
+
+
+def names(logs):
+    return [x.name for x in logs]
+
+
+def rows(logs):
+    return [(int(x.q[0, 0]), int(x.q[-1, 0])) for x in logs]
+
+
+@pytest.mark.parametrize(
+    ("fitted", "held", "fit", "choose", "verify"),
+    [
+        ("ab", "c", "ab", "", "c"),  # leave one fitted log out in turn
+        ("ab", "cd", "ab", "", "cd"),
+        ("abc", "", "ab", "", "c"),  # the last one is set aside
+        ("a", "bcd", "a", "b", "cd"),  # the first held-out one chooses
+    ],
+)
+def test_whole_logs_have_one_role_each(fitted, held, fit, choose, verify):
+    roles = assign_roles([log(c) for c in fitted], [log(c) for c in held])
+    found = ["".join(names(part)) for part in (roles.fit, roles.choose, roles.verify)]
+    assert found == [fit, choose, verify]
+    assert ("set aside" in roles.verified_on) == (not held)
+
+
+def test_a_single_held_out_log_chooses_and_verifies_in_quarters_with_pauses():
+    """Of 1000 rows: quarters of 250 with 12.5 left out at both sides of every inner edge."""
+    roles = assign_roles([log("a")], [log("b")])
+    assert rows(roles.choose) == [(0, 236), (513, 736)]
+    assert rows(roles.verify) == [(263, 486), (763, 999)]
+    assert (roles.chosen_by, roles.verified_on) == (
+        "on quarters 1 and 3 of b", "quarters 2 and 4 of b",
+    )  # fmt: skip
+    # Where quarters would be shorter than 100 samples, it verifies whole.
+    short = assign_roles([log("a")], [log("b", 399)])
+    assert names(short.verify) == ["b"]
+    assert short.choose == ()
+    assert len(assign_roles([log("a")], [log("b", 400)]).choose) == 2
+
+
+def test_the_last_quarter_of_the_only_log_verifies():
+    roles = assign_roles([log("a")], [])
+    assert rows(roles.fit) == [(0, 711)]  # 5 % of 750 before the edge
+    assert rows(roles.verify) == [(763, 999)]  # and of 250 after it
+    assert "last 25 % of a" in roles.verified_on
+    with pytest.raises(LogError, match="at least 400 samples"):
+        assign_roles([log("a", 399)], [])
+    assert assign_roles([log("a", 400)], []).choose == ()
+    assert rows(divide(log(), [0, 1])) == [(0, 999)]
+
+
+def test_long_logs_are_looked_at_in_even_stretches():
+    two = Robot.load("two-link")
+    for factor, n in ((1, 6000), (1, 6001), (4, 40_000)):
+        t = 0.001 * np.arange(n)
+        q = np.stack([np.sin(t), np.cos(t)], 1)
+        motion = complete_motion(two, t, q, q, q)
+        d = Decimation(factor) if factor > 1 else None
+        whole = Samples("log", motion, q, d, (), "")
+        found = thin(whole)
+        if n == 6000:
+            assert found is whole
+            continue
+        starts = [a for a, _ in found.runs] if d else [0]
+        assert 5500 < found.outputs <= 6000
+        if d:
+            assert len(starts) == 20
+            length = 300 * 4 + 2 * d.reach
+            first = found.motion.kept[starts]
+            np.testing.assert_allclose(first, np.linspace(0, n - length, 20), atol=8)
+        assert "20 stretches of 300 samples" in found.notes[-1]
+
+
+def test_the_gap_in_motion_is_a_share_of_the_distance_that_each_joint_moves():
+    """Two stretches of three samples, two joints; one stretch has diverged."""
+    before = np.array([[[0.1, 2.0], [0.2, 2.0], [0.3, -3.0]], [[9.9, 0.0]] * 2 + [[np.nan, 0.0]]])
+    after = 0.5 * before
+    gap = ForwardGap(horizon=0.25, t=np.arange(3.0), moved=np.array([1.0, 10.0]), before=before,
+                     after=after)  # fmt: skip
+    shares = gap.shares()[0]
+    np.testing.assert_allclose(shares[0], [0.15, 0.2, 0.3])
+    np.testing.assert_allclose(shares[1], [0.5, 0.5, 0.5])  # as wrong as all of the distance
+    assert gap.error_before == pytest.approx(0.4)
+    assert gap.error_after == pytest.approx((0.15 + 0.5) / 2)
+    np.testing.assert_allclose(gap.joint_shares()[0], [0.65, 0.15])
+    assert gap.measured
+    nothing = ForwardGap.none("why")
+    assert not nothing.measured
+    assert np.isnan(nothing.error_before)
+    assert nothing.statement == ""
+
+
+def test_a_rate_of_false_names_has_the_interval_of_its_number_of_trials():
+    sizes = {"a": np.arange(1.0, 22.0), "b": np.array([0.5, 0.1, 0.3])}
+    found = FalseNames(trials=40, named=("a in j", "b in l"), sizes=sizes)
+    assert found.rate == 0.05
+    low, high = found.interval
+    # Clopper and Pearson: 2 or more of 40 at the lower end, 2 or fewer at the upper one.
+    assert stats.binom.sf(1, 40, low) == pytest.approx(0.025)
+    assert stats.binom.cdf(2, 40, high) == pytest.approx(0.025)
+    assert found.detectable == {"a": 11.0, "b": 0.3}
+    # Order statistics: the median of 21 lies between the 6th and the 16th in 97 of 100 cases.
+    low, high = found.detectable_interval("a")
+    assert (low, high) == (6.0, 16.0)
+    assert found.detectable_interval("b") == (0.1, 0.5)
+    assert "2 were given a name" in found.statement
+    assert "b of 30 % of the residual" in found.statement
+    one = FalseNames(trials=40, named=("a",), sizes={})
+    assert "1 was given a name" in one.statement
+
+
+def test_noise_is_fitted_beside_the_model_and_small_families_first(rows_of, candidate):
+    D = np.arange(24.0).reshape(4, 1, 6)
+    rows = rows_of(np.zeros((4, 1)), np.ones((4, 1, 2)), D)
+    options = [candidate("big", "j", 0, 1), candidate("big", "k", 2), candidate("small", "j", 4)]
+    first, *families = family_blocks(rows, options)
+    np.testing.assert_array_equal(first, rows.X)
+    assert [f[0, 0].tolist() for f in families] == [[4.0], [0.0, 1.0, 2.0]]
