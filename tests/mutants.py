@@ -21,18 +21,23 @@ cannot be applied.
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
 import time
 import tomllib
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from queue import SimpleQueue
+from typing import NoReturn
+
+# Read when NumPy is imported: its threads would neither survive a fork nor help.
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+import pytest
 
 TESTS = Path(__file__).resolve().parent
 ROOT = TESTS.parent
@@ -41,8 +46,11 @@ PACKAGE = "identifiability"
 #: What a copy needs.
 PARTS = (PACKAGE, "models", "tests", "pyproject.toml")
 
+#: What the package and its tests import and takes seconds.
+HEAVY = ("numpy", "scipy.stats", "scipy.signal", "pandas", "cvxpy", "pinocchio", "pydantic")
+
 #: A test run that takes longer than this does not end [s].
-PATIENCE = 180.0
+PATIENCE = 300.0
 
 
 @dataclass(frozen=True)
@@ -112,60 +120,95 @@ def copy_checkout(folder: Path) -> Path:
     return folder
 
 
-def run_tests(copy: Path, tests: Sequence[str]) -> tuple[str, str]:
-    """Return how a test run ended ("passed", "failed", "broken" or "endless"), and its output."""
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=line", "-p",
-               "no:xdist", *(f"tests/{t}" for t in tests)]  # fmt: skip
-    # Bytecode is told by size and second of its source: two mutants may look alike.
-    env = os.environ | {
-        "PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"
-    }  # fmt: skip
-    try:
-        done = subprocess.run(
-            command, cwd=copy, env=env, capture_output=True, text=True, timeout=PATIENCE,
-            check=False,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return "endless", ""
-    return {0: "passed", 1: "failed"}.get(done.returncode, "broken"), done.stdout + done.stderr
+@dataclass
+class Trial:
+    """A process that tests one copy of the package, with a mutant in it or none."""
+
+    mutant: Mutant | None
+    copy: Path
+    tests: Sequence[str]
+    clean: tuple[Path, str] | None = None
+    ended: str = ""
+    said: str = ""
+
+    def start(self) -> Trial:
+        """Put the mutant into the copy and begin."""
+        if self.mutant is not None:
+            sources = read_sources(self.copy)
+            path = find_anchor(self.mutant.old, sources)
+            self.clean = (self.copy / path, sources[path])
+            self.times = self.clean[0].stat()
+            changed = sources[path].replace(self.mutant.old, self.mutant.new)
+            self.clean[0].write_text(changed, encoding="utf-8")
+        self.began, self.output = time.monotonic(), self.copy / "output.txt"
+        self.pid = os.fork()
+        if not self.pid:
+            # Bytecode of what is never mutated is kept, that of mutants not written.
+            sys.dont_write_bytecode = self.mutant is not None
+            test_here(self.copy, self.tests, self.output)
+        return self
+
+    def finished(self) -> bool:
+        """Whether it has ended; then its mutant is out of the copy again."""
+        pid, status = os.waitpid(self.pid, os.WNOHANG)
+        endless = not pid and time.monotonic() - self.began > PATIENCE
+        if endless:
+            os.kill(self.pid, signal.SIGKILL)
+            os.waitpid(self.pid, 0)
+        elif not pid:
+            return False
+        code = os.waitstatus_to_exitcode(status)
+        self.ended = "endless" if endless else {0: "passed", 1: "failed"}.get(code, "broken")
+        self.said = self.output.read_text(encoding="utf-8")
+        if self.clean is not None:
+            self.clean[0].write_text(self.clean[1], encoding="utf-8")
+            os.utime(self.clean[0], ns=(self.times.st_atime_ns, self.times.st_mtime_ns))
+        return True
 
 
-def try_mutant(copy: Path, mutant: Mutant) -> tuple[str, str]:
-    """Put a mutant into a copy, run its tests and take it out again."""
-    sources = read_sources(copy)
-    path = find_anchor(mutant.old, sources)
+def test_here(copy: Path, tests: Sequence[str], output: Path) -> NoReturn:
+    """Run tests of a copy in this process, a fork, and end it."""
+    code = 3
     try:
-        changed = sources[path].replace(mutant.old, mutant.new)
-        (copy / path).write_text(changed, encoding="utf-8")
-        return run_tests(copy, mutant.tests)
+        with output.open("w", encoding="utf-8") as file:
+            os.dup2(file.fileno(), 1)
+            os.dup2(file.fileno(), 2)
+        os.chdir(copy)
+        sys.path.insert(0, str(copy))
+        where = [f"tests/{t}" for t in tests]
+        code = int(pytest.main(["-x", "-q", "--no-header", "--tb=line", "-p", "no:xdist", *where]))
+        sys.stdout.flush()
     finally:
-        (copy / path).write_text(sources[path], encoding="utf-8")
+        os._exit(code)
 
 
-def try_all(mutants: Sequence[Mutant], jobs: int) -> Iterator[tuple[Mutant, str, str]]:
-    """Yield each mutant with how its tests ended, in order; each job has a copy of its own."""
+def try_all(mutants: Sequence[Mutant], jobs: int) -> Iterator[Trial]:
+    """Yield the trial of each mutant as it ends; each job has a copy of its own.
+
+    What takes long to import is imported here, once, and the package itself never.
+    """
+    for module in HEAVY:
+        importlib.import_module(module)
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-        free: SimpleQueue[Path] = SimpleQueue()
-        for k in range(jobs):
-            free.put(copy_checkout(Path(folder) / str(k)))
-
-        def work(mutant: Mutant) -> tuple[str, str]:
-            copy = free.get()
-            try:
-                return try_mutant(copy, mutant)
-            finally:
-                free.put(copy)
-
-        copy = free.get()
+        first = copy_checkout(Path(folder) / "0")
         every = sorted({t for m in mutants for t in m.tests})
-        ended, said = run_tests(copy, every)
-        free.put(copy)
-        if ended != "passed":
-            raise SystemExit(f"The tests do not pass without a mutant ({ended}):\n{said}")
-        with ThreadPoolExecutor(jobs) as pool:
-            found = pool.map(work, mutants)
-            for mutant, (how, text) in zip(mutants, found, strict=True):
-                yield mutant, how, text
+        without = Trial(None, first, every).start()
+        while not without.finished():
+            time.sleep(0.01)
+        if without.ended != "passed":
+            raise SystemExit(f"The tests fail without a mutant ({without.ended}):\n{without.said}")
+        copies = [shutil.copytree(first, Path(folder) / str(k)) for k in range(1, jobs)] + [first]
+        left, running = list(reversed(mutants)), list[Trial]()
+        while left or running:
+            while left and copies:
+                mutant = left.pop()
+                running.append(Trial(mutant, copies.pop(), mutant.tests).start())
+            for trial in running.copy():
+                if trial.finished():
+                    running.remove(trial)
+                    copies.append(trial.copy)
+                    yield trial
+            time.sleep(0.01)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -184,12 +227,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(*(mistakes or ["no mutant has such a name"]), sep="\n")
         return 1
     start, wrong, survived = time.monotonic(), 0, 0
-    for mutant, ended, said in try_all(mutants, options.jobs):
+    for trial in try_all(mutants, options.jobs):
+        mutant, ended = trial.mutant, trial.ended
         lives = ended == "passed"
         survived += lives
         if ended == "broken":
             wrong += 1
-            print(f"BROKEN    {mutant.name}\n{said[-2000:]}", flush=True)
+            print(f"BROKEN    {mutant.name}\n{trial.said[-2000:]}", flush=True)
         elif lives != bool(mutant.survives):
             wrong += 1
             what = "SURVIVES " if lives else "DIES (but is said to survive) "

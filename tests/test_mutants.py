@@ -1,6 +1,7 @@
 """The lists of mutants fit the package as it is; `make mutants` tries all of them."""
 
 import importlib.util
+import subprocess
 import sys
 from pathlib import Path
 
@@ -32,11 +33,14 @@ def test_a_text_that_stands_twice_or_nowhere_is_a_mistake(mutants):
             mutants.find_anchor(text, sources)
 
 
-def test_a_fault_that_the_laws_know_is_noticed_and_taken_out_again(mutants, tmp_path):
-    known = mutants.Mutant(
-        "a one-sided test", "holm(2 * norm.sf(z))", "holm(norm.sf(z))",
-        ("laws/numbers/test_verdict.py",),
-    )  # fmt: skip
-    copy = mutants.copy_checkout(tmp_path)
-    assert mutants.try_mutant(copy, known)[0] == "failed"
-    assert mutants.read_sources(copy) == mutants.read_sources()
+def test_faults_that_the_laws_know_are_noticed_and_unknown_ones_named():
+    def run(named):
+        command = [sys.executable, SCRIPT, "--only", named, "--jobs", "1"]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+
+    done = run("Holm")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "dies  verdict: Holm is dropped\n" in done.stdout
+    assert ", 0 survive, 0 unexplained" in done.stdout
+    none = run("no such mutant")
+    assert (none.returncode, none.stdout) == (1, "no mutant has such a name\n")
