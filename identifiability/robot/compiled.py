@@ -75,6 +75,7 @@ def state_robot(path: Path, m: Any) -> Stated:
 def _build_tree(m: Any) -> tuple[Any, list[Place], dict[int, tuple[str, ...]]]:
     """Return the Pinocchio model, where every body is, and the file's joints in each joint."""
     model = pin.Model()
+    model.addBodyFrame(m.body(0).name, 0, pin.SE3.Identity(), 0)
     places: list[Place] = [(0, pin.SE3.Identity())]
     names: dict[int, tuple[str, ...]] = {}
     for b in range(1, m.nbody):

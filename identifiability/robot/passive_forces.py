@@ -62,6 +62,9 @@ def read_forces(path: Path, m: Any) -> Forces:
     for a in range(len(m.actuator_trntype)):
         _add_actuator(path, m, a, forces)
     _refuse_on_balls(path, m, forces)
+    for d in np.flatnonzero((stiffness == 0.0) & (pull != 0.0)):
+        name = m.joint(int(m.dof_jntid[d])).name
+        raise _refusal(path, f"the springs of the joint '{name}' cancel but for a constant force")
     bits, off = mujoco.mjtDisableBit, int(m.opt.disableflags)
     if off & int(bits.mjDSBL_DAMPER):
         forces.damping[:] = 0.0

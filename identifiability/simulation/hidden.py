@@ -98,7 +98,8 @@ def _whole(
         g = np.array(other.model.opt.gravity)
         other.model.opt.gravity[:] = g + SMALL_ANGLE * np.cross([0.6, 0.8, 0.0], g)
     else:
-        other.model.body_mass[other.model.nbody - 1] += SMALL_MASS
+        tip = np.flatnonzero(other.model.body_weldid)[-1]  # the last body that moves
+        other.model.body_mass[tip] += SMALL_MASS
     changed = other.inverse_dynamics(move.q, move.dq, move.ddq)
     return _sized(changed.tau - rigid.tau, tau, hidden.share)
 

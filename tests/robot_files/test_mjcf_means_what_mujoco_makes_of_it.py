@@ -91,7 +91,11 @@ REFUSED = {
     "spring of third order": (
         arm(elbow='stiffness="1 0 2"'), "'elbow' has stiffness or damping that is not linear"),
     "drag": (arm(elbow='damping="1 2"'), "'elbow' has stiffness or damping that is not linear"),
-    "plastic spring": (arm(elbow='stiffness="1" springyield="0.1"'), r"yields \(springyield\)"),
+    "springs that cancel": (
+        arm(elbow='stiffness="2.25" springref="1"',
+            after=TENDON.format('stiffness="-9" springlength="0.2"')),
+        "the springs of the joint 'elbow' cancel but for a constant force"),
+    "plastic spring": (arm(elbow='stiffness="1" springyield="0.1"'), "springyield"),
     "tendon over two joints": (
         arm(after=TENDON.replace("<joint", '<joint joint="shoulder" coef="1"/><joint', 1)
             .format('damping="1"')),
@@ -202,6 +206,13 @@ def test_a_closure_by_body_and_anchor_closes_where_the_file_is_drawn(bodies, agr
     agrees(text, spread=0.3)
 
 
+def test_a_loop_of_the_sidecar_may_end_in_the_world(load_text):
+    text = parallelogram("", home="0.7 -0.7")
+    loop = '[[loops]]\nbody1 = "world"\npoint1 = [0.6, 0, 0]\nbody2 = "rocker"\n'
+    robot = load_text(text, sidecar=loop + 'point2 = [-0.4, 0, 0]\naxes = ["x", "z"]')
+    assert robot.passive == ("knee", "heel")
+
+
 def test_couplings_follow_each_other_and_inactive_equalities_are_none(agrees):
     text = arm(
         actuator='<actuator><motor joint="shoulder"/></actuator>',
@@ -285,3 +296,13 @@ def test_a_robot_moves_forward_against_its_springs(load_text):
     tau = simulate(robot, still).tau
     moved = ForwardRobot(robot, {}).run(q[:1], 0 * q[:1], tau[None], 0.01)
     np.testing.assert_allclose(moved[0], q, atol=1e-9)
+
+
+def test_a_hidden_payload_hangs_on_a_body_that_moves(load_text):
+    from identifiability.simulation import PrescribedMotion, simulate
+
+    robot = load_text(FEATURES["two robots"])
+    q = np.random.default_rng(0).normal(size=(20, 2))
+    move = PrescribedMotion(np.arange(20.0), q, q, q)
+    plain, loaded = (simulate(robot, move, hide=h).tau for h in ((), ("payload=0.1",)))
+    assert np.std(loaded - plain) == pytest.approx(0.1 * np.std(plain), rel=0.5)
