@@ -30,10 +30,7 @@ def diagnose(
         str | None,
         typer.Option(help="Families that may be named, such as stribeck_friction,time_delay."),
     ] = None,
-    model: Annotated[
-        str | None,
-        typer.Option(help="Effects of the model to diagnose, such as rigid_body,viscous_friction."),
-    ] = None,
+    model: options.Model = None,
     fixed: Annotated[
         bool, typer.Option("--fixed", help="Keep the robot file's values instead of refitting.")
     ] = False,
@@ -56,7 +53,7 @@ def diagnose(
         check_outputs(report, json, inputs=(robot, sidecar, *logs, *(validate or ())))
         result = run(
             load_robot(robot, sidecar), logs, validate or (), effects=split_names(effects),
-            model=split_names(model), fixed=fixed, seed=seed, quick=quick, progress=say,
+            model=split_model(model), fixed=fixed, seed=seed, quick=quick, progress=say,
         )  # fmt: skip
         written = write_results(result, report, json, say)
     print_diagnosis(result, written)
@@ -65,6 +62,11 @@ def diagnose(
 def split_names(text: str | None) -> list[str] | None:
     """Return the names in ``a,b c``, or None."""
     return None if text is None else text.replace(",", " ").split()
+
+
+def split_model(text: str | None) -> list[str] | str | None:
+    """Return the effects in ``a,b``, or the path of a model file as it is."""
+    return text if text is None or text.lower().endswith(".toml") else split_names(text)
 
 
 def print_diagnosis(result: Diagnosis, written: list[Path]) -> None:
@@ -86,6 +88,7 @@ def print_diagnosis(result: Diagnosis, written: list[Path]) -> None:
                 f"{e.p_value:.2g}", f"{100 * e.before:.2f} %", f"{100 * e.after:.2f} %",
             )  # fmt: skip
         console.print(table)
-    console.print(escaped(result.statement), highlight=False, soft_wrap=not console.is_terminal)
+    for text in (result.statement, *result.hints):
+        console.print(escaped(text), highlight=False, soft_wrap=not console.is_terminal)
     for path in written:
         sys.stdout.write(f"{path}\n")

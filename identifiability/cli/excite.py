@@ -11,6 +11,7 @@ import typer
 
 from identifiability.cli import options
 from identifiability.cli.common import check_outputs, escaped, load_robot, progress, sentences
+from identifiability.cli.diagnose import split_model
 
 if TYPE_CHECKING:
     from identifiability.excitation import Excitation
@@ -64,9 +65,7 @@ def excite(
         list[str] | None,
         typer.Option(help="Effect to tell from another, as NAME or NAME@JOINT; give it twice."),
     ] = None,
-    effect: Annotated[
-        list[str] | None, typer.Option(help="Effect of the model, such as rigid_body. Repeatable.")
-    ] = None,
+    model: options.Model = None,
     evaluations: Annotated[
         int, typer.Option(min=1, help="Motions that the search looks at, at most.")
     ] = 15_000,
@@ -101,7 +100,7 @@ def excite(
         result = run(
             load_robot(robot, sidecar), harmonics=harmonics, duration=duration, samples=samples,
             limits=limits, criterion=None if criterion is None else criterion.value,
-            parameters=parameter, effects=effect, start_from=start_from or None,
+            parameters=parameter, model=split_model(model), start_from=start_from or None,
             separate=separate, evaluations=evaluations, time_limit=time_limit, seed=seed,
             progress=say,
         )  # fmt: skip
@@ -130,6 +129,7 @@ def print_excitation(result: Excitation, written: list[Path]) -> None:
         table.add_row(escaped(str(row["joint"])), *(f"{row[k]:.3g}" for k in keys))
     console.print(table)
     wide = not console.is_terminal
-    console.print(escaped(result.statement), highlight=False, soft_wrap=wide)
+    for text in (result.statement, *result.hints):
+        console.print(escaped(text), highlight=False, soft_wrap=wide)
     for path in written:
         sys.stdout.write(f"{path}\n")

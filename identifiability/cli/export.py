@@ -29,11 +29,14 @@ def export(
     """
     with sentences():
         from identifiability.export import read_parameters  # noqa: PLC0415
+        from identifiability.ladder import unused_ladder  # noqa: PLC0415
         from identifiability.robot.write import write_robot  # noqa: PLC0415
 
         check_outputs(out, inputs=[robot, result, sidecar])
         machine = load_robot(robot, sidecar)
         written = write_robot(machine, read_parameters(machine, result), out)
+    for text in unused_ladder(machine):
+        typer.echo(text, err=True)
     typer.echo(f"{written.robot}")
     if written.sidecar is not None:
         typer.echo(f"{written.sidecar}  (what the robot file cannot hold)")

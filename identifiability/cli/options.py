@@ -62,6 +62,12 @@ Validate = Annotated[
 Ladder = Annotated[
     str | None, typer.Option(help="TOML ladder of models; default: the one beside the robot.")
 ]
+Model = Annotated[
+    str | None,
+    typer.Option(
+        help="Effects of the model, such as rigid_body,viscous_friction, or a model file (.toml)."
+    ),
+]
 Sidecar = Annotated[str | None, typer.Option(help="TOML with what the robot file cannot say.")]
 Report = Annotated[Path | None, typer.Option(help="Write an HTML report here.")]
 Json = Annotated[Path | None, typer.Option(help="Write the result as JSON here.")]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -106,6 +107,7 @@ class Diagnosis:
     seed: int
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def base_effects(self) -> tuple[Effect, ...]:
@@ -200,6 +202,7 @@ class Diagnosis:
             ],
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
             "seed": self.seed,
+            "provenance": dict(self.provenance),
         }  # fmt: skip
 
     def to_json(self, path: str | Path) -> Path:

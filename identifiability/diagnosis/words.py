@@ -76,7 +76,7 @@ def _state_refused(d: Diagnosis) -> str:
 def remarks(d: Diagnosis) -> list[Remark]:
     """Return what else should be known of the named effects, and what was refuted."""
     always = [Remark("Refuted", _state_contradicted(e, d.verified_on)) for e in d.refuted]
-    always += [Remark("Check the logs", hint) for hint in d.hints]
+    always += [Remark("Please note", hint) for hint in d.hints]
     if not d.effects:
         return always
     out = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Annotated
 
@@ -19,13 +18,14 @@ from identifiability.diagnosis.roles import assign_roles
 from identifiability.diagnosis.rules import Rules
 from identifiability.diagnosis.thinning import prepare_thin
 from identifiability.effects import stated_effects
+from identifiability.ladder import ModelLike, choose_model, free_again, unused_ladder
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
-from identifiability.model import Model
 from identifiability.options import Names, Seed, at_least, checked
 from identifiability.robot import Robot, RobotLike
 from identifiability.samples import Preparation, Samples
 from identifiability.stages import Logs, Progress, open_logs
+from identifiability.statement import state_provenance
 
 #: Simulated noises without which no p-value falls below 5 %.
 FEWEST = 19
@@ -41,7 +41,7 @@ def diagnose(
     validate: Logs = (),
     *,
     effects: Names | None = None,
-    model: Model | Iterable[str] | None = None,
+    model: ModelLike | None = None,
     fixed: bool = False,
     preparation: Preparation | None = None,
     rules: Rules | None = None,
@@ -64,9 +64,9 @@ def diagnose(
         one) is set aside. `assign_roles` has the rules.
     effects : iterable of str, optional
         Families that may be named; all that are registered by default.
-    model : Model or iterable of str, optional
+    model : Model, sequence of str, path of a model file or result of `prune`, optional
         Effects of the model to diagnose; by default rigid body, viscous and symmetric Coulomb
-        friction and actuator inertia.
+        friction and actuator inertia. What a model file leaves out, holds or ties is free.
     fixed : bool
         Keep the values of the robot file instead of refitting them; then wrong masses, payloads
         and gravity are candidates too.
@@ -101,8 +101,8 @@ def diagnose(
         )
         say("building columns", 0.1)
         material = gather(
-            robot, choose_model(robot, model), train, choose, streams[0], effects=effects,
-            fixed=fixed, rules=rules, verify=verify,
+            robot, choose_model(model, usual_effects(robot)), train, choose,
+            streams[0], effects=effects, fixed=fixed, rules=rules, verify=verify,
             draws=max(draws // 2, FEWEST) if quick else draws,
         )  # fmt: skip
         say("naming effects", 0.4)
@@ -117,18 +117,24 @@ def diagnose(
         found = conclude(
             material, naming, stress, train, verify, roles, rules, fixed, seed, streams[2]
         )
-        found = replace(found, hints=hints)
+        options = {
+            "effects": "all" if effects is None else list(effects), "fixed": fixed, "rules": rules,
+            "draws": draws, "quick": quick, "preparation": preparation or Preparation(),
+        }  # fmt: skip
+        found = replace(
+            found,
+            hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
+            provenance=state_provenance(robot, [*train, *choose, *verify], seed, None, options),
+        )
         if not (forward and found.effects):
             return found
         say("simulating forward", 0.95)
         return replace(found, forward=simulate_forward(found, streams[3]))
 
 
-def choose_model(robot: Robot, model: Model | Iterable[str] | None) -> Model:
-    """Return the model to diagnose."""
-    if isinstance(model, Model):
-        return model
-    return Model.of(*((*BASE_EFFECTS, *stated_effects(robot)) if model is None else model))
+def usual_effects(robot: Robot) -> tuple[str, ...]:
+    """Return the effects of the model that is diagnosed when none is given."""
+    return (*BASE_EFFECTS, *stated_effects(robot))
 
 
 def prepare_rows(robot: Robot, log: Log | LogFile, how: Preparation | None) -> Samples:

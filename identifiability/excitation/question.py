@@ -13,6 +13,7 @@ from identifiability.estimation import estimate
 from identifiability.excitation.criteria import Condition, Criterion, LogDet, Separation
 from identifiability.grouping import BaseParameters, find_base_parameters
 from identifiability.information import gather_information
+from identifiability.ladder import ModelLike, choose_model
 from identifiability.model import Model, Regression
 from identifiability.names import Array
 from identifiability.robot import Robot
@@ -86,7 +87,7 @@ class Known:
 def pose_question(
     robot: Robot,
     criterion: str,
-    effects: Sequence[str] | None,
+    model: ModelLike | None,
     parameters: Sequence[str] | None,
     separate: Sequence[str] | None,
 ) -> Question:
@@ -104,9 +105,9 @@ def pose_question(
     _check_fit(criterion, parameters, separate)
     pair = [_place_effect(robot, text) for text in separate or ()]
     usual = (*EFFECTS[criterion], *(stated_effects(robot) if criterion != "condition" else ()))
-    model = Model.of(*(usual if effects is None else effects))
-    base = find_base_parameters(robot, model)
-    whole = Model((*model.effects, *pair))
+    chosen_model = choose_model(model, usual)
+    base = find_base_parameters(robot, chosen_model)
+    whole = Model((*chosen_model.effects, *pair))
     every = whole.parameters(robot)
     added = range(len(base.parameters), len(every))
     taken = {every[k].name for k in added}  # what is to be separated is no part of the model

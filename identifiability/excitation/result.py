@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -78,6 +78,10 @@ class Excitation:
     end : {"converged", "evaluations", "time"}
         What ended the search.
     seed : int
+    hints : tuple of str
+        What was not used.
+    provenance : mapping
+        Versions, seed, options, and hashes of the inputs.
     """
 
     robot: Robot
@@ -98,6 +102,8 @@ class Excitation:
     seconds: float
     end: End
     seed: int
+    hints: tuple[str, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def reproducible(self) -> bool:
@@ -180,6 +186,8 @@ class Excitation:
             "evaluations": self.evaluations,
             "reproducible": self.reproducible,
             "seed": self.seed,
+            "hints": list(self.hints),
+            "provenance": dict(self.provenance),
         }
 
     def to_json(self, path: str | Path) -> Path:

@@ -19,6 +19,7 @@ from identifiability.excitation.result import Excitation, Merit
 from identifiability.excitation.search import Search, search
 from identifiability.excitation.series import Series
 from identifiability.excitation.workspace import Workspace
+from identifiability.ladder import ModelLike, free_again, unused_ladder
 from identifiability.names import Array
 from identifiability.options import (
     Names,
@@ -34,6 +35,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.samples import Preparation
 from identifiability.simulation.trajectory import MOST_SAMPLES
 from identifiability.stages import Logs, Progress, prepare_logs
+from identifiability.statement import state_provenance
 
 #: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
 LOOKS = 12
@@ -52,7 +54,7 @@ def excite(
     limits: Limits | Mapping[str, Any] | str | Path | None = None,
     criterion: Literal["condition", "information", "separate"] | None = None,
     parameters: Names | None = None,
-    effects: Names | None = None,
+    model: ModelLike | None = None,
     start_from: Logs | None = None,
     separate: Names | None = None,
     preparation: Preparation | None = None,
@@ -83,9 +85,10 @@ def excite(
         default what the other arguments suggest.
     parameters : sequence of str, optional
         Base parameters that the information is about; by default all.
-    effects : sequence of str, optional
-        Of the model; by default rigid bodies alone for the condition number, else also viscous and
-        Coulomb friction and actuator inertia.
+    model : Model, sequence of str, path of a model file or result of `prune`, optional
+        Its effects; what a model file leaves out, holds or ties is free. By default rigid bodies
+        alone for the condition number, else also viscous and Coulomb friction and actuator
+        inertia.
     start_from : log, path, DataFrame, or several
         What was measured already: the motion is the best one to measure next.
     separate : two of str
@@ -124,7 +127,7 @@ def excite(
         rule = criterion or _suggested(parameters, start_from, separate)
         say("reading logs", 0.0)
         bounds = find_limits(robot, limits)
-        question = pose_question(robot, rule, effects, parameters, separate)
+        question = pose_question(robot, rule, model, parameters, separate)
         logs = () if start_from is None else prepare_logs(robot, start_from, preparation)
         if start_from is not None and not logs:
             raise LogError("No log was given to start from; give at least one, or none at all.")
@@ -143,12 +146,18 @@ def excite(
         )
         x, G, space = _best(objective, found, samples)
         before = _before(objective, found, samples)
+    options = {
+        "iterations": iterations, "evaluations": evaluations, "time_limit": time_limit,
+        "preparation": preparation or Preparation(),
+    }  # fmt: skip
     return Excitation(
         robot, objective.series.trajectory(x, samples, name), question.criterion,
         tuple(e.name for e in question.model.effects), question.names, question.units,
         question.chosen, objective.known.logs, _merit(question, before), _merit(question, G),
         bounds, float(space.condition[0]), float(-space.outside[0]), found.steps, found.evaluations,
         time.monotonic() - begin, found.end, seed,
+        (*free_again(model), *unused_ladder(robot, model)),
+        state_provenance(robot, logs, seed, None, options),
     )  # fmt: skip
 
 

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol, runtime_checkable
@@ -90,6 +91,13 @@ LadderLike = Annotated[
 ]
 
 
+#: What one model is: for verbs that do not compare several.
+ModelLike = Annotated[
+    Model | HasLadder | Path | str | Sequence[str],
+    Expected("a Model, a list of effects, the path of a model file or the result of prune"),
+]
+
+
 @dataclass(frozen=True)
 class LadderSource:
     """A ladder and where it came from.
@@ -135,6 +143,44 @@ def find_ladder(
     else:
         entry, origin = found.to_ladder(), "given as a result"
     return LadderSource(entry, origin, hashlib.sha256(ladder_text(entry).encode()).hexdigest())
+
+
+def choose_model(model: ModelLike | None, default: Sequence[str]) -> Model:
+    """Return the model that is meant, with all parameters of its effects.
+
+    Parameters
+    ----------
+    model : Model, names of effects, path of a model file, result of `prune`, or None
+    default : sequence of str
+        Effects for None.
+
+    Raises
+    ------
+    ModelError
+    """
+    if isinstance(model, Model):
+        return model
+    if isinstance(model, HasLadder):
+        return ladder_model(model.to_ladder())
+    if isinstance(model, (str, Path)):
+        return ladder_model(read_ladder(model))
+    return Model.of(*(default if model is None else model))
+
+
+def free_again(model: ModelLike | None) -> tuple[str, ...]:
+    """Return the sentence that a model file's reductions were not used, if it has any."""
+    if isinstance(model, HasLadder):
+        rungs = model.to_ladder().models
+    elif isinstance(model, (str, Path)):
+        rungs = read_ladder(model).models
+    else:
+        return ()
+    if len(rungs) == 1 and not any((r.zero or r.hold or r.tie or r.keep) for r in rungs):
+        return ()
+    return (
+        "Of the model file only the effects were used: what its models leave out, hold or tie is "
+        "free here.",
+    )
 
 
 def unused_ladder(robot: Robot, given: object = None) -> tuple[str, ...]:

@@ -8,7 +8,8 @@ from scipy.stats import norm
 from identifiability.diagnosis.evidence import Whitened, score_candidates
 from identifiability.diagnosis.material import gather
 from identifiability.diagnosis.rows import Candidate
-from identifiability.diagnosis.workflow import choose_model, prepare_rows
+from identifiability.diagnosis.workflow import prepare_rows, usual_effects
+from identifiability.model import Model
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from inside.pair import Array, Pair, timed
@@ -35,7 +36,7 @@ def measure(draws: int, candidates: int, seed: int) -> Pair:
         for name, rng in zip(("571", "601"), rngs, strict=False)
     ]  # fmt: skip
     samples = [prepare_rows(robot, log, None) for log in logs]
-    material = gather(robot, choose_model(None), samples, [], rngs[2], draws=draws)
+    material = gather(robot, Model.of(*usual_effects(robot)), samples, [], rngs[2], draws=draws)
     single = [c for c in material.candidates if len(c.columns) == 1][:candidates]
     white = material.white
     ours, scores = timed(lambda: score_candidates(white, white.X, single), 5)

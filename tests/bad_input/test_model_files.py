@@ -5,9 +5,11 @@ import json
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from identifiability import Model, Robot, analyze, prune, simulate
+from identifiability import Model, Robot, analyze, diagnose, excite, prune, simulate
 from identifiability.calibration import calibrate
+from identifiability.cli import app
 from identifiability.effects import Placed
 from identifiability.errors import ModelError
 from identifiability.grouping import find_base_parameters, random_motion
@@ -127,6 +129,46 @@ def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(besid
     assert "tol_gap_rel" in found["solver"]
     decided = ("method", "cad_weight", "replicates", "seed")
     assert [found[k] for k in decided] == ["ols", "0.5", "0", "0"]
+
+
+def test_diagnosis_and_excitation_use_the_effects_of_a_model_file_and_say_so(pruned, log, tmp_path):
+    path = pruned.write_model(tmp_path / "model.toml")
+    free = "Of the model file only the effects were used"
+    for model in (path, pruned):
+        found = diagnose(
+            "two-link", log, model=model, effects=["payload"], quick=True, forward=False
+        )
+        assert found.base == pruned.effects
+        assert found.hints[-1].startswith(free)
+        motion = excite("two-link", model=model, iterations=1)
+        assert motion.effects == pruned.effects
+        assert motion.to_dict()["hints"][0].startswith(free)
+    plain = tmp_path / "plain.toml"
+    plain.write_text('[[models]]\nname = "a"\neffects = ["rigid_body", "coulomb_friction@elbow"]\n')
+    motion = excite("two-link", model=plain, iterations=1)
+    assert motion.hints == ()
+    assert motion.names[-1] == "elbow.Fc"
+    words = ["two-link", "--model", str(plain), "--out", str(tmp_path / "m.json")]
+    done = CliRunner().invoke(app, ["excite", *words, "--evaluations", "50"])
+    assert done.exit_code == 0, done.output
+    assert json.loads((tmp_path / "m.json").read_text())["effects"] == list(motion.effects)
+
+
+def test_other_verbs_say_that_a_ladder_beside_the_robot_was_not_used(beside, log, tmp_path):
+    unused = "ladder.toml beside robot.xml was not used"
+    motion = excite(beside, iterations=1)
+    found = diagnose(beside, log, effects=["payload"], quick=True, forward=False)
+    for result in (motion, found):
+        content = result.to_dict()
+        assert content["hints"][-1].startswith(unused)
+        assert content["provenance"]["sidecar"] == str(beside.sidecar)
+        assert "clarabel" in content["provenance"]
+    assert found.provenance["draws"] == "199"
+    result = analyze(beside, log, replicates=0).to_json(tmp_path / "r.json")
+    out = str(tmp_path / "fitted.xml")
+    done = CliRunner().invoke(app, ["export", str(beside.path), str(result), "--out", out])
+    assert done.exit_code == 0, done.output
+    assert unused in done.output
 
 
 def test_pruning_says_that_a_ladder_beside_the_robot_was_not_used(beside, log, pruned):

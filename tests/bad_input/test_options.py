@@ -69,6 +69,10 @@ PRUNE = {
 }
 DIAGNOSE = {
     "draws": ({"draws": 0}, "draws must be a whole number of at least 19, not 0"),
+    "model": (
+        {"model": 3},
+        "model must be a Model, a list of effects, the path of a model file or",
+    ),
     "effects": ({"effects": "payload"}, "effects must be a list of names or None, not 'payload'"),
     "fixed": ({"fixed": 1}, "fixed must be True or False, not 1"),
     "rules": ({"rules": {"level": 0.1}}, "rules must be a Rules or None, not a dict"),

@@ -140,7 +140,7 @@ def test_what_to_measure_next_shrinks_sigma_more_than_measuring_again(measured, 
 
 def test_the_log_counts_as_measured_twice_in_the_comparison(measured, find):
     robot, motion, measure = measured
-    result = find(robot, start_from=measure(motion, 0), samples=400, iterations=1, effects=FULL)
+    result = find(robot, start_from=measure(motion, 0), samples=400, iterations=1, model=FULL)
     base = find_base_parameters(robot, Model.of(*FULL))
     assert result.names == base.names
     assert result.logs
@@ -247,7 +247,7 @@ def test_loops_that_cannot_close_are_refused_in_one_sentence(find):
         ({"parameters": ["link1.my2"]}, "There is no parameter 'link1.my2', did you mean"),
         ({"parameters": ["link1.my"]}, "No motion can determine 'link1.my' by itself"),
         ({"parameters": ["link2.m"]}, "only together with"),
-        ({"effects": []}, "The model has no effects"),
+        ({"model": []}, "The model has no effects"),
         ({"harmonics": 0}, "harmonics must be a whole number between 1 and 50, not 0"),
         ({"duration": 0.0}, "duration must be a number between 0.001"),
         ({"samples": 10}, "samples must be a whole number between 21 and"),

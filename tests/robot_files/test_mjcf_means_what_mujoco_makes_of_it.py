@@ -276,12 +276,13 @@ def test_friction_of_a_ball_is_refused(load_text):
 
 
 def test_default_models_have_the_springs_that_the_file_states(load_text, rps):
-    from identifiability.diagnosis.workflow import choose_model
+    from identifiability.diagnosis.workflow import usual_effects
     from identifiability.ladder import default_ladder, ladder_model
+    from identifiability.model import Model
 
     sprung = load_text(FEATURES["joint spring"])
     for robot, expected in ((sprung, True), (rps, False)):
-        models = ladder_model(default_ladder(robot)), choose_model(robot, None)
+        models = ladder_model(default_ladder(robot)), Model.of(*usual_effects(robot))
         assert [("joint_stiffness" in m.names) for m in models] == [expected, expected]
 
 
