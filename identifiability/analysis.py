@@ -7,6 +7,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.answer import SCHEMA, Analysis
 from identifiability.assessment import assess_ladder, select_model
+from identifiability.cutoff_check import check_cutoff
 from identifiability.engines.mapping import Engine
 from identifiability.estimation import Method
 from identifiability.evaluation import Task, predict, predict_all
@@ -129,13 +130,14 @@ def analyze(
             thresholds, streams[1], replicates,
         )  # fmt: skip
         at = select_model(results)
+        bands = check_cutoff(regression, held, raw, results[at], method, preparation)
         belief = None
         if posterior:
             results, belief = believe(robot, base, information, results, at, streams[2], say, train)
         return Analysis(
             robot, base, train, held, information, results, at,
             fitted.first(len(rungs)), out.first(len(rungs)), model.texts, method, seed, belief,
-            thresholds, tuple(filter(None, (hint, *hints))), source,
+            thresholds, tuple(filter(None, (hint, *hints, *bands))), source,
             {
                 "replicates": replicates, "posterior": posterior, "cad_weight": cad_weight,
                 "preparation": preparation or Preparation(),

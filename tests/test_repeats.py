@@ -62,6 +62,21 @@ def test_a_nearly_identical_log_counts_once_wherever_it_is_given(log, copy):
     assert len(hints) == 1
 
 
+def test_a_joint_that_never_moves_does_not_hide_a_copy(log):
+    q = np.array(log.q)
+    q[:, 0] = 0.3
+    still = replace(log, q=q, sha256="still")
+    assert drop_repeats([still, shaken(still, 1e-9)])[0] == [still]
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-17, 1e-12])
+def test_a_robot_that_never_moved_is_compared_without_a_warning(log, size):
+    """Anything may agree there; what matters is that nothing overflows and a log is left."""
+    noise = size * np.random.default_rng(0).standard_normal(log.q.shape)
+    rest = replace(log, q=0.3 + noise, tau=2.0 + noise)
+    assert drop_repeats([rest]) == ([rest], [], ())
+
+
 def test_pruning_and_diagnosis_count_copies_once_too(log, again):
     logs = [log, again, shaken(log, 1e-9)]
     ladder = prune("two-link", logs, replicates=2)

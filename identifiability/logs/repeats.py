@@ -22,6 +22,9 @@ from identifiability.names import Array
 #: Values agree within this share of their standard deviation.
 AGREES = 1e-4
 
+#: No difference below this counts: what never moves varies by rounding [rad, m, N·m or N].
+FINEST = 1e-7
+
 #: Consecutive rows that must agree with consecutive earlier ones; standstills count as one.
 RUN = 16
 
@@ -100,8 +103,8 @@ def _match(rows: Array, starts: np.ndarray) -> np.ndarray:
 
     Runs do not reach over `starts`.
     """
-    spread = rows.std(0)
-    cells = np.rint(rows / np.where(spread > 0, AGREES * spread, 1.0)).astype(np.int64)
+    centre = rows.mean(0)
+    cells = np.rint((rows - centre) / np.maximum(AGREES * rows.std(0), FINEST)).astype(np.int64)
     mix = np.random.default_rng(0).integers(1, 2**63, rows.shape[1], np.uint64) | np.uint64(1)
     keys = (cells.astype(np.uint64) * mix).sum(1, dtype=np.uint64)
     _, at, which = np.unique(keys, return_index=True, return_inverse=True)

@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from identifiability.assessment import RungResult, assess_ladder
+from identifiability.cutoff_check import check_cutoff
 from identifiability.engines.mapping import Engine, Steps
 from identifiability.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.estimation import Method, estimate
@@ -130,10 +131,8 @@ def prune(
         building = share(say, "building the regression", 0.1, 0.4)
         task = _set_up(robot, source.entry, train, held, method, streams[0], runner, building)
         say("walking down the ladder", 0.4)
-        search = _search(
-            task, _check_wishes(task.start, forbid, force), streams[1], propose=propose,
-            reach=reach,
-        )  # fmt: skip
+        wishes = _check_wishes(task.start, forbid, force)
+        search = _search(task, wishes, streams[1], propose=propose, reach=reach)
         chosen, physical = _choose(task, search, criterion)
         rungs, result = _measure(
             task, search, chosen, physical, streams[2], replicates, runner,
@@ -149,6 +148,7 @@ def prune(
             samples=task.information.samples, say=lambda s: say("resampling", 0.7 + 0.3 * s),
             engine=engine,
         )  # fmt: skip
+        hints += check_cutoff(task.regression, held, raw, result, method, preparation)
         absorption = absorb(
             task.start.reduce(task.information), rungs[0].estimate, rungs[chosen].estimate,
             search.path.steps[chosen].partition,

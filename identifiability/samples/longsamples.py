@@ -131,6 +131,11 @@ class LongSamples:
         """Applied alike to regressor and torque."""
         return self.stretches[0].plan.decimation
 
+    @property
+    def cutoff(self) -> float | None:
+        """Low-pass of computed derivatives [Hz]; None where there is none."""
+        return self.stretches[0].plan.cutoff
+
     def pieces(self, size: int) -> Iterator[Piece]:
         """Yield pieces of about `size` input samples."""
         for stretch in self.stretches:

@@ -71,6 +71,8 @@ class Samples:
     own : (int, int) or None
         Rows of the log at which outputs are wanted, where the others are only what the filter
         draws on; None for all.
+    cutoff : float or None [Hz]
+        Low-pass of computed derivatives; None where there is none.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Samples:
     notes: tuple[str, ...]
     sha256: str
     own: tuple[int, int] | None = None
+    cutoff: float | None = None
 
     @cached_property
     def runs(self) -> list[tuple[int, int]]:
@@ -213,7 +216,7 @@ def prepare_rows(robot: Robot, log: Log, origin: int, plan: Plan, own: tuple[int
         motion, kept=motion.kept + first, dropped=motion.dropped + first,
         near_singular=motion.near_singular + first,
     )  # fmt: skip
-    return Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own)
+    return Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
 
 
 def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:

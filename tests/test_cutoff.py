@@ -1,0 +1,98 @@
+"""The cut-off decides what noise is fitted: values that follow it are said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import Log, analyze, prune
+from identifiability import cutoff_check as check
+from identifiability.samples import Preparation
+from identifiability.simulation import Noise
+
+
+@pytest.fixture(scope="module")
+def positions(simulated_session):
+    """A function (size of an encoder's step, seed) -> log of a two-link arm without derivatives."""
+
+    def make(encoder, seed=0):
+        log = simulated_session("two-link", "a", seed, Noise(additive=0.02, encoder=encoder))
+        return replace(log, dq=None, ddq=None)
+
+    return make
+
+
+def about_cutoff(result):
+    return [h for h in result.hints if "cut-off" in h]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_good_cut_off_gives_no_hint(positions, seed):
+    assert about_cutoff(analyze("two-link", positions(2e-5, seed), replicates=100)) == []
+
+
+def test_coarse_encoders_move_values_and_the_hint_says_which_how_far_and_what_to_do(positions):
+    found = analyze("two-link", positions(5e-3), replicates=100)
+    (hint,) = about_cutoff(found)
+    assert hint.startswith("Identifiable values follow the cut-off of 8 Hz")
+    assert ".Iyy by " in hint
+    assert " σ" in hint
+    assert "at 16 Hz" in hint
+    assert "(--cutoff)" in hint
+    assert hint in found.statement
+    assert hint in found.to_dict()["hints"]
+    # The remedy helps.
+    again = analyze("two-link", positions(5e-3), preparation=Preparation(cutoff=4), replicates=100)
+    assert about_cutoff(again) == []
+
+
+def test_the_values_that_are_named_are_identifiable_and_do_move(positions):
+    found = analyze("two-link", positions(5e-3), replicates=100)
+    (hint,) = about_cutoff(found)
+    double = analyze("two-link", positions(5e-3), preparation=Preparation(cutoff=16), replicates=0)
+    values = double.to_frame(found.chosen.name).set_index("name").value
+    named = [v for v in found.chosen.verdicts if f"{v.name} by" in hint]
+    assert named
+    for v in named:
+        assert v.verdict.value == "identifiable"
+        assert not v.interval95[0] <= values[v.name] <= v.interval95[1]
+
+
+def test_measured_derivatives_have_no_cut_off_to_vary(simulated_session):
+    log = simulated_session("two-link", "a", 0, Noise(additive=0.02, encoder=5e-3))
+    assert about_cutoff(analyze("two-link", log, replicates=20)) == []
+
+
+def test_pruning_says_it_too(positions):
+    assert len(about_cutoff(prune("two-link", positions(5e-3), replicates=20))) == 1
+
+
+def test_a_long_log_is_fitted_again_in_windows_with_the_same_answer(positions, monkeypatch):
+    log = positions(5e-3)
+    several = [positions(5e-3, seed) for seed in range(4)]
+    t = log.t[1] * np.arange(4 * len(log))
+    q, tau = (np.concatenate([getattr(s, x) for s in several]) for x in ("q", "tau"))
+    long = Log("long", log.joints, t, q, tau, None, None, "")
+    sizes = []
+    prepare = check.prepare_samples
+
+    def count(robot, part, how):
+        sizes.append(len(part))
+        return prepare(robot, part, how)
+
+    monkeypatch.setattr(check, "prepare_samples", count)
+    monkeypatch.setattr(check, "ENOUGH", 1200)
+    found = analyze("two-link", long, replicates=100)
+    assert ".Iyy by" in about_cutoff(found)[0]
+    assert sizes == [300] * 12  # four windows, at the cut-off itself, half and double of it
+
+
+def test_cut_offs_of_logs_that_differ_are_said(positions):
+    slow = positions(2e-5)
+    fast = replace(positions(2e-5, 1), t=slow.t / 3, name="fast")
+    found = analyze("two-link", slow, fast, replicates=0)
+    (hint,) = about_cutoff(found)
+    assert hint.startswith("The logs were judged in different bands, with cut-offs from 8 Hz")
+    assert "(fast): give one that suits them all (--cutoff)." in hint
+    one = analyze("two-link", slow, fast, preparation=Preparation(cutoff=10), replicates=0)
+    assert about_cutoff(one) == []
