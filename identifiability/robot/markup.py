@@ -62,7 +62,19 @@ def included_files(path: Path) -> tuple[Path, ...]:
     return tuple(found)
 
 
+def check_regular(path: Path) -> None:
+    """Refuse what is there but is no file, such as a pipe, which would be waited for.
+
+    Raises
+    ------
+    RobotError
+    """
+    if path.exists() and not path.is_file():
+        raise RobotError(f"{path} cannot be read: it is no file.")
+
+
 def _parse(path: Path, roots: tuple[str, ...]) -> ET.Element:
+    check_regular(path)
     try:
         root = ET.parse(path).getroot()
     except ET.ParseError as error:

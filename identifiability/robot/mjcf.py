@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 
 from identifiability.errors import RobotError, near_match
-from identifiability.robot.markup import file_text, read_markup
+from identifiability.robot.markup import check_regular, file_text, read_markup
 
 _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom
 _FILED = (int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF))
@@ -55,7 +55,10 @@ def weighing_files(path: Path) -> tuple[Path, ...]:
     if root.tag != "mujoco":
         return ()
     with _refused(path, root):
-        spec = _parse(path, root)
+        return _mesh_files(path, _parse(path, root))
+
+
+def _mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
     folder = path.parent / (spec.compiler.meshdir or "")
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
 
@@ -64,6 +67,8 @@ def _parse(path: Path, root: ET.Element) -> Any:
     spec = mujoco.MjSpec.from_string(file_text(path, root))
     spec.modelfiledir = str(path.parent)
     _take_out_idle(spec)
+    for file in _mesh_files(path, spec):
+        check_regular(file)
     return spec
 
 

@@ -1,5 +1,7 @@
 """Laws of reading MJCF: whatever the file says, both roads have the robot that MuJoCo has."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -150,6 +152,22 @@ def test_the_hash_knows_meshes_that_weigh_and_no_others(load_text, tmp_path):
         ]
     assert hashes[0] != hashes[2]
     assert hashes[1] == hashes[3]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        arm(before='<include file="pipe"/>'),
+        arm(
+            after='<asset><mesh name="m" file="pipe"/></asset>',
+            inside='<body><geom type="mesh" mesh="m"/></body>',
+        ),
+    ],
+)
+def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(text, load_text, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(RobotError, match=r"pipe cannot be read: it is no file\."):
+        load_text(text)
 
 
 @pytest.mark.parametrize("feature", REFUSED)
