@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from identifiability.diagnosis.named_effect import NamedEffect
     from identifiability.diagnosis.result import Diagnosis
 
+#: An error below this share of the torque is rounding.
+ROUNDING = 1e-9
+
 #: Similarity from which on a name is said to be hard to tell from another.
 NOTEWORTHY = 0.6
 #: Share of the residual from which on its dependence on something is said.
@@ -145,6 +148,8 @@ def advice(e: NamedEffect) -> str:
 def state_remainder(d: Diagnosis) -> str:
     """Return what is left in words."""
     r = d.remainder
+    if max(d.held_after, d.error_after) < ROUNDING:
+        return "What is left is rounding: the logs are explained to their last digits."
     parts = []
     if r.detectable:
         name, size = min(r.detectable.items(), key=lambda x: x[1])

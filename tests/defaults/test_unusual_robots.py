@@ -74,6 +74,15 @@ def test_nothing_is_missing_where_nothing_was_left_out(case, logs):
     assert found.effects == (), found.statement
 
 
+def test_rounding_is_not_something_that_is_left(case):
+    found = diagnose(case.path, [case.log(0), case.log(1)], validate=case.log(5), quick=True)
+    assert found.effects == ()
+    assert (
+        found.unexplained
+        == "What is left is rounding: the logs are explained to their last digits."
+    )
+
+
 def test_coulomb_friction_that_was_left_out_is_named(case):
     logs = [case.log(seed, NOISE) for seed in (5, 6, 7)]
     model = ("rigid_body", "viscous_friction", "actuator_inertia")
