@@ -114,7 +114,8 @@ def analyze(
             hint = find_mix_up(regression, base.nonnegative)
             say("fitting models", 0.6)
             fits, physical, values = fit_ladder(robot, base, rungs, information, method, cad_weight)
-            tasks = [Task(values[None])]
+            in_file = np.stack([p.in_file for p in physical], 1)
+            tasks = [Task(np.hstack([values, in_file])[None])]
             if not held:
                 tasks.append(plan_cross_validation(regression, base, information, rungs, method))
             predicting = share(say, "predicting torque", 0.65, 0.9)
@@ -142,4 +143,5 @@ def analyze(
                 "replicates": replicates, "posterior": posterior, "cad_weight": cad_weight,
                 "preparation": preparation or Preparation(),
             },
+            model.shapes(robot),
         )  # fmt: skip

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import pandas as pd
 
-from identifiability.assessment import RungResult
+from identifiability.assessment import RungResult, physical_dict
 from identifiability.belief import Belief, belief_dict
 from identifiability.datatree import Which, build_datatree
 from identifiability.estimation import Method
@@ -61,6 +61,8 @@ class Analysis:
         Where the models came from.
     settings : mapping
         Other options that decided the numbers.
+    shapes : mapping
+        Shapes of the model's effects by ``<joint>.<effect>``.
     """
 
     robot: Robot
@@ -80,6 +82,7 @@ class Analysis:
     hints: tuple[str, ...] = ()
     source: LadderSource | None = None
     settings: Mapping[str, object] = field(default_factory=dict)
+    shapes: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def chosen(self) -> RungResult:
@@ -164,7 +167,7 @@ class Analysis:
                 "infeasible": list(self.chosen.infeasible),
                 "certificate": self.chosen.physical.sentence,
                 "error_ra_validation": self.chosen.error_ra_physical,
-                "parameters": self.chosen.physical.parameters(),
+                **physical_dict(self.robot, self.chosen, self.shapes),
             },
             "posterior": None if self.belief is None else belief_dict(self.chosen, self.belief),
             "structure": {
@@ -230,10 +233,12 @@ class Analysis:
     def statement(self) -> str:
         """The answer in plain words."""
         moves = any(s.survey.moves for s in self.samples)
-        text = state_answer(self.base, self.full, self.chosen, self.held_out, moves=moves)
+        text = state_answer(
+            self.base, self.full, self.chosen, self.held_out, self.physical_statement, moves=moves
+        )
         return " ".join((text, *self.hints))
 
     @property
     def physical_statement(self) -> str:
         """What physics says of the selected model, in words."""
-        return state_physics(self.chosen)
+        return state_physics(self.robot, self.chosen)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,8 @@ from identifiability.feasibility import PhysicalResult
 from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.names import Array
+from identifiability.physical.mass import total_mass
+from identifiability.robot import Robot
 from identifiability.uncertainty import Uncertainty, assess_uncertainty, recurrence
 from identifiability.verdict import Class, Evidence, Thresholds, Verdict, judge
 
@@ -37,6 +39,9 @@ class RungResult:
         Standard error of the difference of the latter to the best model's.
     error_ra_physical : float
         ε_RA of the nearest real robot, on the same samples as `error_ra_validation`.
+    error_ra_real, error_ra_file : float
+        ε_RA of the nearest real robot on the logs that were fitted, and of what a robot file
+        holds of it without a sidecar.
     infeasible : tuple of str
         Parameters with a sign that physics forbids, the paper's test.
     physical : PhysicalResult
@@ -51,6 +56,8 @@ class RungResult:
     error_ra_validation: float
     error_se: float
     error_ra_physical: float
+    error_ra_real: float
+    error_ra_file: float
     infeasible: tuple[str, ...]
     physical: PhysicalResult
 
@@ -138,7 +145,7 @@ def assess_ladder(
         Of each model.
     fitted, held_out : Prediction
         By all estimates, then by all nearest real robots, on the logs they were fitted to and on
-        others.
+        others; of the former also by what robot files hold of the latter.
     nominal : (b,)
         Base parameters that the robot file states.
     thresholds : Thresholds
@@ -179,11 +186,36 @@ def assess_ladder(
                 float(held_error[k]),
                 float(spread[k]),
                 float(held_error[len(rungs) + k]),
+                float(error[len(rungs) + k]),
+                float(error[2 * len(rungs) + k]),
                 infeasible,
                 physical[k],
             )
         )
     return tuple(results)
+
+
+def physical_dict(robot: Robot, result: RungResult, shapes: Mapping[str, float]) -> dict[str, Any]:
+    """Return the nearest real robot of a model as plain values, as `export` reads them.
+
+    Parameters
+    ----------
+    robot : Robot
+    result : RungResult
+    shapes : mapping
+        Of the model's effects, by ``<joint>.<effect>``.
+    """
+    found = result.physical.parameters()
+    return {
+        "error_ra": result.error_ra_real,
+        "error_ra_file": result.error_ra_file,
+        "file": "mjcf" if robot.mjcf else "urdf",
+        "mass": total_mass(robot, found) if found else None,
+        "mass_file": total_mass(robot, robot.nominal),
+        "cad_prior": result.physical.cad_weight,
+        "shapes": dict(shapes),
+        "parameters": found,
+    }
 
 
 def column_rms(information: Information) -> Array:

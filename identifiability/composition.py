@@ -74,6 +74,10 @@ class Model:
         """Return the standard parameters of all effects, in column order."""
         return tuple(p for e in self.effects for p in e.parameters(robot))
 
+    def shapes(self, robot: Robot) -> dict[str, float]:
+        """Return the shapes behind the columns, by ``<joint>.<effect>``."""
+        return {name: at for e in self.effects for name, at in e.shapes(robot).items()}
+
     def regressor(self, robot: Robot, motion: Motion, out: Array | None = None) -> Array:
         """Return the regressor W (N, n, p): ``W[k] @ phi`` is the torque at sample k."""
         widths = [len(e.parameters(robot)) for e in self.effects]

@@ -1,63 +1,143 @@
-"""Take the feasible standard parameters out of a result."""
+"""Write the feasible standard parameters of a result into the robot file."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
 from identifiability.documents import read_document
-from identifiability.errors import IdentifiabilityError, near_match
+from identifiability.effects import EFFECTS, FAMILIES
+from identifiability.effects.nominal import LOADED, reference_values
+from identifiability.errors import IdentifiabilityError, listing, near_match
+from identifiability.physical.mass import state_mass
 from identifiability.robot import Robot
+from identifiability.robot.write import write_robot
 
 
-class RobotEntry(BaseModel):
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+
+
+class RobotEntry(_Entry):
     """What the result is about."""
 
-    model_config = ConfigDict(extra="ignore")
     name: str
 
 
-class PhysicalEntry(BaseModel):
+class PhysicalEntry(_Entry):
     """The nearest real robot."""
 
-    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
     parameters: dict[str, float]
+    shapes: dict[str, float] = {}
+    error_ra: float | None
+    error_ra_file: float | None
+    cad_prior: float = 0.0
 
 
-class Result(BaseModel):
+class Result(_Entry):
     """The part of a result that is exported."""
 
-    model_config = ConfigDict(extra="ignore")
     robot: RobotEntry
     physical: PhysicalEntry
 
 
-def read_parameters(robot: Robot, path: str | Path) -> dict[str, float]:
-    """Return the standard parameters of the nearest real robot in a JSON result.
+@dataclass(frozen=True)
+class Exported:
+    """What was exported.
+
+    Attributes
+    ----------
+    robot : Path
+    sidecar : Path or None
+    beside : mapping
+        What the robot file cannot hold and the sidecar does: parameters by effect.
+    error_ra, error_ra_file : float or None
+        ε_RA on the fitted logs of all that was fitted, and of what the robot file alone holds;
+        None where the torque does not vary.
+    mass : str
+        What is wrong with the total mass, and the remedy; empty if nothing is.
+    """
+
+    robot: Path
+    sidecar: Path | None
+    beside: Mapping[str, tuple[str, ...]]
+    error_ra: float | None
+    error_ra_file: float | None
+    mass: str
+
+    @property
+    def statement(self) -> str:
+        """What the files hold, in words."""
+        parts = []
+        if self.beside:
+            held = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
+            stand = "it stands" if len(held) == 1 else "they stand"
+            parts.append(
+                f"{self.robot.name} cannot hold {listing(held, len(held))}: {stand} in the "
+                "sidecar, which simulators do not read."
+            )
+        if self.error_ra is not None and self.error_ra_file is not None:
+            parts.append(
+                f"On the fitted logs the real robot errs by {100 * self.error_ra:.3g} %, and what "
+                f"{self.robot.name} alone holds by {100 * self.error_ra_file:.3g} %."
+            )
+        return " ".join(parts)
+
+
+def export(robot: Robot, result: str | Path, out: str | Path) -> Exported:
+    """Write the nearest real robot of a JSON result as a robot file, and a sidecar if it needs one.
 
     Parameters
     ----------
     robot : Robot
         The robot that the result is about.
-    path : str or Path
+    result : path
+        JSON of `analyze`, `prune` or `diagnose`.
+    out : path
+        ``.xml`` for MJCF, ``.urdf`` for URDF, as the robot's own file.
 
     Raises
     ------
     IdentifiabilityError
-        If the file is no result, or one of another robot.
+        If the file is no result, one of another robot, or has no masses.
     """
-    content = read_document(path, Result, "JSON", "result", IdentifiabilityError)
-    known = {*robot.nominal, *(f"{a.name}.off" for a in robot.axes)}
-    known |= {f"{a.name}.{k}" for a in robot.axes for k in ("Fv", "Fc", "Fc+", "Fc-")}
-    known |= {f"{a.name}.{k}" for a in robot.axes for k in robot.inertia_parts}
-    for name in content.physical.parameters:
+    content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
+    physical = content.physical
+    effect_of = {p.name: e.name for e in EFFECTS.values() for p in e.parameters(robot)}
+    _check(robot, Path(result), content, {*effect_of, *robot.nominal})
+    loaded = any(physical.parameters[n] and effect_of.get(n) in LOADED for n in physical.parameters)
+    written = write_robot(
+        robot, physical.parameters, out, keep=False, shapes=physical.shapes,
+        reference=reference_values(robot) if loaded else {},
+    )  # fmt: skip
+    beside: dict[str, list[str]] = {}
+    for name in written.beside:
+        title = FAMILIES[effect_of[name]].title if name in effect_of else name
+        beside.setdefault(title, []).append(name)
+    return Exported(
+        written.robot, written.sidecar, {t: tuple(n) for t, n in beside.items()},
+        physical.error_ra, physical.error_ra_file,
+        state_mass(robot, physical.parameters, physical.cad_prior),
+    )  # fmt: skip
+
+
+def _check(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
+    given = content.physical.parameters
+    for name in given:
         if name not in known:
             raise IdentifiabilityError(
                 f"{path} is about '{content.robot.name}' and has the parameter '{name}', which "
                 f"{robot.name} does not have{near_match(name, known)} Give the robot that the "
                 "result was made with."
             )
-    if not content.physical.parameters:
+    if not given:
         raise IdentifiabilityError(f"{path} holds no physical parameters to export.")
-    return content.physical.parameters
+    missing = [body for body in robot.bodies if f"{body}.m" not in given]
+    if missing:
+        raise IdentifiabilityError(
+            f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
+            "make a result whose model has the effect rigid_body."
+        )

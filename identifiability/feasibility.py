@@ -29,6 +29,7 @@ from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import FeasibleEstimate, build_projection
 from identifiability.physical.pseudo_inertia import INERTIAL, BodyCheck, check_body
 from identifiability.robot import Robot
+from identifiability.robot.holding import held_by_file
 
 #: Share of the torque from which on what a model leaves out, and bodies need, is spoken of.
 LEFT_OUT = 1e-3
@@ -48,10 +49,13 @@ class PhysicalResult:
         The real robot nearest to the data under the model; None where the solver found none.
     value : (m,)
         Its values of the model's parameters; NaN where there is none.
-    base : (b,)
-        Its base parameters, with what of the model's left-out ones its bodies cannot do without.
+    base, in_file : (b,)
+        Its base parameters, with what of the model's left-out ones its bodies cannot do without;
+        and those of what a robot file holds of it without a sidecar.
     sentence : str
         The certificate in words.
+    cad_weight : float
+        Of the prior around the robot file that the nearest real robot was sought with.
     """
 
     region: PhysicalSet
@@ -59,7 +63,9 @@ class PhysicalResult:
     nearest: FeasibleEstimate | None
     value: Array
     base: Array
+    in_file: Array
     sentence: str
+    cad_weight: float
 
     @property
     def feasible(self) -> bool:
@@ -169,9 +175,14 @@ def full_problem(
 
 
 def _cad_prior(robot: Robot, region: PhysicalSet, nominal: Array, weight: float) -> CadPrior | None:
-    """Return the prior of the robot file, whose bodies must be possible and have volume."""
+    """Return the prior of the robot file, whose bodies must be possible and no points."""
     if not weight:
         return None
+    if len(region.bodies) > len(robot.bodies):
+        raise IdentifiabilityError(
+            "A prior around the robot file knows no payload; leave the effect payload out of the "
+            "model (the last body has it), or the prior."
+        )
     check_nominal(robot)
     prior = CadPrior(nominal, weight)
     try:
@@ -215,7 +226,7 @@ def assess_feasibility(
     to_x = np.linalg.pinv(rung.M) @ base.G if len(rung) else np.zeros((0, base.G.shape[1]))
     certificate, nearest = None, None
     sentence = "The motion leaves parameters of the model undetermined."
-    value, found = np.full(len(rung), np.nan), np.full(len(base), np.nan)
+    value, found = np.full(len(rung), np.nan), np.full((2, len(base)), np.nan)
     try:
         if len(estimate.kept) == len(rung) and len(rung):
             certificate = certify(to_x, estimate.value, region)
@@ -236,13 +247,17 @@ def assess_feasibility(
                 np.vstack([data.R, rows]), np.concatenate([data.z, aim]), data.rss_min, data.dof
             )
         )
-        value, found = to_x @ nearest.phi, base.G @ nearest.phi
+        value = to_x @ nearest.phi
+        held_there = held_by_file(robot, dict(zip(region.columns, nearest.phi, strict=True)))
+        found = np.array([nearest.phi, [held_there[n] for n in region.columns]]) @ base.G.T
         if not nearest.accurate:
             sentence += f" The nearest real robot is within {nearest.gap:.2g} σ² of the optimum."
         sentence += _say_left_out(rows @ nearest.phi - aim, R[:, -1])
     except ValueError as error:
         sentence += f" The nearest real robot was not found: {error}"
-    return PhysicalResult(region, certificate, nearest, value, found, sentence)
+    return PhysicalResult(
+        region, certificate, nearest, value, found[0], found[1], sentence, cad_weight
+    )
 
 
 def _say_left_out(rest: Array, torque: Array) -> str:

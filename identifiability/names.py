@@ -23,6 +23,9 @@ NONNEGATIVE_KINDS = frozenset(
     {"m", "Ixx", "Iyy", "Izz", "Fv", "Fc", "Fc+", "Fc-", "Ia", "Jr", "Js"}
 )
 
+#: Owner of the parameters of no joint or body: the tilt of the base.
+BASE = "base"
+
 _INERTIAL_UNITS = {"m": "kg", "mx": "kg·m", "my": "kg·m", "mz": "kg·m"}
 
 

@@ -15,6 +15,7 @@ from identifiability.errors import listing
 from identifiability.evaluation import Prediction
 from identifiability.grouping import BaseParameters
 from identifiability.ladder import LadderSource
+from identifiability.physical.mass import state_mass
 from identifiability.robot import Robot
 from identifiability.samples.longsamples import Prepared
 from identifiability.verdict import Class
@@ -27,6 +28,7 @@ def state_answer(
     full: RungResult,
     chosen: RungResult,
     held_out: Prediction,
+    physics: str,
     *,
     moves: bool,
 ) -> str:
@@ -38,6 +40,8 @@ def state_answer(
     full, chosen : RungResult
         The unpruned and the selected model.
     held_out : Prediction
+    physics : str
+        What `state_physics` says of the selected model.
     moves : bool
         Whether the robot moves in any log.
     """
@@ -59,13 +63,20 @@ def state_answer(
         f"seen with an error of {held:.3g} %."
     )
     why_not = f"The unpruned model is not judged. {full.unjudged}" if full.unjudged else ""
-    return " ".join(filter(None, (text, state_physics(chosen), why_not)))
+    return " ".join(filter(None, (text, physics, why_not)))
 
 
-def state_physics(chosen: RungResult) -> str:
+def state_physics(robot: Robot, chosen: RungResult) -> str:
     """Return what physics says of a model."""
+    weight = state_mass(robot, chosen.physical.parameters(), chosen.physical.cad_weight)
+    return f"{_state_certificate(chosen)} {weight}".rstrip()
+
+
+def _state_certificate(chosen: RungResult) -> str:
     if chosen.feasible:
         return "A real robot can have its values."
+    if chosen.physical.nearest is None:
+        return chosen.physical.sentence
     near = f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
     if chosen.infeasible:
         return (

@@ -23,6 +23,25 @@ ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
 PAPER_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--everything", action="store_true", help="Also run what takes too long for make test."
+    )
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "everything: takes too long for make test")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out, and do not skip, what takes long: skips are failures in CI."""
+    if config.getoption("--everything"):
+        return
+    left = [item for item in items if item.get_closest_marker("everything")]
+    config.hook.pytest_deselected(items=left)
+    items[:] = [item for item in items if item not in set(left)]
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     """Turn a skip into a failure in CI: missing data or packages must not pass for a pass."""

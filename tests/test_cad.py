@@ -43,9 +43,15 @@ def test_mujoco_decides_that_an_impossible_body_is_none(rps, tmp_path):
         Robot.load(path)
 
 
-def test_a_flat_body_cannot_be_a_log_det_prior(simulated):
-    with pytest.raises(IdentifiabilityError, match="platform: the nominal body has no volume"):
-        analyze("3-rps", simulated("3-rps", "601", 0), replicates=0, cad_weight=1.0)
+def test_a_flat_body_pulls_like_one_with_a_little_thickness(simulated):
+    log = simulated("3-rps", "601", 0)  # its platform is a disc
+    result = analyze("3-rps", log, replicates=0, cad_weight=1.0)
+    found, wanted = result.full.physical.parameters(), result.robot.nominal
+    assert result.full.physical.nearest.accurate
+    for name in ("platform.m", "platform.Iyy", "leg1_lower.m"):
+        assert found[name] == pytest.approx(wanted[name], rel=1.0), name
+    turned = [found[f"platform.{kind}"] for kind in ("Ixx", "Izz", "Iyy")]
+    assert turned[0] + turned[1] > turned[2]  # it has some thickness
 
 
 def test_the_prior_pulls_what_the_data_leave_open_to_the_robot_file(log):

@@ -37,7 +37,8 @@ def test_written_robots_give_the_written_parameters_on_both_roads(robot, tmp_pat
     values = other_parameters(robot, rng)
     path = tmp_path / f"copy{robot.path.suffix}"
     written = write_robot(robot, values, path)
-    assert written.left_out == ()
+    rotors = () if robot.mjcf else tuple(f"{joint}.Ia" for joint in robot.joints)
+    assert written.beside == rotors
     copy = Robot.load(path)
     for name, value in values.items():
         assert copy.nominal[name] == pytest.approx(value, rel=1e-12, abs=1e-12), name
@@ -71,6 +72,23 @@ def test_asymmetric_friction_goes_to_the_sidecar_and_its_mean_to_the_file(rps, t
     assert (copy.nominal["slider1.Fc+"], copy.nominal["slider1.Fc-"]) == (300.0, 200.0)
 
 
-def test_what_no_file_can_hold_is_listed(rps, tmp_path):
-    written = write_robot(rps, {"slider1.off": 3.0}, tmp_path / "copy.xml")
-    assert written.left_out == ("slider1.off",)
+def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, tmp_path):
+    values = {"slider1.off": 3.0, "slider2.Fs": 4.0, "base.tilt1": 0.01}
+    shapes = {"slider2.stribeck_friction": 0.02}
+    written = write_robot(
+        rps, values, tmp_path / "copy.xml", shapes=shapes, reference={"platform.m": 7.0}
+    )
+    assert set(written.beside) == set(values)
+    copy = Robot.load(tmp_path / "copy.xml")
+    assert {name: copy.nominal[name] for name in values} == values
+    assert copy.shapes == shapes
+    assert copy.reference == {"platform.m": 7.0}
+    again = write_robot(copy, {}, tmp_path / "again.xml", shapes={}, reference={})
+    assert Robot.load(tmp_path / "again.xml").nominal["slider1.off"] == 3.0
+    assert not Robot.load(tmp_path / "again.xml").shapes
+    assert set(again.beside) == set(values)
+
+
+def test_a_parameter_of_nothing_is_refused_with_the_near_match(rps, tmp_path):
+    with pytest.raises(RobotError, match=r"'slidr1\.Fv' is of no body.*did you mean 'slider1'"):
+        write_robot(rps, {"slidr1.Fv": 3.0}, tmp_path / "copy.xml")

@@ -47,9 +47,7 @@ def analyze(
     posterior: Annotated[
         bool, typer.Option(help="Sample the posteriors of the selected model (some seconds).")
     ] = True,
-    cad_prior: Annotated[
-        float, typer.Option(min=0, help="Weight of a log-det prior around the robot file's bodies.")
-    ] = 0.0,
+    cad_prior: options.CadPrior = 0.0,
     seed: options.Seed = 0,
     quick: Annotated[bool, typer.Option(help="A tenth of the random draws, no posterior.")] = False,
     engine: options.Engine = None,

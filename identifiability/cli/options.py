@@ -75,6 +75,9 @@ Seed = Annotated[int, typer.Option(min=0, help="Seed of every random choice.")]
 Weighting = Annotated[
     Method, typer.Option(help="Weight actuators by their own variance, or all alike.")
 ]
+CadPrior = Annotated[
+    float, typer.Option(min=0, help="Weight of a log-det prior around the robot file's bodies.")
+]
 
 Source = Annotated[
     Derivatives,

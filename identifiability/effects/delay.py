@@ -10,7 +10,7 @@ import numpy as np
 from identifiability.effects.actuator import ActuatorInertia
 from identifiability.effects.effect import Effect
 from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
-from identifiability.effects.nominal import rigid_torque
+from identifiability.effects.nominal import reference_values, rigid_torque
 from identifiability.effects.position import JointStiffness
 from identifiability.names import Array, Parameter
 from identifiability.robot import Motion, Robot
@@ -23,13 +23,14 @@ def nominal_torque(robot: Robot, motion: Motion) -> Array:
     """Return the torque by all values that the robot file states, (N, n)."""
     tau = rigid_torque(robot, motion)
     effects: list[Effect] = [ViscousFriction(), ActuatorInertia(), JointStiffness()]
-    stated = any(k.endswith(".Fc+") for k in robot.nominal)
+    known = reference_values(robot)
+    stated = any(k.endswith(".Fc+") for k in known)
     effects.append(CoulombAsymmetry() if stated else CoulombFriction())
     for effect in effects:
         parameters = effect.parameters(robot)
         W = np.zeros((*tau.shape, len(parameters)))
         effect.fill(robot, motion, W)
-        tau = tau + W @ np.array([robot.nominal.get(p.name, 0.0) for p in parameters])
+        tau = tau + W @ np.array([known.get(p.name, 0.0) for p in parameters])
     return tau
 
 

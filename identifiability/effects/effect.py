@@ -7,6 +7,7 @@ To add an effect: one subclass with its name, its parameters and its columns, re
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -33,6 +34,11 @@ class Effect(ABC):
     def texts(self) -> tuple[str, ...]:
         """How a ladder file writes the effect."""
         return (self.name,)
+
+    def shapes(self, robot: Robot) -> Mapping[str, float]:
+        """Return the shapes behind the columns, by ``<joint>.<effect>``; none for most effects."""
+        del robot
+        return {}
 
     @abstractmethod
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:

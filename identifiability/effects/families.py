@@ -14,7 +14,7 @@ from identifiability.effects.friction import (
     PassiveJointFriction,
     ViscousFriction,
 )
-from identifiability.effects.gravity import BASE, GravityTilt, Payload, last_bodies
+from identifiability.effects.gravity import GravityTilt, Payload, last_bodies
 from identifiability.effects.nominal import gravity_vector, has_masses
 from identifiability.effects.nonlinear_friction import (
     LoadDependentFriction,
@@ -23,6 +23,7 @@ from identifiability.effects.nonlinear_friction import (
 )
 from identifiability.effects.position import JointStiffness, PositionRipple
 from identifiability.effects.rigid_body import RigidBody
+from identifiability.names import BASE
 from identifiability.robot import Robot
 
 #: Stribeck velocities that are tried, as shares of the joint's rms speed: neighbours are so close

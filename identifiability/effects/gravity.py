@@ -11,11 +11,8 @@ import numpy as np
 from identifiability.effects.effect import Effect
 from identifiability.effects.nominal import gravity_torque, gravity_vector
 from identifiability.effects.rigid_body import RigidBody
-from identifiability.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
+from identifiability.names import BASE, INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Motion, Robot
-
-#: Where a tilt is: at no joint.
-BASE = "base"
 
 
 def last_bodies(robot: Robot) -> tuple[str, ...]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 
-from identifiability.names import Array
+from identifiability.names import INERTIAL_KINDS, Array
 from identifiability.robot import Motion, Robot
 
 
@@ -17,9 +20,38 @@ def project(robot: Robot, motion: Motion, tree: Array) -> Array:
     return tau
 
 
+#: Effects whose columns depend on what the robot file states.
+LOADED = ("load_dependent_friction", "gravity_tilt", "time_delay")
+
+
+def reference_values(robot: Robot) -> Mapping[str, float]:
+    """Return the standard parameters by which the robot's loads are known."""
+    if robot.reference:
+        return robot.reference
+    values = dict(robot.nominal)
+    for k, body in enumerate(robot.bodies):  # a sidecar may state others, which are no loads
+        theta = robot.model.inertias[k + 1].toDynamicParameters()
+        values |= {
+            f"{body}.{kind}": float(v) for kind, v in zip(INERTIAL_KINDS, theta, strict=True)
+        }
+    return values
+
+
+def _load_model(robot: Robot) -> Any:
+    """Return the Pinocchio model with the bodies by which loads are known."""
+    if not robot.reference:
+        return robot.model
+    model = robot.model.copy()
+    for k, body in enumerate(robot.bodies):
+        theta = np.array([robot.reference.get(f"{body}.{kind}", 0.0) for kind in INERTIAL_KINDS])
+        model.inertias[k + 1] = pin.Inertia.FromDynamicParameters(theta)
+    return model
+
+
 def rigid_torque(robot: Robot, motion: Motion) -> Array:
     """Return the rigid-body torque of the actuated joints by the file's masses, (N, n)."""
-    model, data = robot.model, robot.model.createData()
+    model = _load_model(robot)
+    data = model.createData()
     tree = [
         pin.rnea(model, data, q, v, a) - model.armature * a  # rotors are no load
         for q, v, a in zip(motion.q, motion.v, motion.a, strict=True)
@@ -36,7 +68,7 @@ def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
     motion : Motion
     gravity : (3,) [m/s²]
     """
-    model = robot.model.copy()
+    model = _load_model(robot).copy()
     model.gravity.linear = gravity
     data = model.createData()
     tree = [pin.computeGeneralizedGravity(model, data, q).copy() for q in motion.q]

@@ -50,7 +50,7 @@ class StribeckFriction(Effect):
     Attributes
     ----------
     velocity : float or None [rad/s or m/s]
-        Stribeck velocity vs; None takes a tenth of each joint's speed limit.
+        Stribeck velocity vs; None takes the robot's, else a tenth of each joint's speed limit.
     only : str or None
         One axis; None for all.
     """
@@ -67,12 +67,21 @@ class StribeckFriction(Effect):
             for _, a in chosen_axes(robot, self.only)
         )
 
+    def shapes(self, robot: Robot) -> dict[str, float]:
+        """Return the Stribeck velocity of every axis."""
+        axes = [axis for _, axis in chosen_axes(robot, self.only)]
+        return {f"{axis.name}.{self.name}": self._velocity(robot, axis) for axis in axes}
+
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write one column an axis."""
         for k, (_, axis) in enumerate(chosen_axes(robot, self.only)):
             speed, _, row = axis_motion(robot, motion, axis)
-            vs = self.velocity or TYPICAL_SHARE * typical_speed(robot, axis)
-            put(out, k, row, np.exp(-np.abs(speed / vs)) * np.sign(speed))
+            share = np.abs(speed / self._velocity(robot, axis))
+            put(out, k, row, np.exp(-share) * np.sign(speed))
+
+    def _velocity(self, robot: Robot, axis: Axis) -> float:
+        stated = self.velocity or robot.shapes.get(f"{axis.name}.{self.name}")
+        return stated or TYPICAL_SHARE * typical_speed(robot, axis)
 
 
 @dataclass(frozen=True)

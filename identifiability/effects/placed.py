@@ -75,6 +75,15 @@ class Placed(Effect):
         """
         return tuple(p for part in self.parts for p in self.part_parameters(robot, part))
 
+    def shapes(self, robot: Robot) -> dict[str, float]:
+        """Return the shapes of all parts."""
+        return {
+            name: shape
+            for part in self.parts
+            for name, shape in part.effect.shapes(robot).items()
+            if name == f"{part.owner}.{self.name}"
+        }
+
     @staticmethod
     def part_parameters(robot: Robot, part: Part) -> list[Parameter]:
         """Return the parameters of one part."""

@@ -77,7 +77,7 @@ class PositionRipple(Effect):
     Attributes
     ----------
     period : float or None [rad or m]
-        Period λ; None takes a sixth of each joint's range.
+        Period λ; None takes the robot's, else a sixth of each joint's range.
     only : str or None
     """
 
@@ -97,12 +97,19 @@ class PositionRipple(Effect):
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write two columns an axis."""
         for k, (at, axis) in enumerate(chosen_axes(robot, self.only)):
-            period = self.period or self._usual(robot, at, axis)
-            phase = 2 * np.pi * travel(robot, motion, axis) / period
+            phase = 2 * np.pi * travel(robot, motion, axis) / self._length(robot, at, axis)
             out[:, :, 2 * k] = np.sin(phase)[:, None] * axis.row
             out[:, :, 2 * k + 1] = np.cos(phase)[:, None] * axis.row
 
-    def _usual(self, robot: Robot, at: int, axis: Axis) -> float:
+    def shapes(self, robot: Robot) -> dict[str, float]:
+        """Return the period of every axis."""
+        axes = chosen_axes(robot, self.only)
+        return {f"{axis.name}.{self.name}": self._length(robot, at, axis) for at, axis in axes}
+
+    def _length(self, robot: Robot, at: int, axis: Axis) -> float:
+        stated = self.period or robot.shapes.get(f"{axis.name}.{self.name}")
+        if stated:
+            return stated
         low, high = robot.limits[at] if at < len(robot.limits) else (-np.inf, np.inf)
         if np.isfinite(high - low):
             return float(high - low) / 6

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.program import adjoint_inverse, body_scale, matrix
-from identifiability.physical.pseudo_inertia import BASIS, check_body, to_matrix
+from identifiability.physical.pseudo_inertia import BASIS, BOUNDARY, check_body, to_matrix
 
 Floats = NDArray[np.float64]
+
+#: Least mean square of a nominal body's thickness, as a share of that of its size.
+THIN = 1e-3
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,8 @@ class CadPrior:
     """Log-det divergence from a nominal robot [Lee 2020], in units of the noise variance.
 
     Adds ``weight Σ_k [log det J0_k − log det J_k + tr(J0_k⁻¹ J_k) − 4]`` to ``rss / σ²``. It does
-    not depend on units or frames, and is infinite at the edge of the cone.
+    not depend on units or frames, and is infinite at the edge of the cone. A nominal body that is
+    flat or a rod counts as one of a little thickness, `THIN`.
 
     Attributes
     ----------
@@ -54,16 +58,12 @@ def nominal_cones(region: PhysicalSet, prior: CadPrior) -> Floats:
     Raises
     ------
     ValueError
-        When a nominal body cannot exist or has no volume; it is named.
+        When a nominal body cannot exist or is a point; it is named.
     """
     scale, phi = body_scale(region), np.asarray(prior.phi, float)
     maps = np.zeros((len(region.bodies), 16, region.size))
     for k, (name, columns) in enumerate(zip(region.names, region.bodies, strict=True)):
-        J0 = to_matrix(phi[columns])
-        s = np.sqrt(np.abs(np.diag(J0)))
-        if not (s.all() and np.linalg.eigvalsh(J0 / np.outer(s, s))[0] > 1e-9):
-            raise ValueError(_bad_nominal(phi[columns], name))
-        inverse = np.linalg.inv(np.linalg.cholesky(J0))
+        inverse = np.linalg.inv(np.linalg.cholesky(_thick(phi[columns], name)))
         congruent = np.einsum("ai,kij,bj->kab", inverse, BASIS, inverse)
         maps[k][:, columns] = congruent.reshape(10, 16).T * scale[columns]
     return maps
@@ -85,10 +85,21 @@ def prior_gap(region: PhysicalSet, prior: CadPrior, x: Floats, slope: Floats) ->
     return abs(float(np.sum(w * (own - dual)) + np.sum(P * J)))
 
 
-def _bad_nominal(theta: Floats, name: str) -> str:
-    check = check_body(theta, name)
-    flat = f"{name}: the nominal body has no volume (a disc, a rod or a point)."
-    return (
-        f"CAD prior: {flat if check.feasible else check.reason} A log-det prior needs bodies with "
-        "volume; correct the robot file or give the body thickness."
-    )
+def _thick(theta: Floats, name: str) -> Floats:
+    """Return the pseudo-inertia of a nominal body, with some thickness where it has none."""
+    J, check = to_matrix(theta), check_body(theta, name)
+    if not check.feasible:
+        raise ValueError(
+            f"CAD prior: {check.reason} A log-det prior needs bodies that can exist; correct the "
+            "robot file."
+        )
+    mass, first = J[3, 3], J[:3, 3]
+    spread, axes = np.linalg.eigh(J[:3, :3] - np.outer(first, first) / (mass or 1.0))
+    size = spread.sum()
+    if not (mass > 0 and size > BOUNDARY * (size + first @ first / mass)):
+        raise ValueError(
+            f"CAD prior: {name}: the nominal body is a point or has no mass. A log-det prior needs "
+            "bodies with extent; correct the robot file."
+        )
+    J[:3, :3] += (axes * np.maximum(THIN * size - spread, 0.0)) @ axes.T
+    return J

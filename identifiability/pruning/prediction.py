@@ -62,8 +62,8 @@ class Predictions:
     outside : Prediction or None
         Of all rungs, on validation logs.
     chosen, chosen_held : Prediction
-        Of the chosen rung and the nearest real robot, fitted and on validation logs; the former
-        stands for the latter without any.
+        Of the chosen rung, the nearest real robot and what a robot file holds of it, fitted and on
+        validation logs; the former stands for the latter without any.
     """
 
     fitted: Prediction
@@ -102,7 +102,7 @@ def predict_rungs(
     progress : callable(int, int), optional
     """
     values = np.stack([m.expand(e.value) for m, e in zip(models, fits, strict=True)], 1)
-    pair = np.stack([values[:, chosen], physical.base], 1)
+    pair = np.stack([values[:, chosen], physical.base, physical.in_file], 1)
     every, two = Task(values[None], excerpt=False), Task(pair[None])
     fitted, crossed, own = predict_all(
         regression, [every, unseen, two], engine=engine, progress=progress

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from identifiability.assessment import RungResult
+from identifiability.assessment import RungResult, physical_dict
 from identifiability.estimation import Method
 from identifiability.grouping import BaseParameters
 from identifiability.information import Information
@@ -72,6 +72,8 @@ class Ladder:
         Other options that decided the numbers.
     hints : tuple of str
         What seems to be wrong with the logs, for the user to check, and what was not used.
+    shapes : mapping
+        Shapes of the model's effects by ``<joint>.<effect>``.
     """
 
     robot: Robot
@@ -94,6 +96,7 @@ class Ladder:
     source: LadderSource
     settings: Mapping[str, object]
     hints: tuple[str, ...] = ()
+    shapes: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def chosen(self) -> PrunedRung:
@@ -177,7 +180,8 @@ class Ladder:
                 "margin": self.result.margin,
                 "infeasible": list(self.result.infeasible),
                 "sentence": physical.sentence,
-                "parameters": physical.parameters(),
+                "error_ra_validation": self.result.error_ra_physical,
+                **physical_dict(self.robot, self.result, self.shapes),
             },
             "ladder": self.model_text,
             "effects": list(self.effects),

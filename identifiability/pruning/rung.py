@@ -124,6 +124,16 @@ class PrunedRung:
         }
 
 
+def rung_of(start: Rung, step: Step) -> Rung:
+    """Return the model of a step down from a starting model."""
+    size = len(step.partition)
+    if step.move is None:
+        return start
+    text = f"from {start.name}: {len(start) - size} parameters fewer"
+    name = f"{size} parameter{'' if size == 1 else 's'}"
+    return step.partition.rung(start, name, text)
+
+
 def build_rung(
     step: Step,
     rung: Rung,

@@ -9,6 +9,7 @@ import numpy as np
 from identifiability.errors import listing
 from identifiability.pruning.elimination import Step
 from identifiability.pruning.moves import Kind
+from identifiability.statement import state_physics
 from identifiability.verdict import Class
 
 if TYPE_CHECKING:
@@ -74,12 +75,7 @@ def statement(ladder: Ladder) -> str:
             f" On the logs held out for validation it is "
             f"{_percent(chosen.error_ra_validation)} against {_percent(full.error_ra_validation)}."
         )
-    if ladder.feasible:
-        return text + " A real robot can have its values."
-    near = f"the nearest real robot errs by {_percent(ladder.result.error_ra_physical)}."
-    if ladder.result.infeasible:
-        return text + f" But {listing(ladder.result.infeasible, 4)} cannot be negative; {near}"
-    return text + f" But no real robot has exactly its values; {near}"
+    return f"{text} {state_physics(ladder.robot, ladder.result)}"
 
 
 def _identifiable(ladder: Ladder) -> str:

@@ -27,14 +27,13 @@ from identifiability.ladder import (
     unused_ladder,
 )
 from identifiability.model import Model, Regression
-from identifiability.options import Names, Positive, Replicates, Seed, checked
+from identifiability.options import Names, NotNegative, Positive, Replicates, Seed, checked
 from identifiability.pruning.absorption import absorb
-from identifiability.pruning.elimination import Step
 from identifiability.pruning.moves import Move
 from identifiability.pruning.prediction import RungErrors, plan_unseen, predict_rungs
 from identifiability.pruning.proposals import merge_moves, propose_moves
 from identifiability.pruning.result import Ladder
-from identifiability.pruning.rung import PrunedRung, build_rung
+from identifiability.pruning.rung import PrunedRung, build_rung, rung_of
 from identifiability.pruning.search import Search, Wishes, find_path
 from identifiability.pruning.selection import Criterion, good_steps, least_error
 from identifiability.pruning.stability import assess_stability
@@ -72,6 +71,7 @@ def prune(
     preparation: Preparation | None = None,
     method: Method = "wls",
     replicates: Replicates = 200,
+    cad_weight: NotNegative = 0.0,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
@@ -104,6 +104,8 @@ def prune(
     method : {"wls", "ols"}
     replicates : int
         Resampled logs on which the pruning is repeated.
+    cad_weight : float
+        As for `analyze`: keeps the nearest real robot near the robot file.
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
@@ -133,7 +135,7 @@ def prune(
         say("walking down the ladder", 0.4)
         wishes = _check_wishes(task.start, forbid, force)
         search = _search(task, wishes, streams[1], propose=propose, reach=reach)
-        chosen, physical = _choose(task, search, criterion)
+        chosen, physical = _choose(task, search, criterion, cad_weight)
         rungs, result = _measure(
             task, search, chosen, physical, streams[2], replicates, runner,
             share(say, "measuring errors", 0.5, 0.7),
@@ -159,9 +161,10 @@ def prune(
             task.model.texts, criterion, method, seed, least_error(search.path.steps), source,
             {
                 "forbid": list(forbid), "force": list(force), "propose": propose, "reach": reach,
-                "replicates": replicates, "preparation": preparation or Preparation(),
+                "replicates": replicates, "cad_weight": cad_weight,
+                "preparation": preparation or Preparation(),
             },
-            (*hints, *unused_ladder(robot, ladder)),
+            (*hints, *unused_ladder(robot, ladder)), task.model.shapes(robot),
         )  # fmt: skip
 
 
@@ -228,17 +231,21 @@ def _search(
     )  # fmt: skip
 
 
-def _choose(task: _Task, search: Search, criterion: Criterion) -> tuple[int, PhysicalResult]:
+def _choose(
+    task: _Task, search: Search, criterion: Criterion, cad_weight: float
+) -> tuple[int, PhysicalResult]:
     """Return the step to use: the first as good as the best that a real robot can have."""
     steps = search.path.steps
     asked: list[tuple[int, PhysicalResult]] = []
     problem: IdentifiabilityError | None = None
     for k in good_steps(steps, criterion)[:CERTIFIED]:
-        rung = _rung_of(task.start, steps[k])
+        rung = rung_of(task.start, steps[k])
         part = rung.reduce(task.information)
         fit = estimate(part, task.method)
         try:
-            physical = assess_feasibility(task.robot, task.base, rung, task.information, part, fit)
+            physical = assess_feasibility(
+                task.robot, task.base, rung, task.information, part, fit, cad_weight
+            )
         except IdentifiabilityError as error:
             problem = error
             continue
@@ -249,15 +256,6 @@ def _choose(task: _Task, search: Search, criterion: Criterion) -> tuple[int, Phy
         return asked[0]
     assert problem is not None
     raise problem
-
-
-def _rung_of(start: Rung, step: Step) -> Rung:
-    size = len(step.partition)
-    if step.move is None:
-        return start
-    text = f"from {start.name}: {len(start) - size} parameters fewer"
-    name = f"{size} parameter{'' if size == 1 else 's'}"
-    return step.partition.rung(start, name, text)
 
 
 def _measure(
@@ -272,7 +270,7 @@ def _measure(
 ) -> tuple[tuple[PrunedRung, ...], RungResult]:
     """Return the rungs with their errors, and the chosen one with verdicts and certificate."""
     steps = search.path.steps
-    models = [_rung_of(task.start, s) for s in steps]
+    models = [rung_of(task.start, s) for s in steps]
     parts = [m.reduce(task.information) for m in models]
     fits = [estimate(p, task.method) for p in parts]
     held = Regression(task.robot, task.model, task.held, task.base.kept) if task.held else None

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.errors import RobotError, listing, near_match
-from identifiability.names import INERTIAL_KINDS, Array
+from identifiability.names import BASE, INERTIAL_KINDS, Array
 from identifiability.robot.actuation import choose_joints
 from identifiability.robot.description import Robot
 from identifiability.robot.kinematics import Point, Tree
@@ -101,6 +101,8 @@ def _shell(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated, tre
         prior_relative=extra.prior_relative,
         prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
         ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
+        shapes=extra.shapes,
+        reference=extra.reference,
     )
 
 
@@ -112,8 +114,11 @@ def _check_sidecar(path: Path, extra: Sidecar, bodies: tuple[str, ...], tree: Tr
     _check_known(path, "base_parameters.bodies", extra.base_parameters.bodies, bodies)
     _check_known(path, "limits", extra.limits, dofs)
     tied = [name for s in extra.symmetry for members in s.tie.values() for name in members]
-    for key, names in (("nominal", extra.nominal), ("symmetry", tied), ("prior", extra.prior)):
-        _check_known(path, key, (name.rpartition(".")[0] for name in names), known)
+    for key, names in (
+        ("nominal", extra.nominal), ("symmetry", tied), ("prior", extra.prior),
+        ("shapes", extra.shapes), ("reference", extra.reference),
+    ):  # fmt: skip
+        _check_known(path, key, (name.rpartition(".")[0] for name in names), (*known, BASE))
 
 
 def _on_tree(point: Point, last: Mapping[int, int]) -> Point:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -60,6 +61,10 @@ class Robot:
         Width of the default priors relative to the nominal robot, and stated (mean, sd) by name.
     inertia_parts : tuple of str
         Kinds that make up the inertia of an actuator (``Ia``, or rotor and screw).
+    shapes : mapping
+        Shapes of effects by ``<joint>.<effect>``; others are as the effect has them.
+    reference : mapping
+        Standard parameters by which loads are known, where they are not the nominal ones.
     """
 
     name: str
@@ -88,6 +93,8 @@ class Robot:
     prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     ties: tuple[Mapping[str, tuple[str, ...]], ...] = field(default=())
     rest: Mapping[str, float] = field(default_factory=dict)
+    shapes: Mapping[str, float] = field(default_factory=dict)
+    reference: Mapping[str, float] = field(default_factory=dict)
 
     @staticmethod
     @checked
@@ -123,6 +130,12 @@ class Robot:
         for file in (*files, self.sidecar) if self.sidecar is not None else files:
             digest.update(file.read_bytes())
         return digest.hexdigest()
+
+    @cached_property
+    def mjcf(self) -> bool:
+        """Whether the robot file is MJCF; else it is URDF."""
+        _, root = next(ET.iterparse(self.path, ["start"]))
+        return bool(root.tag == "mujoco")
 
     @property
     def closed(self) -> bool:

@@ -38,6 +38,12 @@ Every key is optional::
     [nominal]                            # parameter values beside those of the robot file
     "joint1.Fv" = 3.0
 
+    [shapes]                             # joint and effect = Stribeck velocity, period of a ripple
+    "joint1.stribeck_friction" = 0.05    # [rad/s or m/s]
+
+    [reference]                          # values by which the loads of load-dependent friction,
+    "arm1.m" = 3.0                       # a tilted base and a delay are known (default: nominal)
+
     [limits]                             # actuated joint = {q = [lo, hi], v = vmax, a = amax}
     joint1 = {q = [-1, 1], v = 2, a = 10}
 
@@ -159,6 +165,8 @@ class Sidecar(_Strict):
     symbols: dict[str, str] = {}
     base_parameters: BaseParametersEntry = BaseParametersEntry()
     nominal: dict[str, float] = {}
+    shapes: dict[str, Annotated[float, Field(gt=0)]] = {}
+    reference: dict[str, float] = {}
     limits: dict[str, LimitEntry] = {}
     symmetry: list[SymmetryEntry] = []
     prior_relative: float = Field(default=1.0, gt=0)

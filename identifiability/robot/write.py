@@ -1,8 +1,8 @@
-"""Write parameters back into a robot file: inertials, armature, damping, frictionloss.
+"""Write parameters back into a robot file: inertials, friction, rotors, springs.
 
 The file is parsed and written as XML; everything but the numbers stays. What a format cannot hold
-(rotor inertia in URDF, friction of coupled motors, asymmetric Coulomb levels) is put into a
-sidecar where the library reads it back, and is listed for the user.
+(rotor inertia in URDF, friction of coupled motors, asymmetric Coulomb levels, offsets, Stribeck
+friction …) is put into a sidecar where the library reads it back, and is listed for the user.
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from identifiability.errors import OutputError, RobotError
-from identifiability.names import INERTIAL_KINDS, Array
+from identifiability.errors import OutputError, RobotError, listing, near_match
+from identifiability.names import BASE, INERTIAL_KINDS, Array
 from identifiability.output import write_together
 from identifiability.robot.description import Robot
+from identifiability.robot.holding import complete_values, file_joints, read_back, rotor_inertia
 from identifiability.robot.markup import read_markup
+from identifiability.robot.mjcf_text import clear_mjcf, in_radians, numbers, write_inertial
 from identifiability.robot.sidecar import read_sidecar
-
-#: Rounding of a flat body's moments of inertia, relative to the largest.
-FLAT = 1e-13
 
 
 @dataclass(frozen=True)
@@ -36,16 +35,24 @@ class Written:
     ----------
     robot : Path
     sidecar : Path or None
-    left_out : tuple of str
-        Parameters that neither file can hold.
+    beside : tuple of str
+        Parameters that the robot file cannot hold and the sidecar does.
     """
 
     robot: Path
     sidecar: Path | None
-    left_out: tuple[str, ...]
+    beside: tuple[str, ...]
 
 
-def write_robot(robot: Robot, parameters: Mapping[str, float], path: str | Path) -> Written:
+def write_robot(
+    robot: Robot,
+    parameters: Mapping[str, float],
+    path: str | Path,
+    *,
+    keep: bool = True,
+    shapes: Mapping[str, float] | None = None,
+    reference: Mapping[str, float] | None = None,
+) -> Written:
     """Write a robot file with other parameters, and its sidecar: both or none.
 
     Parameters
@@ -53,10 +60,15 @@ def write_robot(robot: Robot, parameters: Mapping[str, float], path: str | Path)
     robot : Robot
         Whose file is the template.
     parameters : mapping
-        Standard parameters by name (``platform.mx``, ``slider1.Fv`` …); the others keep the
-        file's values.
+        Standard parameters by name (``platform.mx``, ``slider1.Fv`` …).
     path : str or Path
         ``.xml`` for MJCF, ``.urdf`` for URDF, as the template.
+    keep : bool
+        Whether parameters that are not given keep the file's values; else joints have none.
+    shapes : mapping, optional
+        Shapes of effects by ``<joint>.<effect>``; by default those that the robot has.
+    reference : mapping, optional
+        Standard parameters by which loads are known; by default those that the robot has.
 
     Raises
     ------
@@ -66,27 +78,50 @@ def write_robot(robot: Robot, parameters: Mapping[str, float], path: str | Path)
         If the files cannot be written, or the sidecar's name is taken by something else.
     """
     path = Path(path)
-    top = _template(robot)
-    mjcf = top.tag == "mujoco"
+    top, mjcf = _template(robot), robot.mjcf
     if (path.suffix.lower() == ".urdf") == mjcf:
         raise RobotError(
             f"'{path}' asks for {'URDF' if mjcf else 'MJCF'}, but {robot.path} is "
             f"{'MJCF' if mjcf else 'URDF'}; give a file name ending in "
             f"{'.xml' if mjcf else '.urdf'}."
         )
-    values = {**robot.nominal, **parameters}
+    _check_owners(robot, parameters)
+    values = complete_values(robot, parameters, keep=keep)
     for index, body in enumerate(robot.bodies):
         theta = np.array([values[f"{body}.{kind}"] for kind in INERTIAL_KINDS])
         _write_body(top, robot, index, theta, mjcf=mjcf)
-    extra, left_out = _write_joints(top, robot, values, parameters, mjcf=mjcf)
+    _write_joints(top, robot, values)
+    if mjcf:
+        clear_mjcf(top)
     ET.indent(top)
     text = ET.tostring(top, encoding="unicode") + "\n"
+    alone = read_back(robot, values)
+    nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
     beside = path.with_suffix(".toml")
-    stated = _sidecar_text(robot, extra)
+    tables = {
+        "nominal": nominal,
+        "shapes": robot.shapes if shapes is None else shapes,
+        "reference": robot.reference if reference is None else reference,
+    }
+    stated = _sidecar_text(robot, tables)
     _check_beside(robot, beside, path, needed=stated is not None)
     pair = [] if stated is None else [(beside, stated.encode())]
     write_together([*pair, (path, text.encode())])
-    return Written(path, None if stated is None else beside, tuple(left_out))
+    summed = {f"{j}.{part}" for j in file_joints(robot) for part in robot.inertia_parts if mjcf}
+    lost = tuple(name for name in nominal if name not in summed)  # the file has a rotor's sum
+    return Written(path, None if stated is None else beside, lost)
+
+
+def _check_owners(robot: Robot, parameters: Mapping[str, float]) -> None:
+    """Refuse a parameter of what the robot does not have."""
+    motors = () if robot.transmission is None else robot.transmission.motors
+    known = (*robot.bodies, *robot.dofs, *motors, BASE)
+    for name in parameters:
+        owner = name.rpartition(".")[0]
+        if owner not in known:
+            raise RobotError(
+                f"'{name}' is of no body, joint or motor of {robot.name}{near_match(owner, known)}"
+            )
 
 
 def _template(robot: Robot) -> ET.Element:
@@ -97,11 +132,13 @@ def _template(robot: Robot) -> ET.Element:
         top = read_markup(robot.path)
     named = {e.get("name") for e in top.iter() if e.tag in ("joint", "freejoint")}
     single = {d for j in robot.tree.joints if j.nv == 1 for d in j.dofs}
-    if single - named:
-        raise RobotError(
-            f"{robot.path} has joints without a name, so parameters cannot be written to them; "
-            "name every <joint>."
-        )
+    bodies = {e.get("name") for e in top.iter() if e.tag in ("body", "link")}
+    for what, missing in (("joint", single - named), ("body", set(robot.bodies) - bodies)):
+        if missing:
+            raise RobotError(
+                f"{robot.path} has a {what} without a name, so parameters cannot be written to it; "
+                f"name every <{what}>."
+            )
     return top
 
 
@@ -123,47 +160,9 @@ def _write_body(top: ET.Element, robot: Robot, index: int, theta: Array, *, mjcf
     R, p = np.array(frame.rotation), np.array(frame.translation)
     centre, inertia = R.T @ (centre - p), R.T @ inertia @ R
     if mjcf:
-        _write_mjcf_inertial(top, body, mass, centre, inertia)
+        write_inertial(top, body, mass, centre, inertia)
     else:
         _write_urdf_inertial(top, robot, index, mass, centre, inertia)
-
-
-def _numbers(values: Array) -> str:
-    return " ".join(f"{v:.17g}" for v in values)
-
-
-def _write_mjcf_inertial(
-    top: ET.Element, body: str, mass: float, centre: Array, inertia: Array
-) -> None:
-    element = next(b for b in top.iter("body") if b.get("name") == body)
-    for old in element.findall("inertial"):
-        element.remove(old)
-    new = ET.Element("inertial", mass=f"{mass:.17g}", pos=_numbers(centre))
-    moments, axes = np.linalg.eigh(inertia)
-    lack = moments[2] - moments[0] - moments[1]
-    if abs(lack) < FLAT * moments[2]:  # MuJoCo refuses a flat body that is a rounding too thin
-        inertia = inertia + (FLAT * moments[2] + lack) * axes[:, :2] @ axes[:, :2].T
-    order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    new.set("fullinertia", _numbers(np.array([inertia[i, j] for i, j in order])))
-    after = [k for k, c in enumerate(element) if c.tag in ("joint", "freejoint")]
-    element.insert(max(after, default=-1) + 1, new)
-    for child in element.findall("body"):  # rigidly attached bodies are part of this one now
-        if not (child.findall("joint") or child.findall("freejoint")):
-            _strip_mjcf(child)
-    for geom in element.findall("geom"):
-        geom.set("mass", "0")
-        geom.attrib.pop("density", None)
-
-
-def _strip_mjcf(element: ET.Element) -> None:
-    """Take the mass off a body that is fixed to its parent."""
-    for part in element.findall("inertial"):
-        element.remove(part)
-    for geom in element.findall("geom"):
-        geom.set("mass", "0")
-    for child in element.findall("body"):
-        if not (child.findall("joint") or child.findall("freejoint")):
-            _strip_mjcf(child)
 
 
 def _write_urdf_inertial(
@@ -174,7 +173,7 @@ def _write_urdf_inertial(
     for old in element.findall("inertial"):
         element.remove(old)
     new = ET.SubElement(element, "inertial")
-    ET.SubElement(new, "origin", xyz=_numbers(centre), rpy="0 0 0")
+    ET.SubElement(new, "origin", xyz=numbers(centre), rpy="0 0 0")
     ET.SubElement(new, "mass", value=f"{mass:.17g}")
     names = {
         "ixx": (0, 0),
@@ -194,85 +193,69 @@ def _write_urdf_inertial(
                         link.remove(old)
 
 
-def _write_joints(
-    top: ET.Element,
-    robot: Robot,
-    values: Mapping[str, float],
-    given: Mapping[str, float],
-    *,
-    mjcf: bool,
-) -> tuple[dict[str, float], list[str]]:
-    """Write friction and rotor inertia; return what belongs into the sidecar, and what nowhere."""
-    known: set[str] = {f"{b}.{kind}" for b in robot.bodies for kind in INERTIAL_KINDS}
-    sidecar: dict[str, float] = {}
-    for dof, name in enumerate(robot.dofs):
-        if not any(j.iv == dof and j.nv == 1 for j in robot.tree.joints):
-            continue
-        inertia = sum(values.get(f"{name}.{part}", 0.0) for part in robot.inertia_parts)
-        levels = [values.get(f"{name}.{kind}", 0.0) for kind in ("Fc", "Fc+", "Fc-")]
-        if f"{name}.Fc" not in given and (f"{name}.Fc+" in given or f"{name}.Fc-" in given):
-            levels[0] = 0.5 * (levels[1] + levels[2])
-        elif f"{name}.Fc+" not in given:
-            levels[1] = levels[2] = levels[0]
-        joint = next(e for e in top.iter("joint") if e.get("name") == name)
-        viscous = values.get(f"{name}.Fv", 0.0)
-        if mjcf:
-            joint.set("damping", f"{viscous:.17g}")
-            joint.set("frictionloss", f"{levels[0]:.17g}")
-            joint.set("armature", f"{inertia:.17g}")
-        else:
+def _write_joints(top: ET.Element, robot: Robot, values: Mapping[str, float]) -> None:
+    """Write friction, rotors and springs of every joint; what is not there is written as zero."""
+    home, degrees = robot.home[None], robot.mjcf and not in_radians(top)
+    joints = {e.get("name"): e for e in top.iter("joint")}
+    for name in file_joints(robot):
+        joint = joints[name]
+        viscous, friction = (values.get(f"{name}.{kind}", 0.0) for kind in ("Fv", "Fc"))
+        if not robot.mjcf:
             for old in joint.findall("dynamics"):
                 joint.remove(old)
-            ET.SubElement(
-                joint, "dynamics", damping=f"{viscous:.17g}", friction=f"{levels[0]:.17g}"
-            )
-        known |= {f"{name}.{k}" for k in ("Fv", "Fc", "Fc+", "Fc-", *robot.inertia_parts)}
-        if levels[1] != levels[0] or levels[2] != levels[0]:
-            sidecar |= {f"{name}.Fc+": levels[1], f"{name}.Fc-": levels[2]}
-        if not mjcf or len(robot.inertia_parts) > 1:
-            parts = {f"{name}.{p}": values.get(f"{name}.{p}", 0.0) for p in robot.inertia_parts}
-            sidecar |= {n: v for n, v in parts.items() if v}
-    rest = {n: v for n, v in given.items() if n not in known}
-    held = {
-        f"{a.name}.{k}"
-        for a in robot.axes
-        for k in ("Fv", "Fc", "Fc+", "Fc-", *robot.inertia_parts)
-    }
-    sidecar |= {n: v for n, v in rest.items() if n in held}
-    return sidecar, sorted(n for n, v in rest.items() if n not in held and v)
+            ET.SubElement(joint, "dynamics", damping=f"{viscous:.17g}", friction=f"{friction:.17g}")
+            continue
+        stiffness = values.get(f"{name}.K", 0.0)
+        joint.set("damping", f"{viscous:.17g}")
+        joint.set("frictionloss", f"{friction:.17g}")
+        joint.set("armature", f"{rotor_inertia(robot, values, name):.17g}")
+        if stiffness or joint.get("stiffness"):
+            rest = robot.rest.get(name, float(robot.dof_position(home, name)[0]))
+            turned = not robot.is_prismatic(robot.dof_index(name))
+            joint.set("stiffness", f"{stiffness:.17g}")
+            joint.set("springref", f"{np.degrees(rest) if turned and degrees else rest:.17g}")
 
 
-def _sidecar_text(robot: Robot, extra: Mapping[str, float]) -> str | None:
-    """Return the template's sidecar with other nominal values, or None if none is needed.
+_MEANING = {
+    "nominal": "parameters that the robot file cannot hold",
+    "shapes": "Stribeck velocities and periods of the effects",
+    "reference": "values by which the loads of effects are known",
+}
+
+
+def _sidecar_text(robot: Robot, tables: Mapping[str, Mapping[str, float]]) -> str | None:
+    """Return the template's sidecar with other tables of numbers, or None if none is needed.
 
     Raises
     ------
     RobotError
-        If the nominal values do not stand in a table of their own.
+        If one of them does not stand there in a table of its own.
     """
-    if robot.sidecar is None and not extra:
+    if robot.sidecar is None and not any(tables.values()):
         return None
     given = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
+    heads = {f"[{key}]" for key in tables}
     lines, skipping = [], False
     for line in given.splitlines():
         if line.strip().startswith("["):
-            skipping = line.strip().split("#")[0].strip() == "[nominal]"
+            skipping = line.strip().split("#")[0].strip() in heads
         if not skipping:
             lines.append(line)
-    if extra:
-        lines += ["", "[nominal]  # parameters that the robot file cannot hold"]
-        lines += [f"{json.dumps(name)} = {float(value)!r}" for name, value in extra.items()]
+    for key, table in tables.items():
+        lines += ["", f"[{key}]  # {_MEANING[key]}"] if table else []
+        lines += [f"{json.dumps(name)} = {float(value)!r}" for name, value in table.items()]
     text = "\n".join(lines).strip() + "\n"
-    wanted = {k: v for k, v in tomllib.loads(given).items() if k != "nominal"}
-    wanted |= {"nominal": dict(extra)} if extra else {}
+    wanted = {k: v for k, v in tomllib.loads(given).items() if k not in tables}
+    wanted |= {key: dict(table) for key, table in tables.items() if table}
     try:
         same = tomllib.loads(text) == wanted
     except tomllib.TOMLDecodeError:
         same = False
     if not same:  # written inline or with dotted keys
+        named = [f"[{key}]" for key in tables if key in tomllib.loads(given)]
         raise RobotError(
-            f"{robot.sidecar} does not state its nominal values as one table [nominal], so they "
-            "cannot be replaced; write them so."
+            f"{robot.sidecar} does not state {listing(named)} as a table of its own, so it cannot "
+            "be replaced; write it so."
         )
     return text
 

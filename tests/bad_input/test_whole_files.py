@@ -186,6 +186,6 @@ def test_nominal_values_that_cannot_be_replaced_are_said(tmp_path):
     path.write_bytes(Robot.load("two-link").path.read_bytes())
     path.with_suffix(".toml").write_text('nominal = {"elbow.Fc+" = 1.0}')
     with pytest.raises(
-        RobotError, match=r"own.toml does not state its nominal values as one table"
+        RobotError, match=r"own.toml does not state \[nominal\] as a table of its own"
     ):
         write_robot(Robot.load(path), {"elbow.Fc+": 3.0, "elbow.Fc-": 2.0}, tmp_path / "copy.xml")

@@ -163,7 +163,7 @@ def test_a_badly_conditioned_problem_is_solved_where_its_square_could_not(rng):
     [
         ([1, 0, 0, 1, 0, 1, 0, 0, 0, -1], "CAD prior: link2: mass -1 kg must be positive"),
         ([1, 0, 0, 1, 0, 3, 0, 0, 0, 1], "CAD prior: link2: .* break the triangle inequality"),
-        ([1, 0, 0, 1, 0, 2, 0, 0, 0, 1], "CAD prior: link2: the nominal body has no volume"),
+        ([0, 0, 0, 0, 0, 0, 0, 0, 0, 1], "CAD prior: link2: the nominal body is a point"),
     ],
 )
 def test_a_cad_prior_that_is_no_body_is_refused_with_the_body_named(pair, theta, said):

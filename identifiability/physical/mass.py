@@ -1,0 +1,60 @@
+"""Whether the bodies of a real robot weigh what bodies like those of the robot file can."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from identifiability.physical.cad_prior import CadPrior, nominal_cones
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.pseudo_inertia import INERTIAL
+from identifiability.robot import Robot
+
+#: Times the robot file's total mass beyond which another one is spoken of.
+HEAVY = 3.0
+
+
+def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:
+    """Return what is wrong with the total mass of a robot, and the remedy; nothing if it is right.
+
+    Parameters
+    ----------
+    robot : Robot
+    parameters : mapping
+        Standard parameters by name.
+    cad_weight : float
+        Weight of the prior that they were found with.
+    """
+    mass = total_mass(robot, parameters)
+    stated = total_mass(robot, robot.nominal)
+    if not mass > HEAVY * stated > 0:
+        return ""
+    remedy = f"analyze and prune with --cad-prior {10 * cad_weight or 1:g} keep it near the file"
+    if any(".payload_" in name for name in parameters):
+        remedy = f"leave the effect payload out (the last body has it); then {remedy}"
+    if not _can_pull(robot):
+        remedy = f"correct the bodies of the robot file that cannot exist; then {remedy}"
+    return (
+        f"The nearest real robot weighs {mass:.4g} kg, that of the robot file {stated:.4g} kg: the "
+        f"logs do not determine every mass; {remedy}."
+    )
+
+
+def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
+    """Return the mass of all moving bodies with their payloads [kg]."""
+    kinds = ("m", "payload_m")
+    return float(sum(parameters.get(f"{b}.{kind}", 0.0) for b in robot.bodies for kind in kinds))
+
+
+def _can_pull(robot: Robot) -> bool:
+    """Whether a prior around the bodies of the robot file is possible."""
+    phi = np.array([robot.nominal[f"{b}.{kind}"] for b in robot.bodies for kind in INERTIAL])
+    columns = np.arange(phi.size).reshape(-1, len(INERTIAL))
+    try:
+        nominal_cones(
+            PhysicalSet(columns, np.zeros(phi.size, bool), names=robot.bodies), CadPrior(phi)
+        )
+    except ValueError:
+        return False
+    return True

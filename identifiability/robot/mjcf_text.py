@@ -1,0 +1,94 @@
+"""Numbers in the XML of an MJCF: inertials, and what would change them in compiling."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+
+from identifiability.names import Array
+
+#: Rounding of a flat body's moments of inertia, relative to the largest.
+FLAT = 1e-13
+
+#: Attributes of <compiler> by which MuJoCo changes masses and inertias that the file states.
+_CHANGES = ("settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiafromgeom",
+            "inertiagrouprange")  # fmt: skip
+
+#: What tendons and actuators add to joints; it is part of the joints' own values.
+_ADDED = ("stiffness", "damping", "frictionloss", "armature", "springlength")
+_TENDONS = ("tendon", "fixed", "spatial")
+_ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder",
+              "muscle", "adhesion", "dcmotor")  # fmt: skip
+_FLAGS = ("passive", "spring", "damper", "frictionloss")
+
+
+def numbers(values: Array) -> str:
+    """Return numbers as an attribute that is read back to the bit."""
+    return " ".join(f"{v:.17g}" for v in values)
+
+
+def in_radians(top: ET.Element) -> bool:
+    """Whether the angles of an MJCF are in radians; MuJoCo's default is degrees."""
+    stated = [c.get("angle") for c in top.iter("compiler") if c.get("angle")]
+    return bool(stated) and stated[-1] == "radian"
+
+
+def clear_mjcf(top: ET.Element) -> None:
+    """Take away what would change the written values, or add to them, in compiling."""
+    for element in top.iter():
+        if element.tag == "compiler":
+            gone: tuple[str, ...] = _CHANGES
+        elif element.tag == "flag":
+            gone = _FLAGS
+        elif element.tag in _TENDONS:
+            gone = _ADDED
+        elif element.tag in _ACTUATORS:
+            gone = ("armature", "damping")
+        else:
+            continue
+        for key in gone:
+            element.attrib.pop(key, None)
+
+
+def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inertia: Array) -> None:
+    """Write the inertial of a body, in its own frame, and take the mass off what it is made of.
+
+    Parameters
+    ----------
+    top : Element
+    body : str
+    mass : float [kg]
+    centre : (3,) [m]
+    inertia : (3, 3) [kg·m²]
+        About the centre.
+    """
+    element = next(b for b in top.iter("body") if b.get("name") == body)
+    for old in element.findall("inertial"):
+        element.remove(old)
+    new = ET.Element("inertial", mass=f"{mass:.17g}", pos=numbers(centre))
+    moments, axes = np.linalg.eigh(inertia)
+    lack = moments[2] - moments[0] - moments[1]
+    if abs(lack) < FLAT * moments[2]:  # MuJoCo refuses a flat body that is a rounding too thin
+        inertia = inertia + (FLAT * moments[2] + lack) * axes[:, :2] @ axes[:, :2].T
+    order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    new.set("fullinertia", numbers(np.array([inertia[i, j] for i, j in order])))
+    after = [k for k, c in enumerate(element) if c.tag in ("joint", "freejoint")]
+    element.insert(max(after, default=-1) + 1, new)
+    for child in element.findall("body"):  # rigidly attached bodies are part of this one now
+        if not (child.findall("joint") or child.findall("freejoint")):
+            _strip(child)
+    for geom in element.findall("geom"):
+        geom.set("mass", "0")
+        geom.attrib.pop("density", None)
+
+
+def _strip(element: ET.Element) -> None:
+    """Take the mass off a body that is fixed to its parent."""
+    for part in element.findall("inertial"):
+        element.remove(part)
+    for geom in element.findall("geom"):
+        geom.set("mass", "0")
+    for child in element.findall("body"):
+        if not (child.findall("joint") or child.findall("freejoint")):
+            _strip(child)

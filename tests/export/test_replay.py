@@ -1,0 +1,96 @@
+"""MuJoCo and Pinocchio find in an exported file the errors that were stated for it."""
+
+import numpy as np
+import pytest
+
+from identifiability import analyze, prune
+from identifiability.grouping import find_base_parameters
+from identifiability.ladder import LadderEntry, RungEntry
+from identifiability.model import Model
+from identifiability.robot import Robot
+from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
+
+BASIC = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
+ROBOTS = ("two-link", "five-bar", "3-rps", "six-dof-arm", "six-ups")
+HIDDEN = (
+    "coulomb_asymmetry", "torque_offset", "stribeck_friction", "load_dependent_friction",
+    "quadratic_friction", "joint_stiffness", "payload", "gravity_tilt", "position_ripple",
+    "time_delay", "passive_joint_friction",
+)  # fmt: skip
+SERIAL = ("two-link", "six-dof-arm")
+CASES = [
+    (robot, what)
+    for robot in ROBOTS
+    for what in ("full", "zeroed", "pruned", *HIDDEN)
+    if what != "passive_joint_friction" or robot not in SERIAL
+]
+SAMPLE = {
+    ("two-link", "full"), ("two-link", "zeroed"), ("two-link", "pruned"), ("five-bar", "zeroed"),
+    ("two-link", "load_dependent_friction"), ("two-link", "payload"), ("five-bar", "time_delay"),
+    ("two-link", "joint_stiffness"), ("five-bar", "passive_joint_friction"),
+    ("two-link", "gravity_tilt"), ("six-dof-arm", "position_ripple"),
+    ("six-dof-arm", "coulomb_asymmetry"), ("3-rps", "stribeck_friction"),
+    ("3-rps", "joint_stiffness"),
+}  # fmt: skip
+#: Errors are stated with less than this of themselves between engines: rounding, not 1 %.
+ROUNDING = 1e-9
+
+
+def fit(name, what):
+    """A noisy log with an effect that the robot file lacks, and its fit with that effect."""
+    robot = Robot.load(name)
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "601" if name == "3-rps" else "a"), 250)
+    hide = [f"{what}=0.2"] if what in HIDDEN else []
+    log = simulate(robot, motion, noise=PAPER_NOISE, hide=hide, rng=np.random.default_rng(1))
+    effects = [*BASIC, what] if what in HIDDEN else BASIC
+    if what == "pruned":
+        start = LadderEntry(models=[RungEntry(name="full", effects=BASIC)])
+        return prune(robot, log, ladder=start, replicates=2), log
+    zero = []
+    if what == "zeroed":
+        base = find_base_parameters(robot, Model.of(*BASIC))
+        gone = ("Fv", "Fc", *robot.inertia_parts)
+        zero = [n for n in base.names if n.rpartition(".")[2] in gone]
+    ladder = LadderEntry(models=[RungEntry(name="fitted", effects=effects, zero=zero)])
+    return analyze(robot, log, ladder=ladder, replicates=0), log
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [pytest.param(*c, marks=() if c in SAMPLE else pytest.mark.everything) for c in CASES],
+)
+def test_other_engines_find_the_stated_errors(name, what, replayed, tmp_path):
+    robot = Robot.load(name)
+    result, log = fit(name, what)
+    found = replayed(robot, result, log, tmp_path)
+    assert found.mujoco == pytest.approx(found.stated["error_ra_file"], rel=ROUNDING)
+    if what != "joint_stiffness":  # Pinocchio knows no springs
+        assert found.pinocchio == pytest.approx(found.stated["error_ra_file"], rel=ROUNDING)
+    assert found.whole == pytest.approx(found.stated["error_ra"], rel=ROUNDING)
+    if what == "zeroed":
+        for joint in robot.joints:
+            kinds = ("Fv", "Fc", "Fc+", "Fc-")
+            assert [found.robot.nominal[f"{joint}.{kind}"] for kind in kinds] == [0.0] * 4
+
+
+def test_an_effect_with_a_shape_comes_back_with_it(replayed, tmp_path):
+    result, log = fit("two-link", "stribeck_friction")
+    found = replayed(result.robot, result, log, tmp_path)
+    parameters = result.chosen.physical.parameters()
+    assert found.robot.nominal["elbow.Fs"] == parameters["elbow.Fs"] > 0
+    assert found.robot.shapes == pytest.approx(
+        {"shoulder.stribeck_friction": 0.4, "elbow.stribeck_friction": 0.5}
+    )  # a tenth of the speed limits
+    assert found.exported.beside == {"Stribeck friction": ("shoulder.Fs", "elbow.Fs")}
+    assert "cannot hold Stribeck friction (shoulder.Fs, elbow.Fs): it stands in the sidecar" in (
+        found.exported.statement
+    )
+
+
+def test_springs_and_payloads_are_in_the_file(replayed, tmp_path):
+    result, log = fit("two-link", "payload")
+    found = replayed(result.robot, result, log, tmp_path)
+    assert not found.exported.beside
+    p = result.chosen.physical.parameters()
+    assert found.robot.nominal["link2.m"] == p["link2.m"] + p["link2.payload_m"]
+    assert not any("payload" in name for name in found.robot.nominal)
