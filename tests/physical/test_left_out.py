@@ -20,20 +20,22 @@ def fit(simulated, **rung):
 
 
 def base_values(result):
-    phi = np.array([result.chosen.physical.parameters()[p.name] for p in result.base.parameters])
+    phi = np.array(
+        [result.models[-1].physical.parameters()[p.name] for p in result.base.parameters]
+    )
     return dict(zip(result.base.names, result.base.G @ phi, strict=True))
 
 
 def test_what_a_rung_leaves_out_is_zero_in_the_nearest_real_robot(simulated):
     result = fit(simulated, zero=["elbow.Ia", "elbow.Fv", "elbow.Fc", "link1.mz"])
-    found = result.chosen.physical.parameters()
+    found = result.models[-1].physical.parameters()
     assert [found[f"elbow.{kind}"] for kind in ("Ia", "Fv", "Fc")] == [0.0, 0.0, 0.0]
     assert abs(base_values(result)["link1.mz"]) < 1e-6  # of 0.1 kg·m that noise would fit to it
 
 
 def test_what_a_rung_holds_is_held_in_the_nearest_real_robot(simulated):
     result = fit(simulated, hold={"elbow.Ia": 0.05, "link1.mx": 2.0})
-    assert result.chosen.physical.parameters()["elbow.Ia"] == 0.05
+    assert result.models[-1].physical.parameters()["elbow.Ia"] == 0.05
     assert base_values(result)["link1.mx"] == pytest.approx(2.0, rel=1e-6)
 
 
@@ -47,7 +49,7 @@ def test_what_a_rung_ties_is_equal_in_the_nearest_real_robot(simulated):
 
 def test_the_stated_error_of_the_nearest_real_robot_is_that_of_all_its_parameters(simulated):
     result = fit(simulated, zero=["elbow.Ia", "link2.mx"])  # the bodies need some of the latter
-    physical = result.chosen.physical
+    physical = result.models[-1].physical
     phi = np.array([physical.parameters()[p.name] for p in result.base.parameters])
     np.testing.assert_allclose(physical.base, result.base.G @ phi)
     rows = list(result.base.names).index("link2.mx")
@@ -56,17 +58,17 @@ def test_the_stated_error_of_the_nearest_real_robot_is_that_of_all_its_parameter
 
 def test_bodies_that_need_what_is_left_out_are_told_of(simulated):
     easy = fit(simulated, zero=["elbow.Ia"])
-    assert "leaves out" not in easy.chosen.physical.sentence
+    assert "leaves out" not in easy.models[-1].physical.sentence
     hard = fit(simulated, zero=["link2.Iyy"])  # no body turns without inertia
-    assert "leaves out or holds: in the nearest real robot" in hard.chosen.physical.sentence
+    assert "leaves out or holds: in the nearest real robot" in hard.models[-1].physical.sentence
     assert base_values(hard)["link2.Iyy"] > 0
 
 
 def test_a_level_that_is_held_below_zero_has_no_real_robot(simulated):
     result = fit(simulated, hold={"elbow.Fc": -0.5})
-    assert result.chosen.physical.nearest is None
+    assert result.models[-1].physical.nearest is None
     assert "holds elbow.Fc at -0.5, and no real robot has it below zero" in (
-        result.chosen.physical.sentence
+        result.models[-1].physical.sentence
     )
 
 
