@@ -15,12 +15,16 @@ from identifiability.names import Array
 from identifiability.robot import closure
 from identifiability.robot.description import Robot
 from identifiability.robot.kinematics import Joint
+from identifiability.robot.loops import loop_jacobian
 from identifiability.robot.newton import ACCEPTED, newton
 from identifiability.robot.sidecar import Sidecar
 from identifiability.robot.stated import Stated
 
 #: A home position further than this from closing the loops is no rounded one [m or rad].
 OPEN = 1e-2
+
+#: A base whose motion changes the loop equations by less than this is in none [m/m or m/rad].
+FREE = 1e-9
 
 #: No joint is further from zero than this [m or rad].
 FAR = 1e6
@@ -122,7 +126,12 @@ def _refuse_loose(robot: Robot, count: int) -> NoReturn:
     if count or robot.loops or robot.couplings:
         _check_closed_home(robot)
     wide = [j for j in robot.tree.joints if j.nv > 1]
-    floating = [j for j in wide if j.kind == "free"]
+    A = loop_jacobian(robot, robot.home[None])[0]
+    floating = [
+        j
+        for j in wide
+        if j.kind == "free" and np.abs(A[:, j.iv : j.iv + j.nv]).max(initial=0) < FREE
+    ]
     if floating:
         name = floating[0].dofs[0].rpartition(".")[0]
         raise RobotError(
@@ -135,11 +144,10 @@ def _refuse_loose(robot: Robot, count: int) -> NoReturn:
         "closures, or choose a home position away from singularities"
     )
     if wide:
-        name = wide[0].dofs[0].rpartition(".")[0]
-        advice = (
-            f"the ball joint '{name}' can only be passive in a closed loop: add the closure, or "
-            "write the ball as three hinges in one body with an actuator each"
-        )
+        name, kind = wide[0].dofs[0].rpartition(".")[0], wide[0].kind
+        hinges = ", or write the ball as three hinges in one body with an actuator each"
+        advice = f"the {kind} joint '{name}' can only be passive in a closed loop: add the closure"
+        advice += hinges if kind == "ball" else ""
     raise RobotError(
         f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
         f"but the loops give only {count} independent equations; {advice}."

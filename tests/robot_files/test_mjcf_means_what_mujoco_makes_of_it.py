@@ -273,6 +273,24 @@ def test_a_floating_base_is_told_and_the_advice_helps(load_text):
         load_text(FLOATING.replace("</actuator>", '<motor joint="root"/></actuator>'))
 
 
+def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks_closures(
+    load_text,
+):
+    legged = parallelogram(CLOSURES["site on the root"], home="0 0 1 1 0 0 0 0.7 -0.7")
+    legged = legged.replace("<site name", '<freejoint name="root"/><geom size="1"/><site name', 1)
+    with pytest.raises(RobotError, match=r"floats on the free joint 'root'"):
+        load_text(legged)
+    plate = '<body name="plate"><freejoint name="f"/><geom size="1"/><site name="p"/></body>'
+    text = parallelogram(
+        CLOSURES["site on the root"] + '<connect site1="p" site2="foot"/>',
+        home="0.6 0 0 1 0 0 0 0.7 -0.7",
+    ).replace("<worldbody>", f"<worldbody>{plate}")
+    with pytest.raises(
+        RobotError, match=r"the free joint 'f' can only be passive in a closed loop"
+    ):
+        load_text(text)
+
+
 @pytest.mark.parametrize("actuator", [MOTORS, "", '<actuator><motor joint="shoulder"/></actuator>'])
 def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text):
     text = BALL.replace(MOTORS, actuator)
