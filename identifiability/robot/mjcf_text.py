@@ -45,6 +45,8 @@ def clear_mjcf(top: ET.Element) -> None:
             gone = _ADDED
         elif element.tag in _ACTUATORS:
             gone = ("armature", "damping")
+        elif element.tag == "joint":
+            gone = ("springdamper",)
         else:
             continue
         for key in gone:
@@ -75,20 +77,24 @@ def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inert
     new.set("fullinertia", numbers(np.array([inertia[i, j] for i, j in order])))
     after = [k for k, c in enumerate(element) if c.tag in ("joint", "freejoint")]
     element.insert(max(after, default=-1) + 1, new)
-    for child in element.findall("body"):  # rigidly attached bodies are part of this one now
-        if not (child.findall("joint") or child.findall("freejoint")):
-            _strip(child)
-    for geom in element.findall("geom"):
+    _take_mass_off(element)
+
+
+def _take_mass_off(element: ET.Element) -> None:
+    """Take the mass off the geoms of a body and off the bodies that are fixed to it."""
+    for geom in _parts(element, "geom"):
         geom.set("mass", "0")
         geom.attrib.pop("density", None)
+    for child in _parts(element, "body"):
+        if not _parts(child, "joint", "freejoint"):
+            for part in child.findall("inertial"):
+                child.remove(part)
+            _take_mass_off(child)
 
 
-def _strip(element: ET.Element) -> None:
-    """Take the mass off a body that is fixed to its parent."""
-    for part in element.findall("inertial"):
-        element.remove(part)
-    for geom in element.findall("geom"):
-        geom.set("mass", "0")
-    for child in element.findall("body"):
-        if not (child.findall("joint") or child.findall("freejoint")):
-            _strip(child)
+def _parts(element: ET.Element, *tags: str) -> list[ET.Element]:
+    """Return the parts of a body, also those in frames."""
+    found = [part for part in element if part.tag in tags]
+    for frame in element.findall("frame"):
+        found += _parts(frame, *tags)
+    return found

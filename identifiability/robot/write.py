@@ -130,6 +130,11 @@ def _template(robot: Robot) -> ET.Element:
     top: ET.Element = ET.parse(robot.path, parser=ET.XMLParser(target=builder)).getroot()
     if any(e.tag == "include" for e in top.iter()):
         top = read_markup(robot.path)
+    if any(e.tag == "replicate" for e in top.iter()):
+        raise RobotError(
+            f"{robot.path} uses <replicate>, whose copies have no place in the file to write "
+            "parameters to; write them out as bodies."
+        )
     named = {e.get("name") for e in top.iter() if e.tag in ("joint", "freejoint")}
     single = {d for j in robot.tree.joints if j.nv == 1 for d in j.dofs}
     bodies = {e.get("name") for e in top.iter() if e.tag in ("body", "link")}

@@ -1,5 +1,8 @@
 """Torque by the file's own values on two roads, one of which is MuJoCo reading the file itself."""
 
+import sys
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,6 +10,9 @@ import pytest
 from identifiability.model import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.mjcf import quiet
+
+if str(Path(__file__).parent) not in sys.path:
+    sys.path.insert(0, str(Path(__file__).parent))  # for made_robots
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
            "joint_stiffness", "passive_joint_friction")  # fmt: skip

@@ -4,31 +4,11 @@ import os
 
 import numpy as np
 import pytest
+from made_robots import LINKS, MOTORS, arm
 
 from identifiability.errors import RobotError
-
-LINKS = """
-  <body name="base" {base}>
-    <body name="link1" {link1}>
-      <inertial mass="4" pos="0.3 0.02 0.01" diaginertia="0.03 0.1 0.11"/>
-      <joint name="shoulder" axis="0 -1 0" {shoulder}/>
-      <body name="link2" pos="0.5 0 0" {link2}>
-        <inertial mass="2" pos="0.2 0 0.03" fullinertia="0.02 0.05 0.06 0.002 0.001 -0.003"/>
-        <joint name="elbow" axis="0 -1 0" {elbow}/>{inside}
-      </body>
-    </body>{beside}
-  </body>"""
-MOTORS = '<actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator>'
-
-
-def arm(before="", after="", compiler="", worldbody=LINKS, actuator=MOTORS, **parts):
-    words = dict.fromkeys(("base", "link1", "link2", "shoulder", "elbow", "inside", "beside"), "")
-    body = worldbody.format(**{**words, **parts})
-    return (
-        f'<mujoco><compiler angle="radian" {compiler}/>{before}<worldbody>{body}</worldbody>'
-        f"{actuator}{after}</mujoco>"
-    )
-
+from identifiability.robot import Robot
+from identifiability.robot.write import write_robot
 
 TENDON = '<tendon><fixed name="cable" {0}><joint joint="elbow" coef="-0.5"/></fixed></tendon>'
 FEATURES = {
@@ -183,134 +163,6 @@ def test_actuated_joints_of_the_sidecar_stand_for_other_transmissions(load_text)
     assert robot.joints == ("shoulder", "elbow")
 
 
-def parallelogram(closure, base="", home="0.7 -0.7", sites=""):
-    """A parallelogram in a vertical plane whose driven crank stands on the base."""
-    return f"""<mujoco><compiler angle="radian"/><worldbody>{{0}}<body name="base" {base}>
-      <site name="ground" pos="0.6 0 0"/><body name="fixed" pos="0.6 0 0"><site name="foot"/></body>
-      <body name="crank"><joint name="drive" axis="0 -1 0"/>
-        <inertial mass="1" pos="0.2 0 0" diaginertia="0.01 0.02 0.02"/>
-        <body name="coupler" pos="0.4 0 0"><joint name="knee" axis="0 -1 0"/>
-          <inertial mass="2" pos="0.3 0 0" diaginertia="0.01 0.05 0.05"/>
-          <body name="rocker" pos="0.6 0 0"><joint name="heel" axis="0 -1 0" damping="0.2"
-             armature="0.1" stiffness="3" springref="0.2"/>
-            <inertial mass="1.5" pos="-0.2 0 0" diaginertia="0.01 0.02 0.02"/>
-            <site name="toe" pos="-0.4 0 0"/></body></body></body></body></worldbody>
-      <equality>{closure}</equality><actuator><motor joint="drive"/></actuator>
-      <keyframe><key name="home" qpos="{home} 0.7"/></keyframe></mujoco>""".replace("{0}", sites)
-
-
-CLOSURES = {
-    "site on the root": '<connect site1="toe" site2="ground"/>',
-    "site on the root, first": '<connect site1="ground" site2="toe"/>',
-    "site in a static body": '<connect site1="foot" site2="toe"/>',
-    "site on the world": '<connect site1="toe" site2="w"/>',
-}
-
-
-@pytest.mark.parametrize("case", CLOSURES)
-@pytest.mark.parametrize("again", range(3))
-def test_a_closure_by_any_site_is_the_same_mechanism(case, again, agrees):
-    sites = '<site name="w" pos="0.6 0 0"/>'
-    robot = agrees(parallelogram(CLOSURES[case], sites=sites), spread=0.3, seed=again)
-    assert robot.nominal["heel.K"] == 3.0
-    assert robot.nominal["heel.Ia"] == 0.1
-
-
-@pytest.mark.parametrize("bodies", ['body1="rocker"', 'body1="rocker" body2="base"',
-                                    'body1="rocker" body2="world"'])  # fmt: skip
-def test_a_closure_by_body_and_anchor_closes_where_the_file_is_drawn(bodies, agrees):
-    """MuJoCo takes the second point where the first is in the reference pose: all in line."""
-    text = parallelogram(f'<connect {bodies} anchor="-0.4 0 0"/>', base='euler="0 0 0.4"')
-    agrees(text, spread=0.3)
-
-
-def test_a_loop_of_the_sidecar_may_end_in_the_world(load_text):
-    text = parallelogram("", home="0.7 -0.7")
-    loop = '[[loops]]\nbody1 = "world"\npoint1 = [0.6, 0, 0]\nbody2 = "rocker"\n'
-    robot = load_text(text, sidecar=loop + 'point2 = [-0.4, 0, 0]\naxes = ["x", "z"]')
-    assert robot.passive == ("knee", "heel")
-
-
-def test_couplings_follow_each_other_and_inactive_equalities_are_none(agrees):
-    text = arm(
-        actuator='<actuator><motor joint="shoulder"/></actuator>',
-        elbow='ref="0.2"',
-        after='<equality><joint joint1="elbow" joint2="shoulder" polycoef="0.1 -2 0.3 0.1 0"/>'
-        '<weld body1="link2" active="false"/></equality>',
-    )
-    robot = agrees(text)
-    assert robot.passive == ("elbow",)
-    off = text.replace("<worldbody>", '<option><flag equality="disable"/></option><worldbody>')
-    assert agrees(off.replace("</actuator>", '<motor joint="elbow"/></actuator>')).loops == ()
-
-
-def test_a_loop_that_is_open_at_home_is_told_with_positions_that_close_it(load_text):
-    closure = CLOSURES["site on the root"]
-    with pytest.raises(
-        RobotError, match=r"open by 0\.\d+ m at the home .* such as knee = "
-    ) as told:
-        load_text(parallelogram(closure, home="0.7 0.3"))
-    knee, heel = (float(str(told.value).split(f"{j} = ")[1][:7].rstrip(",. ")) for j in
-                  ("knee", "heel"))  # fmt: skip
-    robot = load_text(parallelogram(closure, home=f"0.7 {knee}").replace(' 0.7"', f' {heel}"'))
-    assert np.isclose(robot.home[1], knee)
-    rounded = load_text(parallelogram(closure, home="0.703 -0.70"))
-    assert rounded.passive == ("knee", "heel")
-
-
-FLOATING = arm(
-    worldbody=LINKS.replace("{base}>", '{base}><freejoint name="root"/><geom size="1"/>')
-)
-BALL = arm(worldbody=LINKS.replace('<joint name="elbow" axis="0 -1 0" {elbow}/>',
-                                   '<joint name="elbow" type="ball"/>'))  # fmt: skip
-
-
-def test_a_floating_base_is_told_and_the_advice_helps(load_text):
-    with pytest.raises(RobotError, match=r"free joint 'root', .* not supported.*remove that joint"):
-        load_text(FLOATING)
-    assert load_text(FLOATING.replace('<freejoint name="root"/>', "")).nv == 2
-    with pytest.raises(RobotError, match="the free joint 'root' cannot be actuated"):
-        load_text(FLOATING.replace("</actuator>", '<motor joint="root"/></actuator>'))
-
-
-def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks_closures(
-    load_text,
-):
-    legged = parallelogram(CLOSURES["site on the root"], home="0 0 1 1 0 0 0 0.7 -0.7")
-    legged = legged.replace("<site name", '<freejoint name="root"/><geom size="1"/><site name', 1)
-    with pytest.raises(RobotError, match=r"floats on the free joint 'root'"):
-        load_text(legged)
-    plate = '<body name="plate"><freejoint name="f"/><geom size="1"/><site name="p"/></body>'
-    text = parallelogram(
-        CLOSURES["site on the root"] + '<connect site1="p" site2="foot"/>',
-        home="0.6 0 0 1 0 0 0 0.7 -0.7",
-    ).replace("<worldbody>", f"<worldbody>{plate}")
-    with pytest.raises(
-        RobotError, match=r"the free joint 'f' can only be passive in a closed loop"
-    ):
-        load_text(text)
-
-
-@pytest.mark.parametrize("actuator", [MOTORS, "", '<actuator><motor joint="shoulder"/></actuator>'])
-def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text):
-    text = BALL.replace(MOTORS, actuator)
-    with pytest.raises(RobotError, match=r"ball.*'elbow'.* three hinges in one body"):
-        load_text(text)
-    hinges = [f'<joint name="elbow_{a}" axis="{x}"/>'
-              for a, x in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)]  # fmt: skip
-    motors = "".join(f'<motor joint="elbow_{a}"/>' for a in "xyz")
-    text = text.replace('<joint name="elbow" type="ball"/>', "".join(hinges))
-    every = f'<actuator><motor joint="shoulder"/>{motors}</actuator>'
-    text = text.replace(actuator, every) if actuator else text
-    assert load_text(text).joints == ("shoulder", "elbow_x", "elbow_y", "elbow_z")
-
-
-def test_friction_of_a_ball_is_refused(load_text):
-    text = BALL.replace('type="ball"', 'type="ball" damping="1"')
-    with pytest.raises(RobotError, match="the ball or free joint 'elbow' has damping"):
-        load_text(text)
-
-
 def test_default_models_have_the_springs_that_the_file_states(load_text, rps):
     from identifiability.diagnosis.workflow import usual_effects
     from identifiability.ladder import default_ladder, ladder_model
@@ -343,3 +195,18 @@ def test_a_hidden_payload_hangs_on_a_body_that_moves(load_text):
     move = PrescribedMotion(np.arange(20.0), q, q, q)
     plain, loaded = (simulate(robot, move, hide=h).tau for h in ((), ("payload=0.1",)))
     assert np.std(loaded - plain) == pytest.approx(0.1 * np.std(plain), rel=0.5)
+
+
+@pytest.mark.parametrize("feature", FEATURES)
+def test_what_is_written_back_is_read_back(feature, load_text, tmp_path):
+    robot = load_text(FEATURES[feature])
+    values = {name: 1.5 * value for name, value in robot.nominal.items()}
+    values |= {f"{joint}.{kind}": 0.3 for joint in robot.joints for kind in ("Fv", "Ia")}
+    if feature == "replicate":
+        with pytest.raises(RobotError, match=r"uses <replicate>, .*; write them out as bodies"):
+            write_robot(robot, values, tmp_path / "copy.xml")
+        return
+    copy = Robot.load(write_robot(robot, values, tmp_path / "copy.xml").robot)
+    for name, value in values.items():
+        assert copy.nominal[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
+    assert copy.rest == pytest.approx(robot.rest)

@@ -1,0 +1,47 @@
+"""Small robots as MJCF: an arm and a parallelogram, with what a test puts into them."""
+
+LINKS = """
+  <body name="base" {base}>
+    <body name="link1" {link1}>
+      <inertial mass="4" pos="0.3 0.02 0.01" diaginertia="0.03 0.1 0.11"/>
+      <joint name="shoulder" axis="0 -1 0" {shoulder}/>
+      <body name="link2" pos="0.5 0 0" {link2}>
+        <inertial mass="2" pos="0.2 0 0.03" fullinertia="0.02 0.05 0.06 0.002 0.001 -0.003"/>
+        <joint name="elbow" axis="0 -1 0" {elbow}/>{inside}
+      </body>
+    </body>{beside}
+  </body>"""
+MOTORS = '<actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator>'
+
+
+def arm(before="", after="", compiler="", worldbody=LINKS, actuator=MOTORS, **parts):
+    words = dict.fromkeys(("base", "link1", "link2", "shoulder", "elbow", "inside", "beside"), "")
+    body = worldbody.format(**{**words, **parts})
+    return (
+        f'<mujoco><compiler angle="radian" {compiler}/>{before}<worldbody>{body}</worldbody>'
+        f"{actuator}{after}</mujoco>"
+    )
+
+
+def parallelogram(closure, base="", home="0.7 -0.7", sites=""):
+    """A parallelogram in a vertical plane whose driven crank stands on the base."""
+    return f"""<mujoco><compiler angle="radian"/><worldbody>{{0}}<body name="base" {base}>
+      <site name="ground" pos="0.6 0 0"/><body name="fixed" pos="0.6 0 0"><site name="foot"/></body>
+      <body name="crank"><joint name="drive" axis="0 -1 0"/>
+        <inertial mass="1" pos="0.2 0 0" diaginertia="0.01 0.02 0.02"/>
+        <body name="coupler" pos="0.4 0 0"><joint name="knee" axis="0 -1 0"/>
+          <inertial mass="2" pos="0.3 0 0" diaginertia="0.01 0.05 0.05"/>
+          <body name="rocker" pos="0.6 0 0"><joint name="heel" axis="0 -1 0" damping="0.2"
+             armature="0.1" stiffness="3" springref="0.2"/>
+            <inertial mass="1.5" pos="-0.2 0 0" diaginertia="0.01 0.02 0.02"/>
+            <site name="toe" pos="-0.4 0 0"/></body></body></body></body></worldbody>
+      <equality>{closure}</equality><actuator><motor joint="drive"/></actuator>
+      <keyframe><key name="home" qpos="{home} 0.7"/></keyframe></mujoco>""".replace("{0}", sites)
+
+
+CLOSURES = {
+    "site on the root": '<connect site1="toe" site2="ground"/>',
+    "site on the root, first": '<connect site1="ground" site2="toe"/>',
+    "site in a static body": '<connect site1="foot" site2="toe"/>',
+    "site on the world": '<connect site1="toe" site2="w"/>',
+}
