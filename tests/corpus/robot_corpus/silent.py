@@ -25,7 +25,10 @@ _CONTROL = {
     "velrange", "body", "site", "tendon", "slidersite", "cranksite", "cranklength", "jointinparent",
 }  # fmt: skip
 
-SILENT = frozenset(_LOOKS | _CONTACTS | _WRITING | _CONTROL)
+#: Of joints in the composites of MuJoCo 3.
+_COMPOSITES = {"kind", "solreffix", "solimpfix"}
+
+SILENT = frozenset(_LOOKS | _CONTACTS | _WRITING | _CONTROL | _COMPOSITES)
 
 #: Elements whose attributes the corpus has, each, unless they are silent. Sites have a position
 #: alone that matters, and the other motors differ from `motor` in how they make their force.
