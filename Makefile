@@ -50,6 +50,7 @@ format: $(VENV)/dev
 mutants: $(VENV)/dev
 	$(BIN)/python tests/mutants.py
 
+check-all: PYTEST += --everything
 check-all: lint test mutants
 
 MODULES = $(shell find identifiability -name '*.py' ! -name __main__.py | \

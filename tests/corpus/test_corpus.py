@@ -57,6 +57,16 @@ def test_both_roads_agree_or_the_sentence_names_the_feature(entry, tmp_path):
     np.testing.assert_allclose(tau, states.tau, rtol=0, atol=AGREE * np.abs(states.tau).max())
 
 
+@pytest.mark.everything
+@pytest.mark.parametrize("entry", READ, ids=lambda e: e.name)
+def test_both_roads_agree_at_many_states(entry, tmp_path):
+    if too_new(entry, entry.write(tmp_path)):
+        return
+    states = states_of(entry, tmp_path, count=300)
+    tau = nominal_torque(Robot.load(entry.write(tmp_path)), states)
+    np.testing.assert_allclose(tau, states.tau, rtol=0, atol=AGREE * np.abs(states.tau).max())
+
+
 @pytest.mark.parametrize("entry", READ, ids=lambda e: e.name)
 def test_the_simulated_robot_is_that_of_the_file(entry, tmp_path):
     if too_new(entry, entry.write(tmp_path)):
