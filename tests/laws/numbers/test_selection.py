@@ -100,11 +100,13 @@ def ladder():
     rungs = [rung("full", [0, 1, 2, 3], names, [1, 2, 3]), rung("small", [0], names)]
     fits = [estimate(r.reduce(every)) for r in rungs]
     values = np.stack([r.expand(f.value) for r, f in zip(rungs, fits, strict=True)], 1)
-    values = np.concatenate([values, 0.9 * values], axis=1)  # "the nearest real robots"
+    # "The nearest real robots", and "what files hold of them".
+    values = np.concatenate([values, 0.9 * values, 0.8 * values], axis=1)
     half = [slice(0, 960), slice(960, 1920)]
     made = [
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
+    made[1] = made[1].first(4)
     results = assess_ladder(
         rungs, fits, every, [Physics(0.1), Physics(-0.1)], *made, np.array([1.0, 2.0, 3.0, 4.0]),
         Thresholds(), np.random.default_rng(0), 50,
@@ -118,6 +120,7 @@ def test_every_model_gets_its_own_errors(ladder):
     for k, r in enumerate(results):
         assert (r.error_ra, r.error_ra_validation) == (fitted[k], held[k])
         assert r.error_ra_physical == held[2 + k]
+        assert (r.error_ra_real, r.error_ra_file) == (fitted[2 + k], fitted[4 + k])
     assert results[0].error_se == 0.0  # it is the best
     assert results[1].error_se == made[1].standard_error(0)[1] > 0
 
