@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import pairwise
 
 import numpy as np
 
@@ -93,21 +93,20 @@ def vary_cutoff(
     cutoffs = [s.cutoff for s in regression.samples]
     if not known.any() or None in cutoffs:
         return ""
-    windows = [_windows(log, ENOUGH // len(logs)) for log in logs]
+    windows = _windows([len(log) for log in logs])
 
     def refit(factor: float) -> Estimate | None:
         samples = []
-        for log, spans, s in zip(logs, windows, regression.samples, strict=True):
-            at = replace(how or Preparation(), cutoff=factor * (s.cutoff or np.inf))
-            for a, b in spans:
-                try:
-                    samples.append(prepare_samples(regression.robot, log.rows(a, b), at))
-                except IdentifiabilityError:  # nothing is left of it at such a cut-off
-                    return None
+        for k, a, b in windows:
+            at = replace(how or Preparation(), cutoff=factor * (cutoffs[k] or np.inf))
+            try:
+                samples.append(prepare_samples(regression.robot, logs[k].rows(a, b), at))
+            except IdentifiabilityError:  # nothing is left of it at such a cut-off
+                return None
         again = replace(regression, samples=tuple(samples))
         return estimate(result.rung.reduce(gather_information(again, 1)), method)
 
-    whole = sum(b - a for a, b in chain(*windows)) == sum(len(log) for log in logs)
+    whole = sum(b - a for _, a, b in windows) == sum(len(log) for log in logs)
     base = result.estimate if whole else refit(1.0)
     if base is None:
         return ""
@@ -148,10 +147,12 @@ def _moves(result: RungResult, base: Estimate, other: Estimate) -> Array:
     return sizes
 
 
-def _windows(log: Log | LogFile, most: int) -> list[tuple[int, int]]:
-    """Return the rows of a log that are fitted again: all, or windows evenly spaced."""
-    if len(log) <= most:
-        return [(0, len(log))]
-    size = most // WINDOWS
-    starts = np.linspace(0, len(log) - size, WINDOWS).astype(int)
-    return [(int(s), int(s) + size) for s in starts]
+def _windows(lengths: Sequence[int]) -> list[tuple[int, int, int]]:
+    """Return log, first and last (exclusive) row of what is fitted again: all, or evenly spaced."""
+    if sum(lengths) <= ENOUGH:
+        return [(k, 0, length) for k, length in enumerate(lengths)]
+    pieces = []
+    for k, length in enumerate(lengths):
+        edges = np.linspace(0, length, -(-length * WINDOWS // ENOUGH) + 1).astype(int).tolist()
+        pieces += [(k, a, b) for a, b in pairwise(edges)]
+    return pieces[:: -(-sum(lengths) // ENOUGH)]

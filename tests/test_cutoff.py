@@ -87,6 +87,15 @@ def test_a_long_log_is_fitted_again_in_windows_with_the_same_answer(positions, m
     assert sizes == [300] * 12  # four windows, at the cut-off itself, half and double of it
 
 
+def test_of_many_short_logs_some_are_fitted_again_whole():
+    found = check._windows([750] * 30)
+    assert all((a, b) == (0, 750) for _, a, b in found)
+    assert len({k for k, _, _ in found}) == len(found) == 15
+    assert sum(b - a for _, a, b in found) <= check.ENOUGH
+    long = check._windows([1_000_000, 500])
+    assert check.ENOUGH / 2 < sum(b - a for _, a, b in long) <= check.ENOUGH
+
+
 def test_cut_offs_of_logs_that_differ_are_said(positions):
     slow = positions(2e-5)
     fast = replace(positions(2e-5, 1), t=slow.t / 3, name="fast")
