@@ -1,6 +1,7 @@
 # make demo: run the main job; make paper: check the paper's tables; make test: run the tests;
 # make lint: style, types, layers; make docs: the reference of every module;
-# make mutants: would the tests notice faults?; make check-all: what takes too long for make test.
+# make mutants: would the tests notice faults?; make check-all: what takes too long for make test;
+# make processors: the demo and the tests with the kernels of other processors, before a release.
 # Each needs Python 3.11 or newer and nothing else: it makes .venv itself.
 
 PYTHON ?= python3
@@ -11,7 +12,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo paper test lowest lint format bench docs mutants check-all clean
+.PHONY: demo paper test lowest lint format bench docs mutants processors check-all clean
 
 demo: $(VENV)/run
 	$(BIN)/identifiability demo
@@ -49,6 +50,10 @@ format: $(VENV)/dev
 
 mutants: $(VENV)/dev
 	$(BIN)/python tests/mutants.py
+
+# Before each release: other processors sum in another order.
+processors: $(VENV)/dev
+	$(BIN)/python tests/processors.py --numprocesses 2 --dist worksteal $(PYTEST)
 
 check-all: PYTEST += --everything
 check-all: lint test mutants

@@ -24,17 +24,21 @@ from identifiability.model import Regression
 from identifiability.options import NotNegative, Replicates, Seed, checked
 from identifiability.robot import Robot, RobotLike
 from identifiability.samples import Preparation
+from identifiability.samples.survey import explain_silence
 from identifiability.stages import (
     Logs,
     Progress,
     believe,
+    find_hints,
     fit_ladder,
     open_logs,
     plan_cross_validation,
     prepare_logs,
+    require_signal,
     running,
     share,
 )
+from identifiability.statement import doubt
 from identifiability.torque_check import find_mix_up
 from identifiability.verdict import Thresholds
 
@@ -104,6 +108,9 @@ def analyze(
             raw, raw_held, hints = open_logs(logs, validate)
             train = prepare_logs(robot, raw, preparation, runner, reading)
             held = prepare_logs(robot, raw_held, preparation, runner)
+            silence = explain_silence([s.survey for s in train])
+            require_signal(held, "verified")
+            held = () if silence else held
             say("finding base parameters", 0.2)
             base = find_base_parameters(robot, model, streams[0])
             rungs = build_comparison(source.entry, robot, base)
@@ -111,15 +118,18 @@ def analyze(
             regression = Regression(robot, model, train, base.kept)
             building = share(say, "building the regression", 0.3, 0.6)
             information = gather_information(regression, engine=runner, progress=building)
-            hint = find_mix_up(regression, base.nonnegative)
+            mixed = "" if silence else find_mix_up(regression, base.nonnegative)
             say("fitting models", 0.6)
-            fits, physical, values = fit_ladder(robot, base, rungs, information, method, cad_weight)
+            fits, physical, values = fit_ladder(
+                robot, base, rungs, information, method, cad_weight, silence
+            )
             in_file = np.stack([p.in_file for p in physical], 1)
             tasks = [Task(np.hstack([values, in_file])[None])]
-            if not held:
+            if not held and not silence:
                 tasks.append(plan_cross_validation(regression, base, information, rungs, method))
             predicting = share(say, "predicting torque", 0.65, 0.9)
             fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
+            crossed = [fitted] if silence else crossed
             if held:
                 unseen = Regression(robot, model, held, base.kept)
                 crossed = [predict(unseen, values, engine=runner)]
@@ -131,6 +141,7 @@ def analyze(
             thresholds, streams[1], replicates,
         )  # fmt: skip
         at = select_model(results)
+        results, nothing = doubt(train, results, at, out)
         bands = check_cutoff(regression, held, raw, results[at], method, preparation)
         belief = None
         if posterior:
@@ -138,10 +149,10 @@ def analyze(
         return Analysis(
             robot, base, train, held, information, results, at,
             fitted.first(len(rungs)), out.first(len(rungs)), model.texts, method, seed, belief,
-            thresholds, tuple(filter(None, (hint, *hints, *bands))), source,
+            thresholds, (*find_hints(robot, train, mixed), *hints, *bands), source,
             {
                 "replicates": replicates, "posterior": posterior, "cad_weight": cad_weight,
                 "preparation": preparation or Preparation(),
             },
-            model.shapes(robot),
+            model.shapes(robot), nothing,
         )  # fmt: skip

@@ -9,6 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
+import numpy as np
 import pandas as pd
 
 from identifiability.assessment import RungResult, physical_dict
@@ -63,6 +64,8 @@ class Analysis:
         Other options that decided the numbers.
     shapes : mapping
         Shapes of the model's effects by ``<joint>.<effect>``.
+    nothing : str
+        Why no verdict is believed, for after "because"; empty where they are.
     """
 
     robot: Robot
@@ -83,6 +86,7 @@ class Analysis:
     source: LadderSource | None = None
     settings: Mapping[str, object] = field(default_factory=dict)
     shapes: Mapping[str, float] = field(default_factory=dict)
+    nothing: str = ""
 
     @property
     def chosen(self) -> RungResult:
@@ -155,6 +159,8 @@ class Analysis:
             "schema": SCHEMA,
             "robot": {"name": self.robot.name, "title": self.robot.title},
             "samples": self.information.samples,
+            "statement": self.statement,
+            "nothing": self.nothing or None,
             "validation": self.validation_kind,
             "models": [m.row() for m in self.models],
             "selected": self.chosen.name,
@@ -223,6 +229,8 @@ class Analysis:
     @property
     def validation_kind(self) -> str:
         """What the held-out error was measured on."""
+        if not np.isfinite(self.chosen.error_ra_validation):
+            return "nothing, for there is no error"
         if self.validation:
             return "held-out logs: " + ", ".join(s.name for s in self.validation)
         if len(self.samples) > 1:
@@ -232,9 +240,8 @@ class Analysis:
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        moves = any(s.survey.moves for s in self.samples)
         text = state_answer(
-            self.base, self.full, self.chosen, self.held_out, self.physical_statement, moves=moves
+            self.base, self.full, self.chosen, self.physical_statement, self.nothing
         )
         return " ".join((text, *self.hints))
 

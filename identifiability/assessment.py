@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from identifiability.names import Array
 from identifiability.physical.mass import total_mass
 from identifiability.robot import Robot
 from identifiability.uncertainty import Uncertainty, assess_uncertainty, recurrence
-from identifiability.verdict import Class, Evidence, Thresholds, Verdict, judge
+from identifiability.verdict import Class, Evidence, Thresholds, Verdict, judge, withdraw
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,14 @@ class RungResult:
         return not self.infeasible
 
     @property
+    def possible(self) -> str:
+        """Whether a real robot has these parameters, in a word."""
+        if self.feasible:
+            return "possible"
+        open_ = self.physical.certificate is None and self.signs_possible
+        return "open" if open_ else "impossible"
+
+    @property
     def autocorrelation_time(self) -> Array:
         """Autocorrelation time of each actuator's residual, (n,) [samples]."""
         return self.uncertainty.times
@@ -89,6 +97,10 @@ class RungResult:
     def count(self, kind: Class) -> int:
         """Return how many parameters got a verdict."""
         return sum(v.verdict is kind for v in self.verdicts)
+
+    def withdraw(self, why: str) -> RungResult:
+        """Return the model with no parameter believed, for one reason."""
+        return replace(self, verdicts=withdraw(self.verdicts, why))
 
     @property
     def unjudged(self) -> str:

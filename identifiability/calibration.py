@@ -33,7 +33,7 @@ from identifiability.repetitions import Judged, Repetitions, batches, judge_repe
 from identifiability.replicates import Experiment, spawn_seeds
 from identifiability.residual_noise import ResidualNoise, find_runs, fit_residual_noise
 from identifiability.samples import Samples
-from identifiability.stages import Logs, Progress, in_memory
+from identifiability.stages import Logs, Progress, in_memory, require_signal
 
 SCHEMA = "identifiability/calibration/1"
 
@@ -76,6 +76,8 @@ class Calibration:
         Why that could not be measured.
     provenance : mapping
         What decided the numbers of the analysis and these.
+    hints : tuple of str
+        What seems to be wrong with robot file and logs, for the user to check.
     """
 
     robot: str
@@ -89,6 +91,7 @@ class Calibration:
     false_names: FalseNames | None = None
     unmeasured: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
+    hints: tuple[str, ...] = ()
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a cell."""
@@ -118,7 +121,7 @@ class Calibration:
             + self._unjudged_statement
             + ("" if self.ranks is None else f" {self.ranks.statement}")
             + ("" if self.false_names is None else f" {self.false_names.statement}")
-            + (f" {self.unmeasured}" if self.unmeasured else "")
+            + "".join(f" {text}" for text in (self.unmeasured, *self.hints) if text)
         )
 
     @property
@@ -158,6 +161,7 @@ class Calibration:
             "noise": self._noise_rows(),
             "posterior": None if self.ranks is None else self.ranks.to_dict(),
             "diagnosis": None if self.false_names is None else self.false_names.to_dict(),
+            "hints": list(self.hints),
             "seed": self.seed,
             "provenance": self.provenance,
         }
@@ -238,8 +242,9 @@ def calibrate(
     OptionError
         If the ladder has no such model.
     LogError
-        If the logs do not fit in memory.
+        If the logs do not fit in memory, or have nothing to explain.
     """
+    require_signal(analysis.samples, "calibrated")
     result = analysis.models[analysis.find_model(model or analysis.first)]
     samples = in_memory(analysis.samples, Samples)
     regression = _regression(analysis)
@@ -293,6 +298,7 @@ def calibrate(
             **analysis.provenance, "seed": str(seed), "trials": str(trials),
             "replicates": str(replicates), "sbc": str(sbc), "diagnoses": str(diagnoses),
         },
+        analysis.hints,
     )  # fmt: skip
 
 

@@ -36,6 +36,8 @@ class Layout:
     joint_mean : (n,)
     log_mean : (L,)
         Over all joints of a log.
+    signal : (n,) bool
+        Joints at which there is something to explain (`samples.survey.find_signal`).
     """
 
     counts: np.ndarray
@@ -45,9 +47,10 @@ class Layout:
     mean: float
     joint_mean: Array
     log_mean: Array
+    signal: np.ndarray
 
     @staticmethod
-    def of(counts: Sequence[int], torque: Array, stretches: int) -> Layout:
+    def of(counts: Sequence[int], torque: Array, stretches: int, signal: np.ndarray) -> Layout:
         """Return the layout of logs.
 
         Parameters
@@ -58,6 +61,8 @@ class Layout:
             Sum of the torque of each log.
         stretches : int
             Over all logs; each has at least one.
+        signal : (n,) bool
+            Joints at which there is something to explain.
         """
         total = max(sum(counts), 1)
         log, first, windows = [], [], []
@@ -72,6 +77,7 @@ class Layout:
         return Layout(
             np.array(counts, int), np.array(log, int), np.array(first, int), tuple(windows),
             float(torque.sum() / (total * n)), torque.sum(0) / total, torque.sum(1) / (each * n),
+            signal,
         )  # fmt: skip
 
     def offset(self, log: int) -> int:
@@ -115,7 +121,8 @@ class ErrorSums:
     torque_squares : (S, n)
         Of the measured torque.
     deviation, own, local : (S, n)
-        Distances of the torque from its mean over everything, over the joint, over the log.
+        Distances of the torque from its mean over everything, over the joint, over the log: the
+        denominators of relative errors. Zero where there is nothing to explain.
     """
 
     log: np.ndarray
@@ -199,4 +206,10 @@ class Tally:
 
     def sums(self) -> ErrorSums:
         """Return the sums."""
-        return ErrorSums(self.layout.log, self._counts.copy(), *self._errors, *self._torque)
+        squares, deviation, own, local = self._torque
+        signal = self.layout.signal
+        some = signal.any()  # joints without any are still apart from the mean over all
+        return ErrorSums(
+            self.layout.log, self._counts.copy(), self._errors[0], self._errors[1], squares,
+            deviation * some, own * signal, local * some,
+        )  # fmt: skip

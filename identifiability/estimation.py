@@ -124,6 +124,12 @@ def _mean_square(information: Information) -> float:
     return float(root @ root) / max(information.rows, 1)
 
 
+def leave_open(information: Information) -> Estimate:
+    """Return the estimate from logs that have nothing to explain: it determines no parameter."""
+    plain = _solve(information.select([]), np.ones(information.actuators))
+    return _embed(plain, information, [], np.empty(0))
+
+
 def _solve(information: Information, weights: Array) -> Estimate:
     k, n = information.size, information.actuators
     G = information.total(weights)

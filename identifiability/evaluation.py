@@ -14,6 +14,7 @@ from identifiability.information import Information
 from identifiability.model import Part, Regression, map_parts
 from identifiability.names import Array
 from identifiability.prediction import STRETCHES, Prediction
+from identifiability.samples.survey import find_signal
 
 __all__ = [
     "STRETCHES", "Prediction", "Task", "Turns", "choose_folds", "leave_out", "parameter_error",
@@ -103,7 +104,8 @@ def predict_all(
     """
     surveys = [s.survey for s in regression.samples]
     counts = [s.outputs for s in surveys]
-    layout = Layout.of(counts, np.array([s.torque for s in surveys]), STRETCHES)
+    torque = np.array([s.torque for s in surveys])
+    layout = Layout.of(counts, torque, STRETCHES, find_signal(surveys))
     tallies = [Tally(layout, task.values.shape[2]) for task in tasks]
     held: list[list[Held]] = [[] for _ in tasks]
     work = partial(_predict_part, tasks=tuple(tasks), layout=layout)

@@ -42,6 +42,7 @@ class Result(_Entry):
 
     robot: RobotEntry
     physical: PhysicalEntry
+    nothing: str | None = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,11 @@ def export(robot: Robot, result: str | Path, out: str | Path) -> Exported:
         If the file is no result, one of another robot, or has no masses.
     """
     content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
+    if content.nothing:
+        raise IdentifiabilityError(
+            f"Nothing can be exported, because {content.nothing} ({result}); give a result of "
+            "other logs."
+        )
     physical = content.physical
     effect_of = {p.name: e.name for e in EFFECTS.values() for p in e.parameters(robot)}
     _check(robot, Path(result), content, {*effect_of, *robot.nominal})

@@ -128,6 +128,28 @@ def _scales(nominal: Array, bodies: np.ndarray) -> tuple[Array, Array]:
     return mass, length
 
 
+def leave_undecided(robot: Robot, base: BaseParameters, rung: Rung, why: str) -> PhysicalResult:
+    """Return what physics says where nothing was fitted."""
+    value, found = np.full(len(rung), np.nan), np.full(len(rung.M), np.nan)
+    return PhysicalResult(
+        physical_set(robot, base), None, None, value, found, found,
+        f"Not decided, because {why}.", 0.0,
+    )  # fmt: skip
+
+
+def find_impossible_bodies(robot: Robot) -> str:
+    """Return one sentence on the bodies of the robot file that cannot exist, or nothing."""
+    checks = (check_body(_stated(robot, body), body) for body in robot.bodies)
+    wrong = [check.reason for check in checks if not check.feasible]
+    if not wrong:
+        return ""
+    more = f" {len(wrong) - 1} more bodies are like that." if len(wrong) > 1 else ""
+    return (
+        f"The robot file states a body that cannot exist. {wrong[0]}{more} Correct <inertial> "
+        "there: the nearest real robot, its prior and every comparison with the file rest on it."
+    )
+
+
 def check_nominal(robot: Robot) -> tuple[BodyCheck, ...]:
     """Check the bodies that the robot file states.
 
@@ -138,14 +160,17 @@ def check_nominal(robot: Robot) -> tuple[BodyCheck, ...]:
     """
     checks = []
     for body in robot.bodies:
-        theta = np.array([robot.nominal[f"{body}.{kind}"] for kind in INERTIAL])
-        check = check_body(theta, body)
+        check = check_body(_stated(robot, body), body)
         if not check.feasible:
             raise IdentifiabilityError(
                 f"{robot.path}: {check.reason} Correct the body's <inertial> in the robot file."
             )
         checks.append(check)
     return tuple(checks)
+
+
+def _stated(robot: Robot, body: str) -> Array:
+    return np.array([robot.nominal[f"{body}.{kind}"] for kind in INERTIAL])
 
 
 def full_problem(

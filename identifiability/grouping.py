@@ -99,7 +99,8 @@ class BaseParameters:
         text = ""
         for coefficient, parameter in self.terms(row):
             sign = "−" if coefficient < 0 else "+"
-            size = f"{abs(coefficient):.4g}"
+            # Twice: 0.22815 ± rounding must not be 0.2281 here and 0.2282 on another processor.
+            size = f"{float(f'{abs(coefficient):.10g}'):.4g}"
             term = parameter.term if size == "1" else f"{size}·{parameter.term}"
             text += f" {sign} {term}" if text else (f"−{term}" if sign == "−" else term)
         return text

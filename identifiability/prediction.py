@@ -10,6 +10,7 @@ import numpy as np
 from identifiability.errorsums import ErrorSums, Layout, Tally
 from identifiability.names import Array
 from identifiability.noise import autocorrelation_time
+from identifiability.signals import is_constant
 
 #: Stretches of time whose errors give the standard error of ε_RA, each at least so many
 #: autocorrelation times of the error long, as long as `FEWEST` are left.
@@ -68,7 +69,8 @@ class Prediction:
         """
         counts = [int((log == k).sum()) for k in range(len(t))]
         means = np.array([tau[log == k].sum(0) for k in range(len(t))])
-        tally = Tally(Layout.of(counts, means, STRETCHES), predicted.shape[2])
+        signal = ~is_constant(tau.min(0), tau.max(0))
+        tally = Tally(Layout.of(counts, means, STRETCHES, signal), predicted.shape[2])
         for k in range(len(t)):
             tally.add(k, 0, tau[log == k], predicted[log == k])
         speed = np.zeros_like(tau) if velocity is None else velocity
@@ -109,6 +111,8 @@ class Prediction:
 
     def relative_error(self, log: int | None = None) -> Array:
         """Return ε_RA of each model, ``Σ|τ̂ - τ*| / Σ|τ* - mean τ*|`` [Díaz 2010, Eq. 18], (m,).
+
+        NaN where there is nothing to explain.
 
         Parameters
         ----------

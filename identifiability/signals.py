@@ -29,9 +29,9 @@ WINDOWS, WINDOW = 8, 16_384
 #: still be small beside 1e-8.
 FORGOTTEN = 1e-14
 
-#: A joint whose position spans less than this never moves [rad or m, and of its largest position]:
-#: encoders resolve nothing below it, and conversions of units leave less.
-STILL = 1e-9
+#: What spans less than this share of its size is constant: sensors resolve nothing below it, and
+#: conversions of units leave less.
+CONSTANT = 1e-9
 
 
 def sampling_step(t: Array) -> float:
@@ -39,10 +39,26 @@ def sampling_step(t: Array) -> float:
     return float(np.median(np.diff(t)))
 
 
+def is_constant(low: Array, high: Array, size: float = 0.0) -> np.ndarray:
+    """Return which columns never change, from their ranges.
+
+    Parameters
+    ----------
+    low, high : (n,)
+    size : float
+        Added to the size that the range is compared with: 1 for positions, whose zero is anywhere.
+
+    Returns
+    -------
+    (n,) bool
+    """
+    never: np.ndarray = high - low <= CONSTANT * (size + np.maximum(np.abs(low), np.abs(high)))
+    return never
+
+
 def never_moves(low: Array, high: Array) -> np.ndarray:
-    """Return which joints stand still, from the range of their positions, each (n,)."""
-    still: np.ndarray = high - low <= STILL * (1 + np.maximum(np.abs(low), np.abs(high)))
-    return still
+    """Return which joints stand still, from the range of their positions [rad or m], (n,) bool."""
+    return is_constant(low, high, 1.0)
 
 
 def motion_bandwidth(t: Array, q: Array, share: float = 0.99) -> float:

@@ -15,10 +15,15 @@ from identifiability.assessment import RungResult
 from identifiability.belief import Belief, refine_verdicts
 from identifiability.engines.local import Processes, Serial
 from identifiability.engines.mapping import Engine, Steps
-from identifiability.errors import LogError
-from identifiability.estimation import Estimate, Method, estimate
+from identifiability.errors import LogError, listing
+from identifiability.estimation import Estimate, Method, estimate, leave_open
 from identifiability.evaluation import Task, choose_folds, leave_out, take_turns
-from identifiability.feasibility import PhysicalResult, assess_feasibility
+from identifiability.feasibility import (
+    PhysicalResult,
+    assess_feasibility,
+    find_impossible_bodies,
+    leave_undecided,
+)
 from identifiability.grouping import BaseParameters
 from identifiability.inference import form_belief
 from identifiability.information import Information
@@ -32,6 +37,7 @@ from identifiability.options import Expected
 from identifiability.robot import Robot
 from identifiability.samples import Preparation, Samples
 from identifiability.samples.longsamples import LongSamples, Prepared, prepare_log
+from identifiability.samples.survey import explain_silence, torque_varies
 
 LogLike = Log | LogFile | str | Path | pd.DataFrame
 Logs = Annotated[
@@ -126,6 +132,51 @@ def open_logs(
     return drop_repeats(train, held)
 
 
+def require_signal(samples: Sequence[Prepared], done: str) -> None:
+    """Refuse logs that have nothing to explain.
+
+    Parameters
+    ----------
+    samples : sequence of Samples
+    done : str
+        What cannot be done, as a participle.
+
+    Raises
+    ------
+    LogError
+    """
+    why = explain_silence([s.survey for s in samples]) if samples else ""
+    if why:
+        names = listing([s.name for s in samples], 4)
+        raise LogError(
+            f"Nothing can be {done}, because {why} ({names}); give logs in which the robot moves "
+            "and its torque changes."
+        )
+
+
+def find_hints(robot: Robot, samples: Sequence[Prepared], mixed: str = "") -> tuple[str, ...]:
+    """Return what seems to be wrong with robot file and torque columns, a sentence each.
+
+    Parameters
+    ----------
+    robot : Robot
+    samples : sequence of Samples
+    mixed : str
+        How the torque columns seem to be mixed up, if they do (`find_mix_up`).
+    """
+    surveys = [s.survey for s in samples]
+    varies = torque_varies(surveys)
+    dead = [j for j, good in zip(robot.joints, varies, strict=True) if not good]
+    found = [mixed, find_impossible_bodies(robot)]
+    if dead and varies.any():
+        columns = listing([f"'{j}.tau'" for j in dead], 6)
+        found.append(
+            f"The torque in {columns} never changes: if it was not measured, every number here is "
+            "wrong; check the column."
+        )
+    return tuple(text for text in found if text)
+
+
 def check_held_out(
     train: Sequence[Prepared | Log | LogFile], held: Sequence[Prepared | Log | LogFile]
 ) -> None:
@@ -158,11 +209,12 @@ def believe(
 ) -> tuple[tuple[RungResult, ...], Belief]:
     """Sample the posteriors of one model and let its verdicts know.
 
-    Of a robot that never moved nothing is sampled: its posterior is the prior along a handful of
-    exact equations, which no chain walks.
+    Where there is nothing to explain nothing is sampled: the posterior of a robot that never moved
+    is the prior along a handful of exact equations, which no chain walks.
     """
-    if not any(s.survey.moves for s in samples):
-        return results, Belief(None, None, None, "the robot does not move in these logs")
+    why = explain_silence([s.survey for s in samples])
+    if why:
+        return results, Belief(None, None, None, why)
     chosen = results[at]
     belief = form_belief(
         robot, base, chosen.rung, chosen.rung.reduce(information), chosen.estimate,
@@ -181,11 +233,19 @@ def fit_ladder(
     information: Information,
     method: Method,
     cad_weight: float = 0.0,
+    silence: str = "",
 ) -> tuple[list[Estimate], list[PhysicalResult], Array]:
-    """Return the estimates, the nearest real robots, and the base parameters of both, (b, 2 m)."""
+    """Return the estimates, the nearest real robots, and the base parameters of both, (b, 2 m).
+
+    With `silence`, which says why there is nothing to explain, nothing is fitted.
+    """
     fits, physical = [], []
     for rung in rungs:
         reduced = rung.reduce(information)
+        if silence:
+            fits.append(leave_open(reduced))
+            physical.append(leave_undecided(robot, base, rung, silence))
+            continue
         fits.append(estimate(reduced, method))
         physical.append(
             assess_feasibility(robot, base, rung, information, reduced, fits[-1], cad_weight)

@@ -18,7 +18,11 @@ from identifiability.ladder import LadderSource
 from identifiability.physical.mass import state_mass
 from identifiability.robot import Robot
 from identifiability.samples.longsamples import Prepared
+from identifiability.samples.survey import explain_silence
 from identifiability.verdict import Class
+
+#: Why no verdict is believed where a model would be used that is no better than no model.
+WORSE = "no model predicts motion that it has not seen better than a constant torque would"
 
 _PACKAGES = ("identifiability", *NUMERICS, "pandas")
 
@@ -27,10 +31,8 @@ def state_answer(
     base: BaseParameters,
     full: RungResult,
     chosen: RungResult,
-    held_out: Prediction,
     physics: str,
-    *,
-    moves: bool,
+    nothing: str = "",
 ) -> str:
     """Return how many parameters the logs determine, and which model to use.
 
@@ -39,15 +41,14 @@ def state_answer(
     base : BaseParameters
     full, chosen : RungResult
         The unpruned and the selected model.
-    held_out : Prediction
     physics : str
         What `state_physics` says of the selected model.
-    moves : bool
-        Whether the robot moves in any log.
+    nothing : str
+        Why no verdict is believed, if that is so (`doubt`).
     """
     total = len(base.parameters)
     size = f"The robot has {total} parameters, {base.rank} of them independent in principle."
-    why = _why_nothing(base, full, chosen, held_out, moves=moves)
+    why = nothing or _why_none(base, full, chosen)
     if why:
         return f"Nothing is identifiable, because {why}. {size}"
     if chosen.unjudged:
@@ -88,19 +89,28 @@ def _state_certificate(chosen: RungResult) -> str:
     return f"No real robot has exactly its values, although each sign is possible; {near}"
 
 
-def _why_nothing(
-    base: BaseParameters,
-    full: RungResult,
-    chosen: RungResult,
-    held_out: Prediction,
-    *,
-    moves: bool,
-) -> str:
-    """Return why no parameter can be believed, or nothing if some can."""
-    if not moves:
-        return "the robot does not move in these logs"
-    if not chosen.error_ra_validation < held_out.constant_error():
-        return "no model predicts motion that it has not seen better than a constant torque would"
+def doubt(
+    samples: Sequence[Prepared], results: tuple[RungResult, ...], at: int, held_out: Prediction
+) -> tuple[tuple[RungResult, ...], str]:
+    """Take the verdicts back where none can be believed; return them, and why not.
+
+    Parameters
+    ----------
+    samples : sequence of Samples
+        That were fitted.
+    results : tuple of RungResult
+    at : int
+        The selected model.
+    held_out : Prediction
+    """
+    why = explain_silence([s.survey for s in samples])
+    if not why and not results[at].error_ra_validation < held_out.constant_error():
+        why = WORSE
+    return (tuple(r.withdraw(why) for r in results) if why else results), why
+
+
+def _why_none(base: BaseParameters, full: RungResult, chosen: RungResult) -> str:
+    """Return why no parameter is called identifiable, or nothing if some are."""
     if chosen.unjudged or chosen.count(Class.IDENTIFIABLE) or full.count(Class.IDENTIFIABLE):
         return ""
     excited = len(full.estimate.kept)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -140,6 +140,12 @@ class Verdict:
             "torque_share": self.share,
             "nominal": self.nominal,
         }
+
+
+def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
+    """Return verdicts that believe no parameter, for a reason that holds for all of them."""
+    reason = f"{why[0].upper()}{why[1:]}."
+    return tuple(replace(v, verdict=Class.NOT_IDENTIFIABLE, reason=reason) for v in verdicts)
 
 
 def _digits(percent: float) -> str:

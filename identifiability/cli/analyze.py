@@ -14,6 +14,7 @@ from identifiability.cli.common import (
     check_outputs,
     escaped,
     load_robot,
+    percent,
     progress,
     running,
     sentences,
@@ -143,8 +144,7 @@ def print_analysis(result: Analysis, written: list[Path]) -> None:
         table.add_row(
             mark + escaped(m.name), str(len(m.rung)), str(m.paper_identified),
             "not judged" if m.unjudged else str(m.count(Class.IDENTIFIABLE)),
-            f"{100 * m.error_ra:.2f} %", f"{100 * m.error_ra_validation:.2f} %",
-            "possible" if m.feasible else "impossible",
+            percent(m.error_ra), percent(m.error_ra_validation), m.possible,
         )  # fmt: skip
     console.print(table)
     errors = result.error_frame()

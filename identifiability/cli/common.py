@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -57,6 +58,11 @@ def escaped(text: str) -> str:
     from rich.markup import escape  # noqa: PLC0415
 
     return escape(text)
+
+
+def percent(share: float) -> str:
+    """Return a relative error in percent, or a dash where there is none."""
+    return f"{100 * share:.2f} %" if math.isfinite(share) else "–"
 
 
 @contextmanager

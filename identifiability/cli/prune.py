@@ -14,6 +14,7 @@ from identifiability.cli.common import (
     check_outputs,
     escaped,
     load_robot,
+    percent,
     progress,
     running,
     sentences,
@@ -124,14 +125,15 @@ def print_pruning(result: Ladder, written: list[Path]) -> None:
         table.add_row(
             f"{'▸ ' if k == result.selected else ''}{len(rung)}",
             "not judged" if rung.unjudged else str(rung.identifiable),
-            f"{100 * rung.error_ra:.2f} %", f"{100 * rung.error_ra_unseen:.2f} %",
-            f"{100 * rung.error_se:.2f} %", "possible" if rung.feasible else "impossible",
+            percent(rung.error_ra), percent(rung.error_ra_unseen),
+            percent(rung.error_se), "possible" if rung.feasible else "impossible",
             escaped(f"{move.kind.value}: {_short(move.text)}") if move is not None else "",
         )  # fmt: skip
     console.print(table)
     wide = not console.is_terminal
     console.print(escaped(result.statement), highlight=False, soft_wrap=wide)
-    console.print(escaped(result.stability.statement), highlight=False, soft_wrap=wide)
+    if not result.nothing:
+        console.print(escaped(result.stability.statement), highlight=False, soft_wrap=wide)
     for path in written:
         sys.stdout.write(f"{path}\n")
 

@@ -75,7 +75,7 @@ class Diagnosis:
     forward : ForwardGap or None
         Forward simulation before and after, where it was made.
     hints : tuple of str
-        What seems to be wrong with the logs, for the user to check.
+        What seems to be wrong with robot file and logs, for the user to check.
     """
 
     robot: Robot

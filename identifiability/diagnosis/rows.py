@@ -147,6 +147,7 @@ def list_candidates(
     for family in families:
         if family.name in present:
             if not fixed:
+                refused.append(Refusal(family.name, "", "the model has it already"))
                 continue
             # What the file states may be wrong either way.
             family = replace(family, positive=False)  # noqa: PLW2901

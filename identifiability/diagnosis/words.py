@@ -45,8 +45,9 @@ def headline(d: Diagnosis) -> str:
     """Return what is missing, how far the gap shrinks, and what cannot be told apart."""
     start = "the robot file's own values" if d.fixed else "the refitted model"
     if not d.effects:
+        why = "No effect can be named" if d.steps else _state_untried(d)
         return (
-            f"No effect can be named: {start} predict{'' if d.fixed else 's'} unseen motion "
+            f"{why}: {start} predict{'' if d.fixed else 's'} unseen motion "
             f"({d.verified_on}) with an error of {_percent(d.held_before)}.{_state_refused(d)}"
         )
     named = ". ".join(_state_effect(e) for e in d.effects)
@@ -58,6 +59,18 @@ def headline(d: Diagnosis) -> str:
         f"{_points(high)} points)."
     )
     return " ".join([f"{named}.", change, *(_state_rivals(e) for e in d.effects if e.alternatives)])
+
+
+def _state_untried(d: Diagnosis) -> str:
+    """Return why no family was tried, and the beginning of the sentence after that."""
+    reasons: dict[str, list[str]] = {}
+    for r in d.refusals:
+        reasons.setdefault(r.reason, []).append(f"{r.family} {r.place}".strip())
+    for a in d.aliases:
+        lies = f"these logs cannot tell it from {join(a.behind[:3])}"
+        reasons.setdefault(lies, []).append(f"{a.family} {a.place}".strip())
+    why = "; ".join(f"{join(names)} ({reason})" for reason, names in reasons.items())
+    return f"Nothing was left to name: {why}. Give other families, or none for all. As it is"
 
 
 def _state_refused(d: Diagnosis) -> str:
@@ -186,7 +199,13 @@ def _looks(d: Diagnosis) -> str:
 
 
 def _percent(x: float, digits: int = 3) -> str:
-    return f"{100 * x:.{digits}g} %"
+    """Return a share in percent with so many digits, never in powers of ten."""
+    if not np.isfinite(x):
+        return "unknown size"
+    if 0 < 100 * x < 1e-3:
+        return "less than 0.001 %"
+    text = f"{100 * x:.{digits}g}"
+    return f"{100 * x:.0f} %" if "e" in text else f"{text} %"
 
 
 def _points(x: float) -> str:

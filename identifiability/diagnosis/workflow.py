@@ -19,12 +19,12 @@ from identifiability.diagnosis.rules import Rules
 from identifiability.diagnosis.thinning import prepare_thin
 from identifiability.effects import stated_effects
 from identifiability.ladder import ModelLike, choose_model, free_again, unused_ladder
-from identifiability.logs import Log
+from identifiability.logs import Log, checks
 from identifiability.logs.logfile import LogFile
 from identifiability.options import Names, Seed, at_least, checked
 from identifiability.robot import Robot, RobotLike
 from identifiability.samples import Preparation, Samples
-from identifiability.stages import Logs, Progress, open_logs
+from identifiability.stages import Logs, Progress, find_hints, open_logs, require_signal
 from identifiability.statement import state_provenance
 
 #: Simulated noises without which no p-value falls below 5 %.
@@ -95,10 +95,13 @@ def diagnose(
         say("reading logs", 0.0)
         train_logs, held_logs, hints = open_logs(logs, validate)
         roles = assign_roles(train_logs, held_logs)
-        train, choose, verify = (
+        train = [prepare_rows(robot, log, preparation) for log in roles.fit]
+        require_signal(train, "diagnosed")
+        choose, verify = (
             [prepare_rows(robot, log, preparation) for log in part]
-            for part in (roles.fit, roles.choose, roles.verify)
+            for part in (roles.choose, roles.verify)
         )
+        require_signal(verify, "verified")
         say("building columns", 0.1)
         material = gather(
             robot, choose_model(model, usual_effects(robot)), train, choose,
@@ -121,9 +124,10 @@ def diagnose(
             "effects": "all" if effects is None else list(effects), "fixed": fixed, "rules": rules,
             "draws": draws, "quick": quick, "preparation": preparation or Preparation(),
         }  # fmt: skip
+        hints = (*find_hints(robot, train), *hints, *free_again(model))
         found = replace(
             found,
-            hints=(*hints, *free_again(model), *unused_ladder(robot, model)),
+            hints=(*hints, *unused_ladder(robot, model)),
             provenance=state_provenance(robot, [*train, *choose, *verify], seed, None, options),
         )
         if not (forward and found.effects):
@@ -148,5 +152,8 @@ def prepare_rows(robot: Robot, log: Log | LogFile, how: Preparation | None) -> S
     even = log.clock.longest.length < 1.5 * step  # no filter reaches across a gap
     if how is None and even and {"dq", "ddq"} <= set(log.channels):
         factor = int(0.5 / (signals.cutoff_of_windows([w.q for w in windows], step) * step))
+        # Of a short part of a log enough must be left.
+        while factor > 1 and signals.Decimation(factor).outputs(len(log)) < checks.FEWEST:
+            factor -= 1
         how = Preparation(decimate=max(factor, 1))
     return prepare_thin(robot, log, how or Preparation())

@@ -76,6 +76,15 @@ class Evidence:
     rise_se: float
     either: str = ""
 
+    def say_rise(self, mood: str = "") -> str:
+        """Return what becomes of the held-out squares, in words."""
+        if self.rise > 10:
+            times = f"{1 + self.rise:.0f}" if self.rise < 1e6 else "more than a million"
+            return f"the held-out squares {mood}become {times} times as large"
+        change = "rise" if self.rise > 0 else "fall"
+        size = f"{100 * abs(self.rise):.3g} ± {100 * self.rise_se:.3g} %"
+        return f"the held-out squares {mood}{change} by {size}"
+
 
 @dataclass(frozen=True, eq=False)
 class Step:
@@ -184,9 +193,8 @@ class _Walker:
         evidence = self._evidence(move, L, after)
         if evidence.rise > evidence.rise_se and evidence.p_value < LEVEL:
             reason = (
-                f"The data contradict it: the held-out error would rise by "
-                f"{100 * evidence.rise:.3g} ± {100 * evidence.rise_se:.2g} %, and what it denies "
-                f"is significant (p = {evidence.p_value:.2g})."
+                f"The data contradict it: {evidence.say_rise('would ')}, and what it denies is "
+                f"significant (p = {evidence.p_value:.2g})."
             )
             self.refused.append(Refusal(move, evidence, reason))
         elif after.violations() > self.fit.violations() and evidence.p_value < LEVEL:

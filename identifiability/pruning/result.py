@@ -71,9 +71,12 @@ class Ladder:
     settings : mapping
         Other options that decided the numbers.
     hints : tuple of str
-        What seems to be wrong with the logs, for the user to check, and what was not used.
+        What seems to be wrong with robot file and logs, for the user to check, and what was not
+        used.
     shapes : mapping
         Shapes of the model's effects by ``<joint>.<effect>``.
+    nothing : str
+        Why no verdict is believed, for after "because"; empty where they are.
     """
 
     robot: Robot
@@ -97,6 +100,7 @@ class Ladder:
     settings: Mapping[str, object]
     hints: tuple[str, ...] = ()
     shapes: Mapping[str, float] = field(default_factory=dict)
+    nothing: str = ""
 
     @property
     def chosen(self) -> PrunedRung:
@@ -159,6 +163,7 @@ class Ladder:
             "samples": self.information.samples,
             "statement": self.statement,
             "hints": list(self.hints),
+            "nothing": self.nothing or None,
             "models": [r.row() for r in self.rungs],
             "selected": self.chosen.name,
             "parameters": [v.to_row() for v in self.verdicts],

@@ -21,7 +21,7 @@ def explain(step: Step) -> str:
     move, evidence = step.move, step.evidence
     if move is None or evidence is None:
         return f"{move.why}." if move is not None else "Every base parameter of the model."
-    rise = _rise(evidence.rise, evidence.rise_se)
+    rise = evidence.say_rise()
     if move.kind is Kind.FORCED:
         return f"{move.why}; {rise}."
     if move.kind is Kind.DROP:
@@ -43,20 +43,11 @@ def explain(step: Step) -> str:
     return f"{move.why}; {verdict} (p = {evidence.p_value:.2g}); {rise}."
 
 
-def _rise(rise: float, spread: float) -> str:
-    change = "rises" if rise > 0 else "falls"
-    change = change.removesuffix("s")
-    return f"the held-out squares {change} by {100 * abs(rise):.3g} ± {100 * spread:.3g} %"
-
-
 def statement(ladder: Ladder) -> str:
     """Return the answer in plain words."""
     chosen, full = ladder.chosen, ladder.full
-    if not len(chosen):
-        return (
-            "Nothing can be identified from these logs: no parameter of the model predicts torque "
-            "that it was not fitted to better than zero does."
-        )
+    if ladder.nothing:
+        return f"Nothing is identifiable, because {ladder.nothing}."
     if len(chosen) == len(full):
         text = (
             f"Nothing was pruned: each of the {len(full)} parameters of the model is needed to "

@@ -44,13 +44,16 @@ from identifiability.samples.longsamples import Prepared
 from identifiability.stages import (
     Logs,
     Progress,
+    find_hints,
     open_logs,
     prepare_logs,
+    require_signal,
     running,
     share,
 )
+from identifiability.statement import WORSE
 from identifiability.uncertainty import resample
-from identifiability.verdict import Thresholds
+from identifiability.verdict import Thresholds, withdraw
 
 #: Rungs as good as the best whose physical certificate is asked for, the preferred one first.
 CERTIFIED = 4
@@ -129,6 +132,8 @@ def prune(
         raw, raw_held, hints = open_logs(logs, validate)
         train = prepare_logs(robot, raw, preparation, runner, reading)
         held = prepare_logs(robot, raw_held, preparation, runner)
+        require_signal(train, "pruned")
+        require_signal(held, "verified")
         say("building the regression", 0.1)
         building = share(say, "building the regression", 0.1, 0.4)
         task = _set_up(robot, source.entry, train, held, method, streams[0], runner, building)
@@ -136,7 +141,7 @@ def prune(
         wishes = _check_wishes(task.start, forbid, force)
         search = _search(task, wishes, streams[1], propose=propose, reach=reach)
         chosen, physical = _choose(task, search, criterion, cad_weight)
-        rungs, result = _measure(
+        rungs, result, nothing = _measure(
             task, search, chosen, physical, streams[2], replicates, runner,
             share(say, "measuring errors", 0.5, 0.7),
         )  # fmt: skip
@@ -164,7 +169,8 @@ def prune(
                 "replicates": replicates, "cad_weight": cad_weight,
                 "preparation": preparation or Preparation(),
             },
-            (*hints, *unused_ladder(robot, ladder)), task.model.shapes(robot),
+            (*find_hints(robot, train), *hints, *unused_ladder(robot, ladder)),
+            task.model.shapes(robot), nothing,
         )  # fmt: skip
 
 
@@ -267,8 +273,8 @@ def _measure(
     replicates: int,
     engine: Engine,
     progress: Steps,
-) -> tuple[tuple[PrunedRung, ...], RungResult]:
-    """Return the rungs with their errors, and the chosen one with verdicts and certificate."""
+) -> tuple[tuple[PrunedRung, ...], RungResult, str]:
+    """Return the rungs, the chosen one with verdicts, and why no verdict is believed."""
     steps = search.path.steps
     models = [rung_of(task.start, s) for s in steps]
     parts = [m.reduce(task.information) for m in models]
@@ -299,4 +305,7 @@ def _measure(
         )
         for k in range(len(steps))
     )  # fmt: skip
-    return rungs, result
+    if len(rungs[chosen]) and unseen.error_ra[chosen] < found.unseen.constant_error():
+        return rungs, result, ""
+    doubted = tuple(replace(r, verdicts=withdraw(r.verdicts, WORSE)) for r in rungs)
+    return doubted, result.withdraw(WORSE), WORSE

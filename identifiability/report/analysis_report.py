@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from identifiability.analysis import Analysis
 from identifiability.output import write_text
 from identifiability.report.blocks import Section
@@ -42,12 +44,24 @@ SECTIONS = (
     section_provenance,
 )
 
+#: Where there is nothing to explain, no model was fitted whose torque or bodies could be shown.
+SILENT = (
+    section_parameters,
+    section_ladder,
+    section_structure,
+    section_preparation,
+    section_terms,
+    section_provenance,
+)
+
 #: Follow `section_physics` where a posterior was sampled.
 BELIEF_SECTIONS = (section_bodies, section_posterior, section_standard)
 
 
 def choose_sections(analysis: Analysis) -> tuple[Callable[[Analysis], Section], ...]:
     """Return the sections of an analysis in their order."""
+    if not np.isfinite(analysis.chosen.error_ra_validation):
+        return SILENT
     if analysis.belief is None:
         return SECTIONS
     at = SECTIONS.index(section_physics) + 1

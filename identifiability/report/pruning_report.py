@@ -94,7 +94,9 @@ def _tiles(ladder: Ladder) -> tuple[Tile, ...]:
     before = full.error_ra_validation if outside else full.error_ra_unseen
     same = ladder.stability.same
     return (
-        Tile(f"{len(chosen)} of {len(full)}", "parameters are worth using"),
+        Tile(
+            f"{0 if ladder.nothing else len(chosen)} of {len(full)}", "parameters are worth using"
+        ),
         Tile(f"{found} of {len(chosen)}", "are identifiable", ladder.result.unjudged),
         Tile(
             error_text(error),

@@ -127,10 +127,14 @@ class Samples:
     @cached_property
     def survey(self) -> Survey:
         """What there is to know of the whole log."""
-        torque = np.zeros(self.tau.shape[1])
+        n = self.tau.shape[1]
+        torque, low, high = np.zeros(n), np.full(n, np.inf), np.full(n, -np.inf)
         for piece in self.pieces(SURVEYED):
-            torque += piece.down(piece.tau).sum(0)
-        return Survey.of(self.motion, self.own, self.outputs, torque)
+            tau = piece.down(piece.tau)
+            torque += tau.sum(0)
+            low = np.minimum(low, tau.min(0, initial=np.inf))
+            high = np.maximum(high, tau.max(0, initial=-np.inf))
+        return Survey.of(self.motion, self.own, self.outputs, torque, np.stack([low, high]))
 
     def pieces(self, size: int) -> Iterator[Piece]:
         """Yield pieces of about `size` input samples."""

@@ -1,14 +1,19 @@
-"""`Survey`: what there is to know of a prepared log as a whole; parts of a log add up."""
+"""`Survey`: what there is to know of a prepared log as a whole; parts of a log add up.
+
+Here it is said once whether logs have anything to explain (`find_signal`, `explain_silence`):
+ε_RA has no denominator where they have not, and nothing is fitted to them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.names import Array
 from identifiability.robot import Motion
-from identifiability.signals import never_moves
+from identifiability.signals import is_constant, never_moves
 
 #: Rows that a note lists.
 LISTED = 5
@@ -38,6 +43,8 @@ class Survey:
         Ranges of position, velocity and acceleration of the actuated joints.
     torque : (n,) [N·m or N]
         Sum of the measured torque over the outputs.
+    torque_range : (2, n) [N·m or N]
+        Its smallest and its largest value.
     """
 
     kept: int
@@ -52,9 +59,13 @@ class Survey:
     low: Array
     high: Array
     torque: Array
+    torque_range: Array
 
     @staticmethod
-    def of(motion: Motion, own: tuple[int, int] | None, outputs: int, torque: Array) -> Survey:
+    def of(
+        motion: Motion, own: tuple[int, int] | None, outputs: int, torque: Array,
+        torque_range: Array,
+    ) -> Survey:  # fmt: skip
         """Return the survey of a motion, or of those of its rows that are its own."""
         inside = slice(None) if own is None else slice(*np.searchsorted(motion.kept, own))
         dropped, near = _inside(motion.dropped, own), _inside(motion.near_singular, own)
@@ -67,6 +78,7 @@ class Survey:
         return Survey(
             len(t), outputs, len(dropped), tuple(int(k) for k in dropped[:LISTED]), len(near),
             tuple(int(k) for k in near[:1]), motion.condition, *ends, low, high, torque,
+            torque_range,
         )  # fmt: skip
 
     def __add__(self, later: Survey) -> Survey:
@@ -84,12 +96,13 @@ class Survey:
             np.minimum(self.low, later.low),
             np.maximum(self.high, later.high),
             self.torque + later.torque,
+            np.stack(
+                [
+                    np.minimum(self.torque_range[0], later.torque_range[0]),
+                    np.maximum(self.torque_range[1], later.torque_range[1]),
+                ]
+            ),
         )
-
-    @property
-    def moves(self) -> bool:
-        """Whether any actuated joint moves."""
-        return not never_moves(self.low[0], self.high[0]).all()
 
     def notes(self, total: int) -> list[str]:
         """Return what happened to the samples of a log with `total` of them, for the report."""
@@ -114,6 +127,37 @@ class Survey:
                 "and friction may be anything up to its Coulomb level"
             )
         return notes
+
+
+def robot_moves(surveys: Sequence[Survey]) -> bool:
+    """Return whether any actuated joint is at two places in these logs."""
+    low, high = (f([getattr(s, k)[0] for s in surveys], axis=0)
+                 for f, k in ((np.min, "low"), (np.max, "high")))  # fmt: skip
+    return not never_moves(low, high).all()
+
+
+def torque_varies(surveys: Sequence[Survey]) -> np.ndarray:
+    """Return at which actuated joints the measured torque changes in these logs, (n,) bool."""
+    low = np.min([s.torque_range[0] for s in surveys], axis=0)
+    high = np.max([s.torque_range[1] for s in surveys], axis=0)
+    return ~is_constant(low, high)
+
+
+def find_signal(surveys: Sequence[Survey]) -> np.ndarray:
+    """Return at which actuated joints logs have something to explain, (n,) bool.
+
+    The robot moves, and the torque of that joint changes.
+    """
+    return torque_varies(surveys) & robot_moves(surveys)
+
+
+def explain_silence(surveys: Sequence[Survey]) -> str:
+    """Return why logs have nothing to explain, for after "because"; nothing if they have."""
+    if not robot_moves(surveys):
+        return "the robot does not move in these logs"
+    if not torque_varies(surveys).any():
+        return "the measured torque never changes in these logs"
+    return ""
 
 
 def _inside(rows: np.ndarray, own: tuple[int, int] | None) -> np.ndarray:

@@ -70,10 +70,6 @@ def test_the_computed_derivatives_of_a_joint_that_never_moves_are_zero(derivativ
     assert motion.actuated_v[:, 0].any()
 
 
-@pytest.mark.xfail(
-    reason="noise of 0.1 mrad on the positions of a robot at rest still passes for motion",
-    strict=False,
-)
 def test_noise_on_a_robot_at_rest_does_not_make_it_identifiable(arm, rng):
     out = analyze("two-link", at_rest(arm, rng, 1e-4), replicates=20)
     assert out.chosen.count(Class.IDENTIFIABLE) == 0

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability import Log, Robot, analyze
-from identifiability.errors import ModelError
+from identifiability.errors import LogError, ModelError
 from identifiability.pruning import prune
 from identifiability.simulation import Noise
 from identifiability.verdict import Class
@@ -145,17 +145,14 @@ def test_when_everything_is_identifiable_nothing_is_pruned(simulated, tmp_path):
     assert again.absorption.removed == ()
 
 
-def test_a_robot_that_never_moves_keeps_at_most_what_gravity_shows(rps):
+def test_a_robot_that_never_moves_is_not_pruned(rps):
     n, rng = 80, np.random.default_rng(0)
     frame = {"t": np.arange(n) * 0.01}
     for j in rps.joints:
         frame |= {f"{j}.q": np.full(n, 0.7), f"{j}.dq": np.zeros(n), f"{j}.ddq": np.zeros(n)}
         frame[f"{j}.tau"] = 54 + rng.normal(size=n)
-    out = prune(rps, Log.from_frame(pd.DataFrame(frame)), replicates=10)
-    assert out.rungs[1].step.move.kind.value == "not excited"
-    assert "never makes" in out.rungs[1].reason
-    assert len(out.chosen) <= 3
-    assert not any(c.startswith("slider") for c in out.chosen.columns)
+    with pytest.raises(LogError, match="Nothing can be pruned, because the robot does not move"):
+        prune(rps, Log.from_frame(pd.DataFrame(frame)), replicates=10)
 
 
 def test_a_joint_that_never_moves_loses_its_friction_and_inertia(simulated):

@@ -50,9 +50,17 @@ def write_chain(path: Path, joints: Sequence[str]) -> Path:
 
 
 def chain_log(
-    robot: Robot, samples: int = 300, seed: int = 0, noise: float = 0.02, amplitude: float = 0.8
+    robot: Robot,
+    samples: int = 300,
+    seed: int = 0,
+    noise: float = 0.02,
+    amplitude: float = 0.8,
+    torque: float | None = None,
 ) -> pd.DataFrame:
-    """Return a log of sinusoids at other frequencies for every joint, torque by the model."""
+    """Return a log of sinusoids at other frequencies for every joint, torque by the model.
+
+    With `torque` that is all the torque there is.
+    """
     rng = np.random.default_rng(seed)
     t = np.linspace(0, 6, samples)
     n = len(robot.joints)
@@ -65,6 +73,8 @@ def chain_log(
     phi = np.array([robot.nominal[p.name] for p in model.parameters(robot)])
     tau = model.regressor(robot, complete_motion(robot, t, q, dq, ddq)) @ phi
     tau = tau + noise * tau.std() * rng.standard_normal(tau.shape)
+    if torque is not None:
+        tau = np.full_like(tau, torque)
     columns = {"t": t}
     for k, joint in enumerate(robot.joints):
         columns |= {

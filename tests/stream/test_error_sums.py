@@ -38,7 +38,12 @@ def test_errors_are_those_of_all_samples(case):
 
 def test_parts_of_logs_add_up(case):
     t, tau, predicted, log = case
-    layout = Layout.of([700, 260], np.array([tau[log == k].sum(0) for k in (0, 1)]), 20)
+    layout = Layout.of(
+        [700, 260],
+        np.array([tau[log == k].sum(0) for k in (0, 1)]),
+        20,
+        np.ones(tau.shape[1], bool),
+    )
     total = Tally(layout, 3)
     for k, start, stop in [(0, 0, 333), (0, 333, 334), (0, 334, 700), (1, 0, 259), (1, 259, 260)]:
         part, rows = Tally(layout, 3), np.flatnonzero(log == k)[start:stop]

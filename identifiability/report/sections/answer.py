@@ -62,7 +62,8 @@ def _feasible_tile(analysis: Analysis) -> Tile:
     if chosen.infeasible:
         return Tile("No", label, f"wrong sign: {join(chosen.infeasible, 3)}", "vermilion")
     if chosen.physical.certificate is None:
-        return Tile("Open", label, "the motion leaves some parameters undetermined")
+        why = "" if analysis.nothing else "the motion leaves some parameters undetermined"
+        return Tile("Open", label, why)
     near = f"the nearest real robot errs by {error_text(chosen.error_ra_physical)}"
     return Tile("Nearly", label, near, "amber")
 
@@ -81,8 +82,14 @@ def answer_terms(analysis: Analysis) -> Terms:
 
 def answer_notes(analysis: Analysis) -> Notes:
     """Return the caveats, gravest first."""
+    hints = [Note("warning", "Check the logs.", hint) for hint in analysis.hints]
+    if analysis.nothing:
+        why = f"{analysis.nothing[0].upper()}{analysis.nothing[1:]}; do not use the values."
+        hints.append(Note("warning", "Nothing is identifiable.", why))
+    if not np.isfinite(analysis.chosen.error_ra_validation):
+        return Notes((*hints, *_sample_notes(analysis)))
     notes = [
-        *(Note("warning", "Check the logs.", hint) for hint in analysis.hints),
+        *hints,
         *_physics_notes(analysis),
         *_excitation_notes(analysis),
         *_sample_notes(analysis),
@@ -198,16 +205,7 @@ def _judgement_notes(analysis: Analysis) -> list[Note]:
 def _validation_notes(analysis: Analysis) -> list[Note]:
     chosen = analysis.chosen
     notes = []
-    if not np.isfinite(chosen.error_ra_validation):
-        text = "The torque does not vary, so there is nothing to compare the error with."
-        notes.append(Note("warning", "No relative error.", text))
-    elif chosen.error_ra_validation >= 1:
-        text = (
-            "No model predicts unseen motion better than a constant torque would. The verdicts "
-            "below speak of the fitted motion alone; do not use the values."
-        )
-        notes.append(Note("warning", "The models do not predict.", text))
-    elif chosen.error_ra_validation > 1.5 * chosen.error_ra:
+    if not analysis.nothing and chosen.error_ra_validation > 1.5 * chosen.error_ra:
         text = (
             f"{error_text(chosen.error_ra_validation)} against {error_text(chosen.error_ra)} where "
             "it was fitted: the unseen motion asks for something that the model lacks, or the "

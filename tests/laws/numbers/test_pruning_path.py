@@ -178,7 +178,7 @@ def test_levels_of_the_same_size_are_merged_and_levels_that_differ_are_not():
     assert merged.refused == ()
     differ = walked([1.0, 3.0, 0.5, 1.5], plan)
     assert [r.move for r in differ.refused] == [PAIR]
-    assert "The data contradict it: the held-out error would rise by" in differ.refused[0].reason
+    assert "The data contradict it: the held-out squares would rise by" in differ.refused[0].reason
 
 
 #: States at which b moves far more than in the log: what the fits disagree on there goes with it.

@@ -1,0 +1,224 @@
+"""Logs with nothing to explain: every verb says so alike, in words, table, JSON and page."""
+
+import html
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import analyze, diagnose, prune
+from identifiability.calibration import calibrate
+from identifiability.cli import app
+from identifiability.errors import IdentifiabilityError, LogError
+from identifiability.export import export
+from identifiability.physical.pseudo_inertia import INERTIAL
+from identifiability.robot import Robot
+from identifiability.verdict import Class
+
+STILL = "the robot does not move in these logs"
+FLAT = "the measured torque never changes in these logs"
+WORSE = "no model predicts motion that it has not seen better than a constant torque would"
+DEAD = "The torque in 'elbow.tau' never changes"
+
+
+def spoil(frame, case):
+    """Return a log of the two-link arm about nothing, or about half of it."""
+    out = frame.copy()
+    tau = [c for c in frame if c.endswith(".tau")]
+    if case == "rest":
+        for c in frame.columns[1:]:
+            out[c] = {"q": 0.3, "tau": 5.0}.get(c.rpartition(".")[2], 0.0)
+    elif case == "rest, noisy torque":
+        rng = np.random.default_rng(0)
+        for c in frame.columns[1:]:
+            out[c] = 0.3 if c.endswith(".q") else 0.0
+        out[tau] = 5.0 + rng.standard_normal((len(frame), 2))
+    elif case == "constant":
+        out[tau] = [5.0, -2.0]
+    elif case == "noise":
+        out[tau] = np.random.default_rng(1).standard_normal((len(frame), 2))
+    elif case == "dead":
+        out["elbow.tau"] = 0.0
+    elif case == "stuck":
+        out["elbow.tau"] = 3.0
+    return out
+
+
+SILENT = {"rest": STILL, "rest, noisy torque": STILL, "constant": FLAT}
+NOTHING = {**SILENT, "noise": WORSE}
+
+
+@pytest.fixture
+def arm(simulated):
+    """A noisy log that is long enough to be diagnosed."""
+    frame = simulated("two-link", "a", samples=600).to_frame()
+    return lambda case: spoil(frame, case)
+
+
+def words(result, path) -> str:
+    """Return what a page says, without marks."""
+    text = result.write_report(path).read_text(encoding="utf-8")
+    text = re.sub(r"<(script|style)\b.*?</\1>", " ", text, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]+>", " ", text)))
+
+
+def check_words(text: str) -> None:
+    """No number that is none, and no percentage in powers of ten or beyond belief."""
+    for wrong in (
+        r"\bnan\b",
+        r"\binf\b",
+        r"e[+-]\d+ ± ?\S* ?%",
+        r"\d[eE][+-]?\d+ %",
+        r"(?<![\d.])\d{5,}(\.\d+)? %",
+    ):
+        found = re.search(f".{{0,60}}(?:{wrong}).{{0,20}}", text, flags=re.IGNORECASE)
+        assert found is None, found.group()
+
+
+def check_numbers(content) -> None:
+    """JSON holds numbers or null."""
+    text = json.dumps(content)
+    assert "NaN" not in text
+    assert "Infinity" not in text
+
+
+@pytest.mark.parametrize("case", NOTHING)
+def test_an_analysis_of_nothing_says_the_same_everywhere(case, arm, tmp_path):
+    why = NOTHING[case]
+    out = analyze("two-link", arm(case), replicates=20, posterior=case != "noise")
+    content = json.loads(out.to_json(tmp_path / "out.json").read_text(encoding="utf-8"))
+    page = words(out, tmp_path / "out.html")
+    assert out.statement.startswith(f"Nothing is identifiable, because {why}.")
+    assert content["statement"] == out.statement
+    assert content["nothing"] == out.nothing == why
+    assert out.statement in page
+    for m in out.models:
+        assert {v.verdict for v in m.verdicts} == {Class.NOT_IDENTIFIABLE}
+    assert set(out.to_frame()["verdict"]) == {"not identifiable"}
+    assert {m["identifiable"] for m in content["models"]} == {0}
+    rows = content["parameters"] + content["full_parameters"]
+    assert {r["verdict"] for r in rows} == {"not identifiable"}
+    assert {r["reason"] for r in rows} == {f"{why[0].upper()}{why[1:]}."}
+    check_words(page)
+    check_words(out.statement)
+    check_numbers(content)
+
+
+@pytest.mark.parametrize("case", SILENT)
+def test_where_there_is_nothing_to_explain_there_is_no_error_and_no_robot(case, arm):
+    out = analyze("two-link", arm(case), replicates=20)
+    for m in out.models:
+        assert np.isnan([m.error_ra, m.error_ra_validation, m.error_ra_physical]).all()
+        assert m.paper_identified == 0
+        assert m.possible == "open"
+        assert m.physical.parameters() == {}
+    assert np.isnan(out.held_out.constant_error())
+    assert np.isnan(out.held_out.joint_error()).all()
+
+
+@pytest.mark.parametrize("case", SILENT)
+@pytest.mark.parametrize(
+    ("done", "verb"), [("pruned", prune), ("diagnosed", diagnose), ("calibrated", None)]
+)
+def test_what_needs_a_signal_refuses_with_the_same_reason(case, done, verb, arm):
+    sentence = f"^Nothing can be {done}, because {SILENT[case]} "
+    if verb is None:
+        with pytest.raises(LogError, match=sentence):
+            calibrate(analyze("two-link", arm(case), replicates=0))
+        return
+    with pytest.raises(LogError, match=sentence):
+        verb("two-link", arm(case))
+
+
+@pytest.mark.parametrize("verb", [analyze, prune, diagnose])
+def test_a_log_that_is_held_out_must_have_something_to_explain(verb, arm):
+    with pytest.raises(LogError, match=f"^Nothing can be verified, because {STILL} "):
+        verb("two-link", arm(""), arm("rest"))
+
+
+@pytest.mark.parametrize("case", NOTHING)
+def test_a_result_about_nothing_is_not_exported(case, arm, tmp_path):
+    path = tmp_path / "out.json"
+    analyze("two-link", arm(case), replicates=20).to_json(path)
+    sentence = f"^Nothing can be exported, because {NOTHING[case]} "
+    with pytest.raises(IdentifiabilityError, match=sentence):
+        export(Robot.load("two-link"), path, tmp_path / "out.xml")
+
+
+@pytest.mark.parametrize("case", SILENT)
+def test_the_table_in_the_terminal_has_no_number_that_is_none(case, arm, tmp_path):
+    log = tmp_path / "log.csv"
+    arm(case).to_csv(log, index=False)
+    done = CliRunner().invoke(app, ["analyze", "two-link", str(log)])
+    assert done.exit_code == 0
+    check_words(done.output)
+    for row in ("full model", "symmetric"):
+        assert re.search(rf"{row}.*│ +0 │ +0 │ +– │ +– │ open", done.output), done.output
+
+
+def test_torque_without_relation_to_motion_prunes_to_nothing(arm, tmp_path):
+    out = prune("two-link", arm("noise"), replicates=10)
+    page, content = words(out, tmp_path / "out.html"), out.to_dict()
+    assert out.statement == f"Nothing is identifiable, because {WORSE}."
+    assert content["statement"] == out.statement
+    assert content["nothing"] == WORSE
+    assert out.statement in page
+    assert "0 of 13 parameters are worth using" in page
+    assert {m["identifiable"] for m in content["models"]} == {0}
+    rows = content["parameters"] + content["full_parameters"]
+    assert {r["verdict"] for r in rows} == {"not identifiable"}
+    check_words(page)
+    check_words(out.statement)
+
+
+@pytest.mark.parametrize("case", ["dead", "stuck"])
+def test_a_torque_that_never_changes_beside_others_that_do_is_said_everywhere(case, arm, tmp_path):
+    log = arm(case)
+    analysis = analyze("two-link", log, replicates=20)
+    results = [
+        analysis,
+        prune("two-link", log, replicates=10),
+        diagnose("two-link", log, quick=True, draws=40),
+        calibrate(analysis, trials=4, replicates=20, noise=(1.0,), rho=(0.0,)),
+    ]
+    for out in results:
+        content = out.to_dict()
+        page = words(out, tmp_path / "out.html")
+        assert any(h.startswith(DEAD) for h in content["hints"])
+        assert DEAD in out.statement
+        assert DEAD in page
+        check_words(out.statement)
+        check_words(page)
+        check_numbers(json.loads(out.to_json(tmp_path / "out.json").read_text(encoding="utf-8")))
+    assert np.isnan(analysis.fitted.joint_error()[1]).all()
+    assert np.isfinite(analysis.fitted.joint_error()[0]).all()
+
+
+def test_a_body_that_cannot_exist_is_said_and_no_error_is_made_up(arm, tmp_path):
+    robot = Robot.load("two-link")
+    mass = {f"link2.{k}": -robot.nominal[f"link2.{k}"] for k in INERTIAL}
+    robot = replace(robot, nominal=dict(robot.nominal) | mass)
+    said = "link2: mass -2.5 kg must be positive."
+    for out in (analyze(robot, arm("noisy"), replicates=20, posterior=True),
+                prune(robot, arm("noisy"), replicates=10)):  # fmt: skip
+        assert said in out.statement
+        assert any(said in h for h in out.to_dict()["hints"])
+        page = words(out, tmp_path / "out.html")
+        assert said in page
+        check_words(page)
+        check_words(out.statement)
+
+
+def test_families_that_the_model_has_leave_nothing_to_name(arm, tmp_path):
+    asked = ["viscous_friction", "coulomb_friction"]
+    out = diagnose("two-link", arm(""), effects=asked, quick=True, draws=40)
+    assert out.statement.startswith(
+        "Nothing was left to name: viscous_friction and coulomb_friction (the model has it already)"
+    )
+    assert "No effect can be named" not in out.statement
+    assert {r["family"] for r in out.to_dict()["not_applicable"]} == set(asked)
+    assert out.to_dict()["effects"] == []
+    assert "Nothing was left to name" in words(out, tmp_path / "out.html")
