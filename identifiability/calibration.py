@@ -7,13 +7,11 @@ values, noise has the size and the correlation of the residual, of any order at 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from html import escape
 from itertools import islice
-from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,7 +23,7 @@ from identifiability.diagnosis import FalseNames, measure_false_names
 from identifiability.engines.local import Engine, Serial
 from identifiability.errors import LogError
 from identifiability.model import Model, Regression
-from identifiability.options import Expected, Positive, Replicates, Seed, at_least, checked
+from identifiability.options import Correlations, Levels, Replicates, Seed, at_least, checked
 from identifiability.outcome import Cell, count_outcomes
 from identifiability.output import write_json
 from identifiability.ranks import RankCheck, check_ranks
@@ -39,19 +37,6 @@ SCHEMA = "identifiability/calibration/1"
 
 #: How many times more repetitions the first cell has, by which single parameters are judged.
 FIRST = 4
-
-
-Levels = Annotated[
-    Sequence[Positive],
-    Expected("a list of numbers above 0", lambda levels: len(levels) > 0),
-]
-Correlations = Annotated[
-    Sequence[Any],
-    Expected(
-        "a list of numbers above -1 and below 1, or NaN for noise like the residual",
-        lambda values: len(values) > 0 and all(_is_correlation(r) for r in values),
-    ),
-]
 
 
 @dataclass(frozen=True)
@@ -194,7 +179,7 @@ class Calibration:
 
 @checked
 def calibrate(
-    analysis: Annotated[Analysis, Expected("the result of analyze")],
+    analysis: Analysis,
     *,
     model: str | None = None,
     noise: Levels = (1.0, 0.3, 3.0),
@@ -306,10 +291,6 @@ def _regression(analysis: Analysis) -> Regression:
     return Regression(
         analysis.robot, Model.of(*analysis.effects), analysis.samples, analysis.base.kept
     )
-
-
-def _is_correlation(r: Any) -> bool:
-    return isinstance(r, Real) and (math.isnan(r) or abs(float(r)) < 1)
 
 
 def _noise_words(cell: Cell) -> str:

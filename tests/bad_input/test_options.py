@@ -83,12 +83,13 @@ OF_LOGS = {
     if name in ("robot", "logs", "validate", "seed", "preparation", "progress")
 }
 CALIBRATE = {
-    "analysis": ({"analysis": 3}, "analysis must be the result of analyze, not 3"),
+    "analysis": ({"analysis": 3}, "analysis must be an Analysis, not 3"),
     "rho": (
         {"rho": 1},
         "rho must be a list of numbers above -1 and below 1, or NaN for",
     ),
     "rho of one": ({"rho": (1,)}, "rho must be a list of numbers above -1 and below 1"),
+    "rho in words": ({"rho": ("high",)}, "rho must be a list of numbers above -1 and below 1"),
     "noise": ({"noise": "paper"}, "noise must be a list of numbers above 0, not 'paper'"),
     "no noise": ({"noise": ()}, "noise must be a list of numbers above 0, not ()"),
     "trials": ({"trials": 0}, "trials must be a whole number of at least 2, not 0"),
