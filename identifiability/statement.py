@@ -139,10 +139,9 @@ def state_provenance(
     out["seed"] = str(seed)
     out["solver"] = _solver_settings()
     out.update({name: str(value) for name, value in (options or {}).items()})
-    out["robot"] = str(robot.path)
     out[f"sha256 {robot.path.name}"] = robot.sha256
     if robot.sidecar is not None:
-        out["sidecar"] = str(robot.sidecar)
+        out["sidecar"] = robot.sidecar.name
         out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
     if source is not None:
         out["ladder"] = source.origin

@@ -106,7 +106,7 @@ class LadderSource:
     ----------
     entry : LadderEntry
     origin : str
-        The path of its file, or what it is.
+        The name of its file (reports tell no paths of a machine), or what it is.
     sha256 : str
         Hash of the file, or of its content where there is none.
     """
@@ -135,7 +135,9 @@ def find_ladder(
     found = ladder_path(robot) if ladder is None and beside else ladder
     if isinstance(found, (str, Path)):
         entry = read_ladder(found)
-        return LadderSource(entry, str(found), hashlib.sha256(Path(found).read_bytes()).hexdigest())
+        return LadderSource(
+            entry, Path(found).name, hashlib.sha256(Path(found).read_bytes()).hexdigest()
+        )
     if found is None:
         entry, origin = default_ladder(robot), "default"
     elif isinstance(found, LadderEntry):
