@@ -15,7 +15,7 @@ from identifiability.feasibility import PhysicalResult
 from identifiability.information import Information
 from identifiability.ladder import Rung
 from identifiability.names import Array
-from identifiability.physical.mass import total_mass
+from identifiability.physical.mass import real_robot_dict
 from identifiability.robot import Robot
 from identifiability.uncertainty import Uncertainty, assess_uncertainty, recurrence
 from identifiability.verdict import Class, Evidence, Thresholds, Verdict, judge, withdraw
@@ -208,26 +208,11 @@ def assess_ladder(
 
 
 def physical_dict(robot: Robot, result: RungResult, shapes: Mapping[str, float]) -> dict[str, Any]:
-    """Return the nearest real robot of a model as plain values, as `export` reads them.
-
-    Parameters
-    ----------
-    robot : Robot
-    result : RungResult
-    shapes : mapping
-        Of the model's effects, by ``<joint>.<effect>``.
-    """
-    found = result.physical.parameters()
-    return {
-        "error_ra": result.error_ra_real,
-        "error_ra_file": result.error_ra_file,
-        "file": "mjcf" if robot.mjcf else "urdf",
-        "mass": total_mass(robot, found) if found else None,
-        "mass_file": total_mass(robot, robot.nominal),
-        "cad_prior": result.physical.cad_weight,
-        "shapes": dict(shapes),
-        "parameters": found,
-    }
+    """Return the nearest real robot of a model as plain values, as `export` reads them."""
+    return real_robot_dict(
+        robot, result.physical.parameters(), (result.error_ra_real, result.error_ra_file), shapes,
+        result.physical.cad_weight,
+    )  # fmt: skip
 
 
 def column_rms(information: Information) -> Array:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from identifiability.documents import read_document
@@ -13,7 +14,9 @@ from identifiability.effects import EFFECTS, FAMILIES
 from identifiability.effects.nominal import LOADED, reference_values
 from identifiability.errors import IdentifiabilityError, listing, near_match
 from identifiability.physical.mass import state_mass
+from identifiability.physical.pseudo_inertia import INERTIAL, check_body
 from identifiability.robot import Robot
+from identifiability.robot.holding import complete_values
 from identifiability.robot.write import write_robot
 
 
@@ -35,6 +38,9 @@ class PhysicalEntry(_Entry):
     error_ra: float | None
     error_ra_file: float | None
     cad_prior: float = 0.0
+    certificate: str = ""
+    sentence: str = ""
+    reason: str = ""
 
 
 class Result(_Entry):
@@ -140,10 +146,20 @@ def _check(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
                 "result was made with."
             )
     if not given:
-        raise IdentifiabilityError(f"{path} holds no physical parameters to export.")
+        entry = content.physical
+        why = entry.reason or entry.certificate or entry.sentence
+        raise IdentifiabilityError(f"{path} holds no real robot to export. {why}".rstrip())
     missing = [body for body in robot.bodies if f"{body}.m" not in given]
     if missing:
         raise IdentifiabilityError(
             f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
             "make a result whose model has the effect rigid_body."
         )
+    whole = complete_values(robot, given, keep=False)
+    for body in robot.bodies:
+        check = check_body(np.array([whole[f"{body}.{kind}"] for kind in INERTIAL]), body)
+        if not check.feasible:
+            raise IdentifiabilityError(
+                f"{path}: {check.reason} It was found with the other values kept: make the result "
+                "without --fixed."
+            )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -114,6 +115,13 @@ class Diagnosis:
         """Effects of the model that was diagnosed."""
         return self.model.effects[: len(self.base)]
 
+    @cached_property
+    def physical(self) -> dict[str, Any]:
+        """The real robot nearest to the data with the named effects, as `export` reads it."""
+        from identifiability.diagnosis.nearest import nearest_dict  # noqa: PLC0415 - reads results
+
+        return nearest_dict(self)
+
     @property
     def statement(self) -> str:
         """The answer in plain words."""
@@ -180,6 +188,7 @@ class Diagnosis:
                 "fitted": [s.name for s in self.samples], "chosen": self.chosen_by,
                 "verified": self.verified_on, "verified_logs": [s.name for s in self.validation],
             },
+            "physical": self.physical,
             "real_robot": {"error_ra_before": self.real_before, "error_ra_after": self.real_after},
             "forward": None if self.forward is None else self.forward.to_dict(),
             "unexplained": {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,40 @@ def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
     """Return the mass of all moving bodies with their payloads [kg]."""
     kinds = ("m", "payload_m")
     return float(sum(parameters.get(f"{b}.{kind}", 0.0) for b in robot.bodies for kind in kinds))
+
+
+def real_robot_dict(
+    robot: Robot,
+    parameters: Mapping[str, float],
+    errors: tuple[float, float],
+    shapes: Mapping[str, float],
+    cad_weight: float = 0.0,
+) -> dict[str, Any]:
+    """Return a real robot as plain values, as `export` reads them.
+
+    Parameters
+    ----------
+    robot : Robot
+        Whose file it is written to.
+    parameters : mapping
+        Standard parameters by name; empty where no real robot was found.
+    errors : (float, float)
+        ε_RA on the fitted logs, of all parameters and of what a robot file holds of them.
+    shapes : mapping
+        Of the model's effects, by ``<joint>.<effect>``.
+    cad_weight : float
+        Of the prior that it was found with.
+    """
+    return {
+        "error_ra": errors[0],
+        "error_ra_file": errors[1],
+        "file": "mjcf" if robot.mjcf else "urdf",
+        "mass": total_mass(robot, parameters) if parameters else None,
+        "mass_file": total_mass(robot, robot.nominal),
+        "cad_prior": cad_weight,
+        "shapes": dict(shapes),
+        "parameters": dict(parameters),
+    }
 
 
 def _can_pull(robot: Robot) -> bool:

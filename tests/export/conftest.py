@@ -16,7 +16,7 @@ from identifiability.effects import EFFECTS
 from identifiability.export import export
 from identifiability.model import Regression
 from identifiability.robot import Robot
-from identifiability.samples import prepare_samples
+from identifiability.samples import Samples, prepare_samples
 
 
 def error_ra(tau, predicted):
@@ -95,7 +95,7 @@ def replay(robot: Robot, result, log, folder: Path) -> Replayed:
     path = result.to_json(folder / "result.json")
     exported = export(robot, path, folder / f"fitted{robot.path.suffix}")
     copy = Robot.load(exported.robot)
-    samples = prepare_samples(copy, log)
+    samples = log if isinstance(log, Samples) else prepare_samples(copy, log)
     alone: dict = {}
     for piece in samples.pieces(4096):
         alone.setdefault("tau", []).append(piece.down(piece.tau))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.analysis import Analysis
+from identifiability.physical.mass import state_mass
 from identifiability.report.blocks import Block, Fold, Gallery, Picture, Prose, Section
 from identifiability.report.figures import draw_errors, draw_pulls
 from identifiability.report.sections.facts import error_text, model_title, percents, stated_text
@@ -16,8 +17,9 @@ def section_physics(analysis: Analysis) -> Section:
     chosen = analysis.chosen
     lead = (
         "A real robot has bodies whose mass and inertia some distribution of mass can produce, and "
-        f"friction that brakes. {chosen.physical.sentence}"
-    )
+        f"friction that brakes. {chosen.physical.sentence} "
+        f"{state_mass(analysis.robot, chosen.physical.parameters(), chosen.physical.cad_weight)}"
+    ).rstrip()
     blocks: tuple[Block, ...] = (nearest_fold(analysis),)
     if not chosen.feasible:
         blocks = (Gallery((nearest_picture(analysis), cost_picture(analysis))), *blocks)

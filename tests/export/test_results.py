@@ -1,0 +1,68 @@
+"""Results of every verb are exported, or refused with one sentence that can be followed."""
+
+import json
+
+import numpy as np
+import pytest
+
+from identifiability import Robot, analyze, diagnose, simulate
+from identifiability.errors import IdentifiabilityError
+from identifiability.export import export
+from identifiability.ladder import LadderEntry, RungEntry
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+
+QUIET = Noise(torque=0.02)
+
+
+def make_log(name, trajectory, hide, seed=0):
+    robot = Robot.load(name)
+    motion = PrescribedMotion.of(shipped_trajectory(robot, trajectory), 400)
+    return simulate(robot, motion, noise=QUIET, hide=hide, rng=np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_a_diagnosis_is_exported_with_what_it_named(fixed, replayed, tmp_path):
+    hide = ["stribeck_friction@elbow=0.3"]
+    logs = [make_log("two-link", trajectory, hide, k) for k, trajectory in enumerate("ab")]
+    found = diagnose(
+        "two-link", logs[0], logs[1], effects=["stribeck_friction"], fixed=fixed, quick=True,
+        forward=False,
+    )  # fmt: skip
+    assert "elbow" in found.effects[0].joints
+    again = replayed(found.robot, found, found.samples[0], tmp_path)
+    assert again.stated["error_ra"] < 0.9 * again.stated["error_ra_file"]
+    assert again.mujoco == pytest.approx(again.stated["error_ra_file"], rel=1e-9)
+    assert again.whole == pytest.approx(again.stated["error_ra"], rel=1e-9)
+    assert again.robot.shapes["elbow.stribeck_friction"] > 0
+
+
+def test_a_model_without_bodies_is_refused_and_the_advice_works(tmp_path):
+    log = make_log("two-link", "a", [])
+    for effects, works in ((["viscous_friction"], False), (["rigid_body"], True)):
+        entry = LadderEntry(models=[RungEntry(name="m", effects=effects)])
+        result = analyze("two-link", log, ladder=entry, replicates=0)
+        path = result.to_json(tmp_path / "result.json")
+        if works:
+            export(result.robot, path, tmp_path / "x.xml")
+            continue
+        with pytest.raises(IdentifiabilityError, match=r"no mass of link1, link2.*rigid_body"):
+            export(result.robot, path, tmp_path / "x.xml")
+
+
+def test_a_body_that_cannot_exist_is_refused(tmp_path):
+    result = analyze("two-link", make_log("two-link", "a", []), replicates=0)
+    path = result.to_json(tmp_path / "result.json")
+    content = json.loads(path.read_text())
+    content["physical"]["parameters"]["link2.Ixx"] = 99.0
+    path.write_text(json.dumps(content))
+    with pytest.raises(IdentifiabilityError, match=r"link2: .*triangle.*without --fixed"):
+        export(result.robot, path, tmp_path / "x.xml")
+    assert not (tmp_path / "x.xml").exists()
+
+
+def test_a_result_without_a_real_robot_says_why(tmp_path):
+    path = tmp_path / "result.json"
+    physical = {"parameters": {}, "error_ra": None, "error_ra_file": None, "reason": "So it is."}
+    path.write_text(json.dumps({"robot": {"name": "two-link"}, "physical": physical}))
+    with pytest.raises(IdentifiabilityError, match=r"no real robot to export\. So it is\."):
+        export(Robot.load("two-link"), path, tmp_path / "x.xml")
