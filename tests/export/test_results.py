@@ -8,7 +8,6 @@ import pytest
 from identifiability import Robot, analyze, diagnose, simulate
 from identifiability.errors import IdentifiabilityError
 from identifiability.export import export
-from identifiability.ladder import LadderEntry, RungEntry
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 
 QUIET = Noise(torque=0.02)
@@ -37,16 +36,16 @@ def test_a_diagnosis_is_exported_with_what_it_named(fixed, replayed, tmp_path):
 
 
 def test_a_model_without_bodies_is_refused_and_the_advice_works(tmp_path):
-    log = make_log("two-link", "a", [])
-    for effects, works in ((["viscous_friction"], False), (["rigid_body"], True)):
-        entry = LadderEntry(models=[RungEntry(name="m", effects=effects)])
-        result = analyze("two-link", log, ladder=entry, replicates=0)
-        path = result.to_json(tmp_path / "result.json")
-        if works:
-            export(result.robot, path, tmp_path / "x.xml")
-            continue
-        with pytest.raises(IdentifiabilityError, match=r"no mass of link1, link2.*rigid_body"):
-            export(result.robot, path, tmp_path / "x.xml")
+    result = analyze("two-link", make_log("two-link", "a", []), replicates=0)
+    path = result.to_json(tmp_path / "result.json")
+    export(result.robot, path, tmp_path / "with.xml")
+    content = json.loads(path.read_text())
+    named = content["physical"]["parameters"]
+    joints = {n: v for n, v in named.items() if n.partition(".")[0] in result.robot.joints}
+    content["physical"]["parameters"] = joints
+    path.write_text(json.dumps(content))
+    with pytest.raises(IdentifiabilityError, match=r"no mass of link1, link2.*rigid_body"):
+        export(result.robot, path, tmp_path / "x.xml")
 
 
 def test_a_body_that_cannot_exist_is_refused(tmp_path):
