@@ -176,7 +176,7 @@ def test_torque_that_does_not_vary_has_no_relative_error():
 def test_sums_of_parts_are_those_of_the_whole():
     rng = np.random.default_rng(3)
     tau, predicted = rng.normal(size=(90, 2)), rng.normal(size=(90, 2, 3))
-    layout = Layout.of([60, 30], np.array([tau[:60].sum(0), tau[60:].sum(0)]), 20)
+    layout = Layout.of([60, 30], np.array([tau[:60].sum(0), tau[60:].sum(0)]), 20, np.ones(2, bool))
     whole, parts = Tally(layout, 3), Tally(layout, 3)
     whole.add(0, 0, tau[:60], predicted[:60])
     whole.add(1, 0, tau[60:], predicted[60:])
@@ -187,6 +187,19 @@ def test_sums_of_parts_are_those_of_the_whole():
         parts.merge(one.sums())
     for name, value in vars(whole.sums()).items():
         np.testing.assert_allclose(getattr(parts.sums(), name), value, rtol=1e-12)
+
+
+def test_a_joint_whose_torque_never_changes_has_nothing_to_explain_of_its_own():
+    rng = np.random.default_rng(3)
+    tau = np.column_stack([rng.normal(size=200), np.full(200, 4.0)])
+    predicted = tau[:, :, None] + 0.1
+    found = prediction(tau, predicted, (200,))
+    assert np.isfinite(found.joint_error()[0]).all()
+    assert np.isnan(found.joint_error()[1]).all()
+    own = np.abs(tau[:, 0] - tau[:, 0].mean()).sum()
+    whole = np.abs(tau - tau.mean()).sum()
+    assert found.constant_error() == pytest.approx(own / whole)
+    np.testing.assert_allclose(found.relative_error(), 0.1 * 400 / whole)
 
 
 # Folds and turns
@@ -231,7 +244,15 @@ class Rows:
         edges = np.cumsum([0, *logs])
         self.spans = list(itertools.pairwise(edges))
         self.samples = [
-            SimpleNamespace(survey=SimpleNamespace(outputs=b - a, torque=tau[a:b].sum(0)))
+            SimpleNamespace(
+                survey=SimpleNamespace(
+                    outputs=b - a,
+                    torque=tau[a:b].sum(0),
+                    low=np.full((3, 2), -1.0),
+                    high=np.ones((3, 2)),
+                    torque_range=(tau[a:b].min(0), tau[a:b].max(0)),
+                )
+            )
             for a, b in self.spans
         ]
 

@@ -1,10 +1,13 @@
 """The answer in words follows the counts and errors."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
+import numpy as np
+import pytest
+
 from identifiability.physical.pseudo_inertia import INERTIAL
-from identifiability.statement import state_answer, state_physics
+from identifiability.statement import doubt, state_answer, state_physics
 from identifiability.verdict import Class
 
 
@@ -40,6 +43,11 @@ class Judged:
             parameters=lambda: {"arm.m": self.weighs},
         )  # fmt: skip
 
+    withdrawn: str = ""
+
+    def withdraw(self, why):
+        return replace(self, withdrawn=why)
+
     def count(self, kind):
         return self.identifiable if kind is Class.IDENTIFIABLE else 0
 
@@ -54,12 +62,9 @@ ROBOT = SimpleNamespace(
 BASE = SimpleNamespace(parameters=range(40), rank=12)
 
 
-def said(full=None, chosen=None, *, constant=0.9, moves=True):
-    held_out = SimpleNamespace(constant_error=lambda: constant)
-    full = full or Judged("full", 2, 12, kept=12)
-    chosen = chosen or Judged()
-    physics = state_physics(ROBOT, chosen)
-    return state_answer(BASE, full, chosen, held_out, physics, moves=moves)
+def said(full=None, chosen=None, nothing=""):
+    full, chosen = full or Judged("full", 2, 12, kept=12), chosen or Judged()
+    return state_answer(BASE, full, chosen, state_physics(ROBOT, chosen), nothing)
 
 
 def test_the_answer_counts_what_is_determined_and_names_the_model_to_use():
@@ -73,20 +78,52 @@ def test_the_answer_counts_what_is_determined_and_names_the_model_to_use():
 
 
 def test_nothing_is_identifiable_for_a_reason():
-    def why(*args, **options):
-        text = said(*args, **options)
+    def why(*args):
+        text = said(*args)
         assert text.startswith("Nothing is identifiable, because ")
         assert "The robot has 40 parameters, 12 of them independent in principle." in text
         return text
 
-    none = Judged(identifiable=0)
-    assert "the robot does not move in these logs" in why(moves=False)
-    for constant in (0.1, 0.05, float("nan")):
-        assert "better than a constant torque would" in why(constant=constant)
-    hidden = Judged("full", 0, 12, kept=12)
+    assert "because all is quiet." in why(None, None, "all is quiet")
+    none, hidden = Judged(identifiable=0), Judged("full", 0, 12, kept=12)
     assert "the residual hides every parameter" in why(hidden, none)
     poor = Judged("full", 0, 12, kept=7)
     assert "the motion excites only 7 independent combinations" in why(poor, none)
+
+
+def log(*, moves=True, varies=True):
+    """Return what a survey says of a log of two joints."""
+    return SimpleNamespace(
+        survey=SimpleNamespace(
+            low=np.zeros((3, 2)), high=np.full((3, 2), 1.0 * moves),
+            torque_range=(np.array([0.0, 3.0]), np.array([1.0 * varies, 3.0])),
+        )
+    )  # fmt: skip
+
+
+def doubted(error, constant, *logs):
+    models = (Judged(error_ra_validation=error), Judged(error_ra_validation=0.01))
+    held_out = SimpleNamespace(constant_error=lambda: constant)
+    results, why = doubt(logs or (log(),), models, 0, held_out)
+    assert [r.withdrawn for r in results] == [why, why]
+    return why
+
+
+@pytest.mark.parametrize(
+    ("error", "constant", "worse"),
+    [(0.1, 0.11, False), (0.1, 0.1, True), (0.1, 0.05, True), (0.1, np.nan, True),
+     (np.nan, 0.1, True)],
+)  # fmt: skip
+def test_the_selected_model_must_be_better_than_a_constant_torque(error, constant, worse):
+    assert ("better than a constant torque would" in doubted(error, constant)) == worse
+    assert (doubted(error, constant) == "") == (not worse)
+
+
+def test_logs_in_which_nothing_happens_are_doubted_whatever_the_error():
+    still, flat = log(moves=False), log(varies=False)
+    assert doubted(0.1, 0.9, still, still) == "the robot does not move in these logs"
+    assert doubted(0.1, 0.9, flat) == "the measured torque never changes in these logs"
+    assert doubted(0.1, 0.9, still, log()) == ""
 
 
 def test_some_identifiable_parameter_of_either_model_is_something():
