@@ -8,7 +8,8 @@ from scipy import stats
 
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
-from identifiability.posterior.calibration import Calibration
+from identifiability.posterior.calibration import Calibration, calibrate_posterior
+from identifiability.posterior.exact import ExactSampler
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
 from identifiability.ranks import LEVEL, RankCheck
@@ -150,3 +151,20 @@ def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual()
         direct = np.sum((R @ phi - one) ** 2) + k
         eta = np.repeat(target.to_eta(phi)[None], 5, axis=0)
         assert found.rss(eta)[k] == pytest.approx(direct)
+
+
+def test_ranks_are_uniform_however_slowly_the_chain_forgets(monkeypatch):
+    """A walk without any end: the first of its values would be its smallest or largest one.
+
+    The true value has a random place of its chain instead, forwards and backwards.
+    """
+    monkeypatch.setattr(
+        ExactSampler, "step", lambda self, eta, rng: eta + rng.standard_normal(eta.shape)
+    )
+    region = PhysicalSet(np.empty((0, 10), int), np.zeros(2, bool), columns=("a", "b"))
+    data = LeastSquares(np.eye(2), np.zeros(2), 50.0, 50.0)
+    target = Target(data, Prior(np.zeros(2), np.ones(2)), region)
+    found = calibrate_posterior(target, np.zeros(2), np.random.default_rng(0), replicates=2000)
+    assert found.ranks.min() == 0
+    assert found.ranks.max() == 31
+    assert (found.p_values(8) > 1e-3).all()

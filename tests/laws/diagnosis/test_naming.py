@@ -289,6 +289,28 @@ def test_what_errs_least_as_a_real_robot_is_kept_and_not_what_came_after(world, 
     assert found.steps[1].gain > 0.05
 
 
+def test_a_gain_that_a_real_robot_does_not_have_takes_a_special_name_away(world, candidate):
+    class Possible(HeldOut):
+        """As a real robot no effect changes any error; the search goes by plain fits."""
+
+        def error(self, chosen, *, real=False):
+            return float(np.mean(super().errors(chosen)))
+
+        def errors(self, chosen, *, real=False):
+            found = super().errors(chosen)
+            return np.ones_like(found) if real else found
+
+    e = world.basis
+    options = [candidate("a", "j", 0), candidate("b", "j", 1, basic=True)]
+    rows = world.make(quiet(world, 60.0, 40.0), [e[:, 0], e[:, 1]])
+    held = Possible(train=rows, choosing=replace(rows), real=object())
+    found = name_effects(world.bench(rows, 99), options, held, Rules())
+    assert named(found) == [("b", "j")]
+    reasons = {s.best[0]: s.reason for s in found.steps if s.p_value <= 0.05}
+    assert reasons["a"] == "its gain vanishes once bodies must be possible"
+    assert reasons["b"] == "named"
+
+
 def test_a_search_that_no_longer_errs_less_ends_after_its_patience(world, candidate):
     @dataclass(frozen=True)
     class Flat(HeldOut):

@@ -193,10 +193,20 @@ def test_noise_offsets_and_gaps_do_not_contradict():
     assert remarks(q=1e-3 * rng.standard_normal(q.shape), ddq=None) == []  # no motion to compare
     assert remarks(q=np.ones_like(q), dq=np.zeros_like(q), ddq=np.zeros_like(q)) == []
     log = log_of(T)
-    holes = np.r_[0:700, 900:1500]  # 2 s are missing: 200 steps
-    cut = Log("log", log.joints, log.t[holes], log.q[holes] + 5.0 * (holes > 800)[:, None],
-              log.tau[holes], log.dq[holes], log.ddq[holes], "")  # fmt: skip
-    assert find_contradictions(cut) == []
+    for holes in (np.r_[0:700, 900:1500], np.r_[0:700, 703:1500]):  # 200 steps, and 4
+        cut = Log("log", log.joints, log.t[holes], log.q[holes] + 5.0 * (holes > 701)[:, None],
+                  log.tau[holes], log.dq[holes], log.ddq[holes], "")  # fmt: skip
+        assert find_contradictions(cut) == []
+
+
+@pytest.mark.parametrize(("size", "compared"), [(3.5, False), (5.0, True)])
+def test_motion_is_compared_where_it_stands_out_four_times_from_single_samples(size, compared):
+    """The rms of the motion in units of the white noise of its samples."""
+    q, dq, _ = wave(T)
+    rng = np.random.default_rng(0)
+    noisy = q * np.sqrt(2) * size * 1e-3 + 1e-3 * rng.standard_normal(q.shape)
+    turned = -1e-3 * size * np.sqrt(2) * dq  # of the wrong sign
+    assert remarks(q=noisy, dq=turned, ddq=None) == ["shoulder.dq", "elbow.dq"] * compared
 
 
 def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
