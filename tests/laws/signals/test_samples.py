@@ -12,7 +12,7 @@ from identifiability.robot import Robot, complete_motion
 from identifiability.samples import Preparation, Samples, prepare_samples
 from identifiability.samples.contradictions import find_contradictions
 from identifiability.samples.rests import RestRule, choose_rest_rule
-from identifiability.samples.survey import Survey
+from identifiability.samples.survey import Survey, explain_silence, find_signal
 from identifiability.signals import Decimation
 from identifiability.units import check_units
 
@@ -145,14 +145,18 @@ def test_the_survey_of_two_parts_is_that_of_both(two):
     m = complete_motion(two, 0.01 * np.arange(50), *wave(0.01 * np.arange(50)))
     m = replace(m, dropped=np.array([3, 4, 5, 6, 7, 8, 30]), near_singular=np.array([9, 40]),
                 condition=7.0)  # fmt: skip
-    torque = np.array([1.0, 2.0])
-    whole = Survey.of(m, None, 50, torque)
-    parts = [Survey.of(m, own, n, torque / 2) for own, n in (((0, 20), 20), ((20, 50), 30))]
+    torque, span = np.array([1.0, 2.0]), np.array([[-1.0, 3.0], [4.0, 3.0]])
+    whole = Survey.of(m, None, 50, torque, span)
+    halves = np.array([[[0.0, 3.0], [4.0, 3.0]], [[-1.0, 3.0], [2.0, 3.0]]])
+    parts = [
+        Survey.of(m, own, n, torque / 2, half)
+        for own, n, half in (((0, 20), 20, halves[0]), ((20, 50), 30, halves[1]))
+    ]
     both = parts[0] + parts[1]
     for name in ("kept", "outputs", "dropped", "first_dropped", "singular", "first_singular",
                  "condition", "start", "stop"):  # fmt: skip
         assert getattr(both, name) == getattr(whole, name), name
-    for name in ("low", "high", "torque"):
+    for name in ("low", "high", "torque", "torque_range"):
         np.testing.assert_array_equal(getattr(both, name), getattr(whole, name))
     assert (whole.dropped, whole.first_dropped) == (7, (3, 4, 5, 6, 7))
     notes = whole.notes(60)
@@ -160,9 +164,17 @@ def test_the_survey_of_two_parts_is_that_of_both(two):
     assert "data rows 4, 5, 6, 7, 8 …" in notes[0]
     assert "first in data row 10" in notes[1]
     assert notes[2].startswith("3 of 60 samples were left out")
-    assert whole.moves
+    # The first joint's torque changes, the second one's does not; no torque matters at rest.
+    assert find_signal([whole]).tolist() == [True, False]
+    assert find_signal([parts[0], parts[1]]).tolist() == [True, False]
+    assert explain_silence([whole]) == ""
     still = replace(whole, high=whole.low + 1e-10)
-    assert not still.moves
+    assert not find_signal([still]).any()
+    assert "does not move" in explain_silence([still])
+    elsewhere = replace(still, low=still.low + 0.1, high=still.high + 0.1)
+    assert find_signal([still, elsewhere]).tolist() == [True, False]  # at rest at two places
+    constant = replace(whole, torque_range=np.array([[-1.0, 3.0], [-1.0, 3.0]]))
+    assert "torque never changes" in explain_silence([constant])
 
 
 # --- contradictions and units -----------------------------------------------------------------
