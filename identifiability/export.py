@@ -118,7 +118,8 @@ def export(robot: Robot, result: str | Path, out: str | Path) -> Exported:
             "other logs."
         )
     physical = content.physical
-    effect_of = {p.name: e.name for e in EFFECTS.values() for p in e.parameters(robot)}
+    effects = reversed(EFFECTS.values())  # of two with the same parameter the first has it
+    effect_of = {p.name: e.name for e in effects for p in e.parameters(robot)}
     _check(robot, Path(result), content, {*effect_of, *robot.nominal})
     loaded = any(physical.parameters[n] and effect_of.get(n) in LOADED for n in physical.parameters)
     written = write_robot(
@@ -127,6 +128,8 @@ def export(robot: Robot, result: str | Path, out: str | Path) -> Exported:
     )  # fmt: skip
     beside: dict[str, list[str]] = {}
     for name in written.beside:
+        if name not in effect_of and name[:-1] in written.beside:
+            continue  # one way of a level that both have
         title = FAMILIES[effect_of[name]].title if name in effect_of else name
         beside.setdefault(title, []).append(name)
     return Exported(

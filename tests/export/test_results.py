@@ -65,3 +65,19 @@ def test_a_result_without_a_real_robot_says_why(tmp_path):
     path.write_text(json.dumps({"robot": {"name": "two-link"}, "physical": physical}))
     with pytest.raises(IdentifiabilityError, match=r"no real robot to export\. So it is\."):
         export(Robot.load("two-link"), path, tmp_path / "x.xml")
+
+
+def test_friction_of_a_motor_that_mixes_joints_is_named_once(tmp_path):
+    shipped = Robot.load("two-link")
+    mixed = tmp_path / "mixed.xml"
+    mixed.write_text(shipped.path.read_text())
+    motors = '[transmission]\nmotors = ["m1", "m2"]\ncoupling = [[1, 0], [1, 1]]\n'
+    mixed.with_suffix(".toml").write_text(motors)
+    robot = Robot.load(mixed)
+    values = {**robot.nominal, "m2.Fc": 0.4}
+    physical = {"parameters": values, "error_ra": 0.1, "error_ra_file": 0.2}
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps({"robot": {"name": "mixed"}, "physical": physical}))
+    exported = export(robot, path, tmp_path / "fitted.xml")
+    assert exported.beside == {"Coulomb friction": ("m2.Fc",)}
+    assert Robot.load(tmp_path / "fitted.xml").nominal["m2.Fc+"] == 0.4
