@@ -12,7 +12,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo paper test lowest lint format bench docs mutants processors check-all clean
+.PHONY: demo paper test lowest lint golden format bench docs mutants processors check-all clean
 
 demo: $(VENV)/run
 	$(BIN)/identifiability demo
@@ -37,6 +37,10 @@ lowest: .venv-lowest/run
 
 bench: $(VENV)/dev
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only --benchmark-columns=min,median,rounds $(PYTEST)
+
+# Whether today's results are those kept in tests/golden, to the last bit; GOLDEN=write makes them anew.
+golden: $(VENV)/dev
+	$(BIN)/python tests/golden/results.py $(or $(GOLDEN),check --exact)
 
 lint: $(VENV)/dev
 	$(BIN)/ruff format --check .
