@@ -69,7 +69,7 @@ def make(robot: Robot, verb: str, seed: int) -> dict[str, Any]:
     posterior = verb == "analyze" and robot.name in QUICK
     result = analyze(robot, logs[0], logs[1], replicates=200, posterior=posterior, seed=seed)
     if verb == "calibrate":
-        from identifiability.calibration import calibrate  # noqa: PLC0415
+        from identifiability.calibration import calibrate
 
         return json_of(calibrate(result, trials=4, replicates=50, seed=seed))
     return json_of(result)
