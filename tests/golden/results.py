@@ -62,7 +62,7 @@ def make(robot: Robot, verb: str, seed: int) -> dict[str, Any]:
         found = diagnose(robot, logs[:1], logs[1:], seed=seed, quick=True)
         return json_of(found)
     if verb == "excite":
-        return json_of(excite(robot, iterations=3, samples=200, seed=seed))
+        return json_of(excite(robot, evaluations=200, samples=200, seed=seed))
     logs = logs_of(robot, seed)
     if verb == "prune":
         return json_of(prune(robot, logs[0], logs[1], replicates=20, seed=seed))
