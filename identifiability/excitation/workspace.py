@@ -13,7 +13,7 @@ import numpy as np
 from identifiability.excitation.limits import Box, Limits
 from identifiability.names import Array
 from identifiability.robot import Motion, Robot
-from identifiability.robot.loops import loop_jacobian
+from identifiability.robot.loop_equations import loop_jacobian
 from identifiability.robot.newton import LEAP, invert
 
 #: Share of a bound from which on the search keeps away from it.

@@ -5,6 +5,6 @@ joints into that of all joints, closing loops where there are any.
 """
 
 from identifiability.robot.closure import Motion, complete_motion
-from identifiability.robot.description import KnownRobot, Robot, RobotLike
+from identifiability.robot.robot import KnownRobot, Robot, RobotLike
 
 __all__ = ["KnownRobot", "Motion", "Robot", "RobotLike", "complete_motion"]

@@ -13,9 +13,9 @@ import numpy as np
 from identifiability.errors import ClosureError, RobotError, listing
 from identifiability.names import Array
 from identifiability.robot import closure
-from identifiability.robot.description import Robot
+from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Joint
-from identifiability.robot.loops import loop_jacobian
+from identifiability.robot.loop_equations import loop_jacobian
 from identifiability.robot.newton import ACCEPTED, newton
 from identifiability.robot.sidecar import Sidecar
 from identifiability.robot.stated import Stated
@@ -30,7 +30,7 @@ FREE = 1e-9
 FAR = 1e6
 
 
-def choose_joints(robot: Robot, extra: Sidecar, stated: Stated) -> Robot:
+def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Description:
     """Split the degrees of freedom into actuated and dependent ones, and check the count.
 
     Raises
@@ -71,12 +71,12 @@ def choose_joints(robot: Robot, extra: Sidecar, stated: Stated) -> Robot:
     return robot
 
 
-def _single(robot: Robot) -> dict[str, Joint]:
+def _single(robot: Description) -> dict[str, Joint]:
     """Return the joints with one degree of freedom by name."""
     return {j.dofs[0]: j for j in robot.tree.joints if j.nv == 1}
 
 
-def _driven_dof(robot: Robot, name: str) -> int:
+def _driven_dof(robot: Description, name: str) -> int:
     """Return the index in ``v`` of an actuated joint; only hinges and slides can be."""
     for j in robot.tree.joints:
         if j.nv > 1 and (name in j.dofs or name == j.dofs[0].rpartition(".")[0]):
@@ -88,7 +88,7 @@ def _driven_dof(robot: Robot, name: str) -> int:
     return robot.dof_index(name)
 
 
-def _set_home(robot: Robot, extra: Sidecar) -> Array:
+def _set_home(robot: Description, extra: Sidecar) -> Array:
     """Return the file's home with the positions that the sidecar states."""
     home, single = np.array(robot.home), _single(robot)
     for name, value in extra.home.items():
@@ -102,7 +102,7 @@ def _set_home(robot: Robot, extra: Sidecar) -> Array:
     return home
 
 
-def _follow_couplings(robot: Robot) -> Array:
+def _follow_couplings(robot: Description) -> Array:
     """Return the home at which coupled passive joints are where the others put them, (nq,)."""
     home, single = np.array(robot.home), _single(robot)
     passive = set(robot.passive)
@@ -121,7 +121,7 @@ def _follow_couplings(robot: Robot) -> Array:
     return home
 
 
-def _refuse_loose(robot: Robot, count: int) -> NoReturn:
+def _refuse_loose(robot: Description, count: int) -> NoReturn:
     """Say what to do about passive joints that no equation determines."""
     if count or robot.loops or robot.couplings:
         _check_closed_home(robot)
@@ -154,7 +154,7 @@ def _refuse_loose(robot: Robot, count: int) -> NoReturn:
     )
 
 
-def _check_closed_home(robot: Robot) -> None:
+def _check_closed_home(robot: Description) -> None:
     """Refuse a home position that is far from closing the loops; a rounded one is near."""
     gap = float(closure.loop_error(robot, robot.home[None])[0])
     if not gap <= OPEN:
@@ -166,7 +166,7 @@ def _check_closed_home(robot: Robot) -> None:
         )
 
 
-def _nearest_closed(robot: Robot) -> str:
+def _nearest_closed(robot: Description) -> str:
     """Return the passive positions that close the loops with the actuated joints at home."""
     if len(robot.loop_rows) != len(robot.dependent):
         return ""

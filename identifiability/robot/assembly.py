@@ -1,4 +1,4 @@
-"""Put a `Robot` together from model, closures and sidecar; they must determine the motion."""
+"""Put a `Description` together from model, closures and sidecar; they must determine the motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pinocchio as pin
 from identifiability.errors import RobotError, listing, near_match
 from identifiability.names import BASE, INERTIAL_KINDS, Array
 from identifiability.robot.actuation import choose_joints
-from identifiability.robot.description import Robot
+from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Point, Tree
 from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.sidecar import Sidecar
@@ -28,7 +28,7 @@ def assemble(
     stated: Stated,
     tree: Tree,
     last: Mapping[int, int],
-) -> Robot:
+) -> Description:
     """Put the parts together and check that they determine the motion.
 
     Parameters
@@ -70,12 +70,14 @@ def assemble(
     return replace(robot, transmission=_transmission(robot, extra))
 
 
-def _shell(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated, tree: Tree) -> Robot:
+def _shell(
+    path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated, tree: Tree
+) -> Description:
     """Return the robot before its joints are split and its values are read."""
     model = stated.model
     bodies = _body_names(model)
     named = tuple(extra.base_parameters.bodies)
-    return Robot(
+    return Description(
         name=path.parent.name if path.stem == "robot" else path.stem,
         title=extra.name or model.name,
         path=path,
@@ -165,7 +167,7 @@ def _sidecar_loop(path: Path, entry: Any, model: Any, last: Mapping[int, int]) -
     return Loop(entry.name or f"{entry.body1}-{entry.body2}", ends[0], ends[1], axes, stated)
 
 
-def _nominal(robot: Robot, extra: Sidecar, stated: Stated) -> dict[str, float]:
+def _nominal(robot: Description, extra: Sidecar, stated: Stated) -> dict[str, float]:
     """Return the parameter values that the files state, by name."""
     model = robot.model
     values: dict[str, float] = {}
@@ -188,7 +190,7 @@ def _nominal(robot: Robot, extra: Sidecar, stated: Stated) -> dict[str, float]:
     return values
 
 
-def _limits(robot: Robot, extra: Sidecar) -> Array:
+def _limits(robot: Description, extra: Sidecar) -> Array:
     """Return the position limits of the actuated joints, (n, 2)."""
     out = np.tile([-np.inf, np.inf], (len(robot.actuated), 1))
     for row, (name, dof) in enumerate(zip(robot.joints, robot.actuated, strict=True)):
@@ -203,14 +205,14 @@ def _limits(robot: Robot, extra: Sidecar) -> Array:
     return out
 
 
-def _rate_limits(robot: Robot, extra: Sidecar, kind: Literal["v", "a"]) -> Array:
+def _rate_limits(robot: Description, extra: Sidecar, kind: Literal["v", "a"]) -> Array:
     """Return velocity or acceleration limits of the actuated joints, (n,)."""
     given = [extra.limits.get(name) for name in robot.joints]
     values = [None if g is None else getattr(g, kind) for g in given]
     return np.array([np.inf if v is None else v for v in values], float)
 
 
-def _transmission(robot: Robot, extra: Sidecar) -> Transmission | None:
+def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
     entry, n = extra.transmission, len(robot.actuated)
     if entry is None:
         return None

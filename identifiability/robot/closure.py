@@ -16,8 +16,8 @@ from scipy.linalg import qr
 
 from identifiability.errors import ClosureError, listing
 from identifiability.names import Array
-from identifiability.robot.description import Robot
-from identifiability.robot.loops import loop_bias, loop_equations, loop_jacobian
+from identifiability.robot.description import Description
+from identifiability.robot.loop_equations import loop_bias, loop_equations, loop_jacobian
 from identifiability.robot.newton import ACCEPTED, HOPELESS, close_loops, invert, newton
 
 #: Condition number of A_e above which a configuration is called near-singular; within their
@@ -81,12 +81,12 @@ class Motion:
         )  # fmt: skip
 
 
-def complete_motion(robot: Robot, t: Array, q: Array, dq: Array, ddq: Array) -> Motion:
+def complete_motion(robot: Description, t: Array, q: Array, dq: Array, ddq: Array) -> Motion:
     """Return the motion of every joint from that of the actuated ones.
 
     Parameters
     ----------
-    robot : Robot
+    robot : Description
     t : (N,) [s]
     q, dq, ddq : (N, n) [rad or m, and per s, per s²]
         Motion of the actuated joints, in the robot's order.
@@ -138,13 +138,13 @@ def complete_motion(robot: Robot, t: Array, q: Array, dq: Array, ddq: Array) -> 
     )  # fmt: skip
 
 
-def loop_error(robot: Robot, q: Array) -> Array:
+def loop_error(robot: Description, q: Array) -> Array:
     """Return the largest loop error at each configuration, (N,) [m or rad]."""
     error: Array = np.abs(loop_equations(robot, q)[0]).max(0)
     return error
 
 
-def independent_rows(robot: Robot) -> np.ndarray:
+def independent_rows(robot: Description) -> np.ndarray:
     """Return the loop equations that are independent at home (a planar loop has idle ones)."""
     closed = loop_jacobian(robot, robot.home[None])[0]
     # Home itself may be off by rounding or more; the rank of a generic point nearby is the same.
@@ -155,7 +155,7 @@ def independent_rows(robot: Robot) -> np.ndarray:
     return rows
 
 
-def check_home(robot: Robot) -> None:
+def check_home(robot: Description) -> None:
     """Refuse a closed chain whose home position does not close or leaves joints undetermined.
 
     Raises

@@ -1,4 +1,4 @@
-"""`Robot`: what the rest of the library needs to know of a robot file."""
+"""`Description`: what the rest of the library needs to know of a robot file."""
 
 from __future__ import annotations
 
@@ -8,25 +8,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
 from identifiability.errors import RobotError, near_match
 from identifiability.names import INERTIAL_PREFERENCE, Array
-from identifiability.options import Expected, FilePath, checked
 from identifiability.robot.kinematics import Tree
 from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.markup import included_files
 from identifiability.robot.mjcf import weighing_files
 from identifiability.robot.transmission import Axis, Transmission
 
-RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
-
 
 @dataclass(frozen=True)
-class Robot:
-    """A robot read from a standard file. Make one with `Robot.load`.
+class Description:
+    """What is known of a robot; read from a file it is a `Robot`.
 
     Attributes
     ----------
@@ -95,28 +92,6 @@ class Robot:
     rest: Mapping[str, float] = field(default_factory=dict)
     shapes: Mapping[str, float] = field(default_factory=dict)
     reference: Mapping[str, float] = field(default_factory=dict)
-
-    @staticmethod
-    @checked
-    def load(source: RobotSource, sidecar: FilePath | None = None) -> Robot:
-        """Read a robot from an MJCF or URDF file, or by the name of a shipped one.
-
-        Parameters
-        ----------
-        source : str or Path
-            A file, or a shipped name such as ``3-rps``.
-        sidecar : str or Path, optional
-            TOML with what the file cannot say (actuated joints of a URDF, loops, symbols …);
-            by default the ``.toml`` of the same stem beside the file.
-
-        Raises
-        ------
-        RobotError
-            If the file cannot be read, states what cannot be held, or leaves joints undetermined.
-        """
-        from identifiability.robot.files import read_robot  # noqa: PLC0415 - it imports us
-
-        return read_robot(source, sidecar)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""
@@ -244,10 +219,3 @@ class Robot:
         first = [at[w] for w in wanted if w in at]
         seen = set(first)
         return first + [k for k in range(len(names)) if k not in seen]
-
-
-#: A robot, or where it is read from.
-RobotLike = Annotated[
-    Robot | str | Path, Expected("a Robot, the path of a robot file or a shipped robot's name")
-]
-KnownRobot = Annotated[Robot, Expected("a Robot; Robot.load reads one")]

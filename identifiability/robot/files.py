@@ -19,7 +19,7 @@ from identifiability.errors import RobotError, listing, near_match
 from identifiability.output import kept_aside
 from identifiability.robot.assembly import assemble
 from identifiability.robot.compiled import state_robot
-from identifiability.robot.description import Robot
+from identifiability.robot.description import Description
 from identifiability.robot.joints import read_tree
 from identifiability.robot.loops import Coupling
 from identifiability.robot.markup import read_markup
@@ -70,7 +70,7 @@ def locate_robot(source: str | Path) -> Path:
     )
 
 
-def read_robot(source: str | Path, sidecar: str | Path | None = None) -> Robot:
+def read_robot(source: str | Path, sidecar: str | Path | None = None) -> Description:
     """Read a robot; see `Robot.load`."""
     path = locate_robot(source)
     beside = path.with_suffix(".toml")

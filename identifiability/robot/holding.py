@@ -9,25 +9,25 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from identifiability.names import INERTIAL_KINDS
-from identifiability.robot.description import Robot
+from identifiability.robot.description import Description
 
 #: Kinds of Coulomb friction: one level for both directions, and one for each.
 COULOMB = ("Fc", "Fc+", "Fc-")
 
 
-def file_joints(robot: Robot) -> Iterator[str]:
+def file_joints(robot: Description) -> Iterator[str]:
     """Yield the joints of one degree of freedom: those with parameters in a robot file."""
     for joint in robot.tree.joints:
         if joint.nv == 1:
             yield joint.dofs[0]
 
 
-def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+def held_by_file(robot: Description, values: Mapping[str, float]) -> dict[str, float]:
     """Return the values of a model's parameters of which only the robot file's part is left.
 
     Parameters
     ----------
-    robot : Robot
+    robot : Description
         Whose file is written.
     values : mapping
         By name.
@@ -44,7 +44,7 @@ def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def complete_values(
-    robot: Robot, given: Mapping[str, float], *, keep: bool = True
+    robot: Description, given: Mapping[str, float], *, keep: bool = True
 ) -> dict[str, float]:
     """Return all nominal values of a robot that has some other ones.
 
@@ -53,7 +53,7 @@ def complete_values(
 
     Parameters
     ----------
-    robot : Robot
+    robot : Description
     given : mapping
     keep : bool
         Whether joints keep what is not given.
@@ -75,12 +75,12 @@ def complete_values(
     return values
 
 
-def rotor_inertia(robot: Robot, values: Mapping[str, float], joint: str) -> float:
+def rotor_inertia(robot: Description, values: Mapping[str, float], joint: str) -> float:
     """Return the inertia of all parts of a joint's rotor."""
     return sum(values.get(f"{joint}.{part}", 0.0) for part in robot.inertia_parts)
 
 
-def read_back(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+def read_back(robot: Description, values: Mapping[str, float]) -> dict[str, float]:
     """Return the nominal values that are read from a file with these ones, without a sidecar."""
     out = {f"{b}.{kind}": values[f"{b}.{kind}"] for b in robot.bodies for kind in INERTIAL_KINDS}
     for joint in file_joints(robot):

@@ -13,8 +13,8 @@ import numpy as np
 import scipy
 
 from identifiability.names import Array
-from identifiability.robot.description import Robot
-from identifiability.robot.loops import loop_equations
+from identifiability.robot.description import Description
+from identifiability.robot.loop_equations import loop_equations
 
 #: Newton stops below this loop error [m or rad]; it is far below any encoder and above rounding.
 TOLERANCE = 1e-12
@@ -53,7 +53,7 @@ class Closed:
     A: Array
 
 
-def close_loops(robot: Robot, q: Array) -> Closed:
+def close_loops(robot: Description, q: Array) -> Closed:
     """Close the loops at every sample of actuated positions (N, n)."""
     n = len(q)
     count = min(n, max(64, n // 32))
@@ -84,12 +84,12 @@ def close_loops(robot: Robot, q: Array) -> Closed:
     return closed
 
 
-def _predict(robot: Robot, q: Array, at: Array, full: Array, A: Array) -> Array:
+def _predict(robot: Description, q: Array, at: Array, full: Array, A: Array) -> Array:
     """Return configurations (N, nq) to first order from the nearest of some closed ones.
 
     Parameters
     ----------
-    robot : Robot
+    robot : Description
     q : (N, n)
         Actuated positions that are wanted.
     at, full, A : (S, n), (S, nq), (S, n_e, nv)
@@ -106,7 +106,7 @@ def _predict(robot: Robot, q: Array, at: Array, full: Array, A: Array) -> Array:
     return robot.tree.integrate(full[nearest], step)
 
 
-def follow_from_home(robot: Robot, q: Array, steps: int) -> Closed:
+def follow_from_home(robot: Description, q: Array, steps: int) -> Closed:
     """Walk from home to every sample on a straight line of actuated coordinates."""
     here = newton(robot, np.repeat(robot.home[None], len(q), 0), most=0)
     start = robot.actuated_positions(robot.home[None])
@@ -119,7 +119,7 @@ def follow_from_home(robot: Robot, q: Array, steps: int) -> Closed:
     return newton(robot, here.q)
 
 
-def newton(robot: Robot, q: Array, most: int = _MAX_STEPS) -> Closed:
+def newton(robot: Description, q: Array, most: int = _MAX_STEPS) -> Closed:
     """Close the loops from a guess (N, nq) in at most so many steps."""
     parts = [
         _newton_batch(robot, q[start : start + BATCH], most) for start in range(0, len(q), BATCH)
@@ -133,7 +133,7 @@ def newton(robot: Robot, q: Array, most: int = _MAX_STEPS) -> Closed:
     )
 
 
-def _newton_batch(robot: Robot, q: Array, most: int) -> Closed:
+def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
     """Close the loops of one batch; samples leave it as they converge."""
     q = np.array(q)
     rows, n = robot.loop_rows, len(q)

@@ -20,7 +20,7 @@ import pinocchio as pin
 from identifiability.errors import OutputError, RobotError, listing, near_match
 from identifiability.names import BASE, INERTIAL_KINDS, Array
 from identifiability.output import write_together
-from identifiability.robot.description import Robot
+from identifiability.robot.description import Description
 from identifiability.robot.holding import complete_values, file_joints, read_back, rotor_inertia
 from identifiability.robot.markup import read_markup
 from identifiability.robot.mjcf_text import clear_mjcf, in_radians, numbers, write_inertial
@@ -45,7 +45,7 @@ class Written:
 
 
 def write_robot(
-    robot: Robot,
+    robot: Description,
     parameters: Mapping[str, float],
     path: str | Path,
     *,
@@ -57,7 +57,7 @@ def write_robot(
 
     Parameters
     ----------
-    robot : Robot
+    robot : Description
         Whose file is the template.
     parameters : mapping
         Standard parameters by name (``platform.mx``, ``slider1.Fv`` …).
@@ -112,7 +112,7 @@ def write_robot(
     return Written(path, None if stated is None else beside, lost)
 
 
-def _check_owners(robot: Robot, parameters: Mapping[str, float]) -> None:
+def _check_owners(robot: Description, parameters: Mapping[str, float]) -> None:
     """Refuse a parameter of what the robot does not have."""
     motors = () if robot.transmission is None else robot.transmission.motors
     known = (*robot.bodies, *robot.dofs, *motors, BASE)
@@ -124,7 +124,7 @@ def _check_owners(robot: Robot, parameters: Mapping[str, float]) -> None:
             )
 
 
-def _template(robot: Robot) -> ET.Element:
+def _template(robot: Description) -> ET.Element:
     """Return the robot file's root, with its comments, or with its includes if it has any."""
     builder = ET.TreeBuilder(insert_comments=True)
     top: ET.Element = ET.parse(robot.path, parser=ET.XMLParser(target=builder)).getroot()
@@ -147,7 +147,9 @@ def _template(robot: Robot) -> ET.Element:
     return top
 
 
-def _write_body(top: ET.Element, robot: Robot, index: int, theta: Array, *, mjcf: bool) -> None:
+def _write_body(
+    top: ET.Element, robot: Description, index: int, theta: Array, *, mjcf: bool
+) -> None:
     """Write ten parameters of the body behind a joint, given in the joint's frame."""
     body = robot.bodies[index]
     mass, first = float(theta[0]), theta[1:4]
@@ -171,7 +173,7 @@ def _write_body(top: ET.Element, robot: Robot, index: int, theta: Array, *, mjcf
 
 
 def _write_urdf_inertial(
-    top: ET.Element, robot: Robot, index: int, mass: float, centre: Array, inertia: Array
+    top: ET.Element, robot: Description, index: int, mass: float, centre: Array, inertia: Array
 ) -> None:
     body = robot.bodies[index]
     element = next(link for link in top.findall("link") if link.get("name") == body)
@@ -198,7 +200,7 @@ def _write_urdf_inertial(
                         link.remove(old)
 
 
-def _write_joints(top: ET.Element, robot: Robot, values: Mapping[str, float]) -> None:
+def _write_joints(top: ET.Element, robot: Description, values: Mapping[str, float]) -> None:
     """Write friction, rotors and springs of every joint; what is not there is written as zero."""
     home, degrees = robot.home[None], robot.mjcf and not in_radians(top)
     joints = {e.get("name"): e for e in top.iter("joint")}
@@ -228,7 +230,7 @@ _MEANING = {
 }
 
 
-def _sidecar_text(robot: Robot, tables: Mapping[str, Mapping[str, float]]) -> str | None:
+def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]]) -> str | None:
     """Return the template's sidecar with other tables of numbers, or None if none is needed.
 
     Raises
@@ -265,7 +267,7 @@ def _sidecar_text(robot: Robot, tables: Mapping[str, Mapping[str, float]]) -> st
     return text
 
 
-def _check_beside(robot: Robot, beside: Path, path: Path, *, needed: bool) -> None:
+def _check_beside(robot: Description, beside: Path, path: Path, *, needed: bool) -> None:
     """Refuse a sidecar that would replace another kind of file, or pair up with this robot."""
     if not beside.exists():
         return
