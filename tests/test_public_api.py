@@ -36,7 +36,8 @@ def python_lines() -> Iterator[str]:
         value = getattr(identifiability, name)
         if inspect.isclass(value):
             yield f"python {name}"
-            for member in sorted(vars(value)):
+            ours = [c for c in value.__mro__ if c.__module__.startswith("identifiability")]
+            for member in sorted({m for c in ours for m in vars(c)}):
                 if not member.startswith("_"):
                     given = getattr(value, member)
                     yield f"python {name}.{member}{_parameters(given)}"

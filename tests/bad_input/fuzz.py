@@ -47,7 +47,7 @@ from spoil import (
 )
 
 from identifiability.errors import IdentifiabilityError
-from identifiability.export import read_parameters
+from identifiability.export import export
 from identifiability.grouping import find_base_parameters
 from identifiability.ladder import build_ladder, default_ladder, ladder_model, read_ladder
 from identifiability.logs import Log
@@ -164,7 +164,8 @@ def readers() -> dict[str, Reader]:
     frame = simulate(two, PrescribedMotion.of(shipped_trajectory(two, "a"), 30)).to_frame()
     parquet = io.BytesIO()
     frame.to_parquet(parquet)
-    physical = {"parameters": {k: float(v) for k, v in two.nominal.items()}}
+    values = {k: float(v) for k, v in two.nominal.items()}
+    physical = {"parameters": values, "error_ra": 0.05, "error_ra_file": 0.06}
     result = {"robot": {"name": two.name}, "physical": physical}
     sidecar = locate_robot("five-bar").with_suffix(".toml").read_bytes()
     motions = (locate_robot("two-link").parent / "trajectories.json").read_bytes()
@@ -201,7 +202,10 @@ def readers() -> dict[str, Reader]:
         "ladder": document(".toml", LADDER.encode(), TOML, ladder),
         "sidecar": document(".toml", sidecar, TOML, lambda p: Robot.load("five-bar", p)),
         "result": document(
-            ".json", json.dumps(result).encode(), JSON, lambda p: read_parameters(two, p)
+            ".json",
+            json.dumps(result).encode(),
+            JSON,
+            lambda p: export(two, p, p.with_name("exported.xml")),
         ),
         "trajectories": document(".json", motions, JSON, motion),
         "mjcf": markup(".xml", mjcf),

@@ -10,7 +10,7 @@ from peers.tables import all_agree
 
 #: Heavy packages that a fit needs none of.
 NEEDLESS = ("pandas", "pyarrow", "scipy.signal", "scipy.spatial", "scipy.stats", "matplotlib",
-            "mujoco", "cvxpy", "emcee", "arviz_stats", "jinja2")  # fmt: skip
+            "cvxpy", "emcee", "arviz_stats", "jinja2")  # fmt: skip
 
 IMPORTS = """
 import json, sys
