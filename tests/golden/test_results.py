@@ -18,7 +18,9 @@ sys.modules[_spec.name] = golden
 _spec.loader.exec_module(golden)
 
 
-@pytest.mark.parametrize(("name", "verb", "seed"), golden.cases(golden.QUICK, golden.SEEDS[:1]))
+@pytest.mark.parametrize(
+    ("name", "verb", "seed"), list(golden.cases(golden.QUICK, golden.SEEDS[:1]))
+)
 def test_the_results_are_those_that_were_told_before(name, verb, seed):
     assert golden.check(name, verb, seed) == []
 
