@@ -20,6 +20,7 @@ import numpy as np
 
 import identifiability as ident
 from identifiability import Robot, analyze, diagnose, excite, prune, simulate
+from identifiability.output import plain
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 
 HERE = Path(__file__).resolve().parent
@@ -80,12 +81,8 @@ VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite")
 
 def json_of(result: Any) -> dict[str, Any]:
     """Return what the result writes, without what another machine may say differently."""
-    plain: dict[str, Any] = json.loads(json.dumps(result.to_dict(), default=_plain))
-    return {key: value for key, value in plain.items() if key not in UNTOLD}
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else str(value)
+    told = json.loads(json.dumps(plain(result.to_dict())))
+    return {key: value for key, value in told.items() if key not in UNTOLD}
 
 
 def cases(robots: tuple[str, ...], seeds: tuple[int, ...]) -> Iterator[tuple[str, str, int]]:
