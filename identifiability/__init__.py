@@ -17,50 +17,50 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from identifiability.analysis import Analysis, analyze
-    from identifiability.diagnosis import Diagnosis, diagnose
-    from identifiability.errors import IdentifiabilityError
-    from identifiability.estimation import Estimate, estimate
-    from identifiability.excitation import Excitation, excite
-    from identifiability.grouping import BaseParameters, find_base_parameters
-    from identifiability.information import Information, gather_information
+    from identifiability.estimation.estimate import Estimate, estimate
+    from identifiability.estimation.verdict import Verdict
+    from identifiability.foundation.errors import IdentifiabilityError
     from identifiability.logs import Log
-    from identifiability.model import Model, Regression
-    from identifiability.pruning import Ladder, prune
+    from identifiability.logs.prepare import Preparation, Samples, prepare_samples
+    from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
+    from identifiability.regression.information import Information, gather_information
+    from identifiability.regression.regression import Model, Regression
     from identifiability.robot import Motion, Robot
-    from identifiability.samples import Preparation, Samples, prepare_samples
     from identifiability.simulation import Noise, Trajectory, simulate
-    from identifiability.verdict import Verdict
+    from identifiability.workflows.analyze.analysis import Analysis, analyze
+    from identifiability.workflows.diagnose import Diagnosis, diagnose
+    from identifiability.workflows.excite import Excitation, excite
+    from identifiability.workflows.prune import Ladder, prune
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Analysis": "analysis",
-    "BaseParameters": "grouping",
-    "Diagnosis": "diagnosis",
-    "Estimate": "estimation",
-    "Excitation": "excitation",
-    "IdentifiabilityError": "errors",
-    "Information": "information",
-    "Ladder": "pruning",
+    "Analysis": "workflows.analyze.analysis",
+    "BaseParameters": "regression.base_parameters",
+    "Diagnosis": "workflows.diagnose",
+    "Estimate": "estimation.estimate",
+    "Excitation": "workflows.excite",
+    "IdentifiabilityError": "foundation.errors",
+    "Information": "regression.information",
+    "Ladder": "workflows.prune",
     "Log": "logs",
-    "Model": "model",
+    "Model": "regression.regression",
     "Motion": "robot",
     "Noise": "simulation",
-    "Preparation": "samples",
-    "Regression": "model",
+    "Preparation": "logs.prepare",
+    "Regression": "regression.regression",
     "Robot": "robot",
-    "Samples": "samples",
+    "Samples": "logs.prepare",
     "Trajectory": "simulation",
-    "Verdict": "verdict",
-    "analyze": "analysis",
-    "diagnose": "diagnosis",
-    "estimate": "estimation",
-    "excite": "excitation",
-    "find_base_parameters": "grouping",
-    "gather_information": "information",
-    "prepare_samples": "samples",
-    "prune": "pruning",
+    "Verdict": "estimation.verdict",
+    "analyze": "workflows.analyze.analysis",
+    "diagnose": "workflows.diagnose",
+    "estimate": "estimation.estimate",
+    "excite": "workflows.excite",
+    "find_base_parameters": "regression.base_parameters",
+    "gather_information": "regression.information",
+    "prepare_samples": "logs.prepare",
+    "prune": "workflows.prune",
     "simulate": "simulation",
 }
 

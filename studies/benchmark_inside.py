@@ -21,9 +21,9 @@ from peers.tables import versions
 from posterior_speed import analyse
 from threadpoolctl import threadpool_limits
 
-from identifiability.analysis import Analysis
-from identifiability.output import write_json
+from identifiability.foundation.output import write_json
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
+from identifiability.workflows.analyze.analysis import Analysis
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]

@@ -29,7 +29,7 @@ from peers.tables import (
     versions,
 )
 
-from identifiability.output import write_json
+from identifiability.foundation.output import write_json
 from identifiability.report import Gallery, Picture, Prose, Section, frame_table, write_page
 
 #: The checkout.

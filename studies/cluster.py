@@ -25,9 +25,9 @@ from paper_study.monte_carlo import forget_trials
 from paper_study.watched import Watched
 
 from identifiability.cli.common import progress, sentences
-from identifiability.engines.cluster import Dask
-from identifiability.engines.local import Engine, Serial
-from identifiability.errors import IdentifiabilityError
+from identifiability.foundation.engines.cluster import Dask
+from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.errors import IdentifiabilityError
 
 TABLE = "table_3_noise"
 

@@ -16,21 +16,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from identifiability.analysis import Analysis, analyze
-from identifiability.calibration import calibrate
-from identifiability.grouping import BaseParameters
-from identifiability.information import gather_information
-from identifiability.ladder import Rung, nominal_base
-from identifiability.model import Model, Regression
-from identifiability.outcome import Cell, Outcome, count_outcomes, judge_outcome
-from identifiability.output import write_json
-from identifiability.replicates import Experiment
+from identifiability.foundation.output import write_json
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.base_parameters import BaseParameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.reduction import Rung, nominal_base
+from identifiability.regression.regression import Model, Regression
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
 from identifiability.report.calibration_report import label
 from identifiability.report.figures.calibration import draw_coverage, draw_wrong
 from identifiability.robot import Robot
-from identifiability.samples import prepare_samples
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.workflows.analyze.analysis import Analysis, analyze
+from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.calibrate.outcome import Cell, Outcome, count_outcomes, judge_outcome
+from identifiability.workflows.calibrate.replicates import Experiment
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]

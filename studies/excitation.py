@@ -18,14 +18,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation import estimate
-from identifiability.excitation import Excitation, excite
-from identifiability.grouping import find_base_parameters
-from identifiability.information import gather_information
+from identifiability.estimation.estimate import estimate
 from identifiability.logs import Log
-from identifiability.model import Model, Regression
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
-from identifiability.samples import prepare_samples
 from identifiability.simulation import (
     Noise,
     PrescribedMotion,
@@ -33,6 +32,7 @@ from identifiability.simulation import (
     random_trajectory,
     simulate,
 )
+from identifiability.workflows.excite import Excitation, excite
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 #: What the paper's trajectories have.

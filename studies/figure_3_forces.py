@@ -14,10 +14,10 @@ from paper_study.procedure import process, records
 from paper_study.result import StudyCheck, StudyResult, StudyTable, check_range
 from paper_study.subject import load_subject
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
+from identifiability.logs.prepare import Samples
 from identifiability.report import Gallery, Picture
 from identifiability.robot import Robot
-from identifiability.samples import Samples
 from identifiability.simulation import Noise, PrescribedMotion, simulate
 
 #: The paper's order: (a), (b), (c).

@@ -14,8 +14,8 @@ from paper_study.monte_carlo import as_samples, fit_models, physically_possible
 from paper_study.result import StudyCheck, StudyResult, StudyTable, check_holds, check_range
 from paper_study.subject import ExactLog, Subject, exact_log, load_subject
 
-from identifiability.ladder import Rung, nominal_base
-from identifiability.names import Array
+from identifiability.foundation.names import Array
+from identifiability.regression.reduction import Rung, nominal_base
 from identifiability.report import Gallery, Picture
 from identifiability.robot import Motion, complete_motion
 

@@ -15,7 +15,7 @@ from paper_study.procedure import fitted_records, predict_record
 from paper_study.result import StudyCheck, StudyResult, StudyTable, check_holds, check_range
 from paper_study.subject import TRAJECTORIES, load_subject
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.report import Gallery, Picture
 from identifiability.report.figures import draw_torque
 

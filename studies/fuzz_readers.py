@@ -16,7 +16,7 @@ from typing import Any
 
 import pandas as pd
 
-from identifiability.output import write_json
+from identifiability.foundation.output import write_json
 from identifiability.report import Check, Fold, Note, Notes, Prose, Section, frame_table, write_page
 
 #: The checkout.

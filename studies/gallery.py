@@ -20,8 +20,8 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from identifiability.cli.common import sentences
-from identifiability.errors import IdentifiabilityError, OutputError
-from identifiability.output import write_bytes
+from identifiability.foundation.errors import IdentifiabilityError, OutputError
+from identifiability.foundation.output import write_bytes
 from identifiability.report import Cell, Column, Section, Table, write_page
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -25,7 +25,7 @@ from hidden_effect_trials import FAMILIES, PAPER, RHO, Job, run
 from joblib import Parallel, delayed
 from scipy import stats
 
-from identifiability.output import plain, write_json, write_text
+from identifiability.foundation.output import plain, write_json, write_text
 
 ROBOTS = ("3-rps", "five-bar", "six-dof-arm")
 SIZES = ("0.5", "1", "realistic")

@@ -15,11 +15,11 @@ import kuka_lwr4
 import numpy as np
 from real_data.study import read_arguments
 
-from identifiability.diagnosis import Diagnosis, HeldOut, diagnose, gather
-from identifiability.diagnosis.workflow import prepare_rows
 from identifiability.effects import FAMILIES
-from identifiability.model import Model
-from identifiability.output import write_json
+from identifiability.foundation.output import write_json
+from identifiability.regression.regression import Model
+from identifiability.workflows.diagnose import Diagnosis, HeldOut, diagnose, gather
+from identifiability.workflows.diagnose.workflow import prepare_rows
 
 #: Runs to name from and runs that are held out.
 SPLITS = (((1,), (3,)), ((3,), (1,)), ((1, 3), (2,)))

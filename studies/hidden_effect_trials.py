@@ -10,16 +10,16 @@ from functools import cache
 
 import numpy as np
 
-from identifiability.diagnosis import BASE_EFFECTS, Diagnosis, diagnose
-from identifiability.diagnosis.held_out import HeldOut
-from identifiability.diagnosis.rows import build_rows
-from identifiability.diagnosis.workflow import prepare_rows
-from identifiability.grouping import find_base_parameters
 from identifiability.logs import Log
-from identifiability.model import Model
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, prepare_samples
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
+from identifiability.workflows.diagnose import BASE_EFFECTS, Diagnosis, diagnose
+from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.rows import build_rows
+from identifiability.workflows.diagnose.workflow import prepare_rows
 
 #: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
 LEVEL, RHO = 0.012, 0.9

@@ -21,16 +21,16 @@ import numpy as np
 import pandas as pd
 from real_data.study import FOLDER, read_arguments, write_study
 
-from identifiability.analysis import Analysis, analyze
-from identifiability.estimation import Method, estimate
-from identifiability.evaluation import Prediction, predict
-from identifiability.grouping import find_base_parameters
-from identifiability.information import gather_information
-from identifiability.ladder import Rung, build_ladder, ladder_model, read_ladder
+from identifiability.estimation.estimate import Method, estimate
+from identifiability.estimation.evaluation import Prediction, predict
 from identifiability.logs import Log
-from identifiability.model import Regression
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.reduction import Rung, build_ladder, ladder_model, read_ladder
+from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, prepare_samples
+from identifiability.workflows.analyze.analysis import Analysis, analyze
 
 #: Known relative errors [%], lowest and highest: (model, fitted to, validated on).
 KNOWN = {

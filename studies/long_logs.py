@@ -22,7 +22,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from identifiability.output import write_json
+from identifiability.foundation.output import write_json
 from identifiability.report import Check, Section, frame_table, write_page
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate

@@ -19,21 +19,21 @@ import pandas as pd
 from arviz_stats.base.array import array_stats
 from threadpoolctl import threadpool_limits
 
-from identifiability.analysis import Analysis, analyze
-from identifiability.belief import START_MARGIN
-from identifiability.feasibility import full_problem, nominal_vector, physical_set
-from identifiability.inference import state_prior
-from identifiability.output import write_json
+from identifiability.foundation.output import write_json
+from identifiability.physical.feasibility import full_problem, nominal_vector, physical_set
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import build_projection, project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.exact import build_sampler, sample_exact
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
-from identifiability.ranks import build_target
 from identifiability.report import Check, Section, frame_table, write_page
 from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.workflows.analyze.analysis import Analysis, analyze
+from identifiability.workflows.analyze.belief import START_MARGIN
+from identifiability.workflows.analyze.form_belief import state_prior
+from identifiability.workflows.calibrate.ranks import build_target
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]

@@ -32,16 +32,16 @@ import numpy as np
 import staubli_tx40
 
 from identifiability import Log, Robot, estimate
-from identifiability.evaluation import predict
-from identifiability.information import Information
-from identifiability.ladder import build_ladder, ladder_path, read_ladder
-from identifiability.linalg import triangular_factor
-from identifiability.model import Model, Regression
-from identifiability.output import write_json
-from identifiability.pruning import Ladder, prune
-from identifiability.pruning.search import find_path
+from identifiability.estimation.evaluation import predict
+from identifiability.foundation.linalg import triangular_factor
+from identifiability.foundation.output import write_json
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import build_ladder, ladder_path, read_ladder
+from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.simulation.noise import ar1
+from identifiability.workflows.prune import Ladder, prune
+from identifiability.workflows.prune.search import find_path
 
 ROOT = Path(__file__).resolve().parents[1]
 NEXT = {"571": "595", "595": "601", "601": "571"}

@@ -19,19 +19,18 @@ import pandas as pd
 from real_data.study import FOLDER, read_arguments, write_study
 from scipy import signal
 
-from identifiability import signals
-from identifiability.analysis import Analysis, analyze
-from identifiability.estimation import Method, estimate
-from identifiability.evaluation import predict
-from identifiability.grouping import BaseParameters
-from identifiability.information import gather_information
-from identifiability.ladder import ladder_model, read_ladder
-from identifiability.linalg import scan_columns
-from identifiability.logs import Log
-from identifiability.model import Model, Regression
-from identifiability.names import Array
+from identifiability.estimation.estimate import Method, estimate
+from identifiability.estimation.evaluation import predict
+from identifiability.foundation.linalg import scan_columns
+from identifiability.foundation.names import Array
+from identifiability.logs import Log, signals
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.base_parameters import BaseParameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.reduction import ladder_model, read_ladder
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, complete_motion
-from identifiability.samples import Preparation, prepare_samples
+from identifiability.workflows.analyze.analysis import Analysis, analyze
 
 #: The model of the published parameters.
 LADDER = FOLDER / "staubli_tx40_ladder.toml"

@@ -25,9 +25,9 @@ from paper_study.result import (
 )
 from paper_study.subject import TRAJECTORIES, Subject, exact_log, load_subject
 
-from identifiability.grouping import BaseParameters, find_base_parameters
-from identifiability.ladder import Rung, nominal_base
-from identifiability.model import Model
+from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
+from identifiability.regression.reduction import Rung, nominal_base
+from identifiability.regression.regression import Model
 from identifiability.report import Check
 from identifiability.report.numbers import format_number
 from identifiability.robot import complete_motion

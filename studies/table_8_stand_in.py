@@ -17,8 +17,8 @@ from paper_study.result import StudyCheck, StudyResult, StudyTable, check_holds,
 from paper_study.stand_in import StandIn
 from paper_study.subject import Subject, load_subject
 
-from identifiability.ladder import nominal_base
-from identifiability.names import Array
+from identifiability.foundation.names import Array
+from identifiability.regression.reduction import nominal_base
 from identifiability.report.numbers import format_number
 
 TRAJECTORY = "601"

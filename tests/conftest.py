@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs import Log
-from identifiability.model import Model
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 from identifiability.simulation import (
     PAPER_NOISE,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from identifiability import Log, Preparation, analyze
-from identifiability.noise import autocorrelation_time
+from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.estimation.verdict import Class, holm
 from identifiability.simulation import Noise
 from identifiability.simulation.noise import ar1
-from identifiability.verdict import Class, holm
 
 
 @pytest.fixture(scope="module")

@@ -7,18 +7,24 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.belief import START_MARGIN, Effort, Source, belief_dict, refine_verdicts
-from identifiability.errors import RobotError
-from identifiability.feasibility import full_problem, nominal_vector, physical_set
-from identifiability.inference import form_belief, state_prior
-from identifiability.ladder import nominal_base
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.errors import RobotError
 from identifiability.physical.certify import certify
+from identifiability.physical.feasibility import full_problem, nominal_vector, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Target
+from identifiability.regression.reduction import nominal_base
 from identifiability.robot import Robot
 from identifiability.robot.files import locate_robot
-from identifiability.verdict import Class
+from identifiability.workflows.analyze.belief import (
+    START_MARGIN,
+    Effort,
+    Source,
+    belief_dict,
+    refine_verdicts,
+)
+from identifiability.workflows.analyze.form_belief import form_belief, state_prior
 
 NOTHING = "The chains are short: 80 draws are 44 autocorrelation times of leg3_upper.mz."
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze
-from identifiability.errors import IdentifiabilityError, RobotError
-from identifiability.feasibility import nominal_vector
+from identifiability.foundation.errors import IdentifiabilityError, RobotError
+from identifiability.physical.feasibility import nominal_vector
 from identifiability.physical.pseudo_inertia import to_matrix
 
 

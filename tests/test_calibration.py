@@ -9,17 +9,21 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from identifiability import analyze
-from identifiability.calibration import Calibration, _regression, calibrate
 from identifiability.cli import app
-from identifiability.estimation import estimate
-from identifiability.grouping import find_base_parameters
-from identifiability.model import Model, Regression
-from identifiability.options import OptionError
-from identifiability.outcome import Outcome, count_outcomes
-from identifiability.ranks import RankCheck, build_target, check_ranks
-from identifiability.replicates import Experiment, correlated_noise
-from identifiability.residual_noise import ResidualNoise, find_runs, fit_residual_noise
-from identifiability.shares import clustered_share, exact_share
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.noise.residual_noise import (
+    ResidualNoise,
+    find_runs,
+    fit_residual_noise,
+)
+from identifiability.foundation.options import OptionError
+from identifiability.foundation.shares import clustered_share, exact_share
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.regression import Model, Regression
+from identifiability.workflows.calibrate.calibration import Calibration, _regression, calibrate
+from identifiability.workflows.calibrate.outcome import Outcome, count_outcomes
+from identifiability.workflows.calibrate.ranks import RankCheck, build_target, check_ranks
+from identifiability.workflows.calibrate.replicates import Experiment, correlated_noise
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from identifiability import Log, analyze, prune
-from identifiability import cutoff_check as check
-from identifiability.samples import Preparation
+from identifiability.logs.prepare import Preparation
 from identifiability.simulation import Noise
+from identifiability.workflows.analyze import cutoff_check as check
 
 
 @pytest.fixture(scope="module")

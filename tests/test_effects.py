@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from identifiability.effects import EFFECTS, find_effect
-from identifiability.errors import ModelError
-from identifiability.grouping import find_base_parameters, random_motion
+from identifiability.foundation.errors import ModelError
 from identifiability.logs import Log
-from identifiability.model import Model, Regression
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters, random_motion
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
-from identifiability.samples import prepare_samples
 from identifiability.simulation import MujocoRobot, PrescribedMotion, shipped_trajectory, simulate
 
 

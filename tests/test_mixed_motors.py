@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from identifiability import Model, Robot, analyze, find_base_parameters, prune, simulate
-from identifiability.calibration import calibrate
-from identifiability.grouping import random_motion
-from identifiability.ladder import DEFAULT_EFFECTS
+from identifiability.regression.base_parameters import random_motion
+from identifiability.regression.reduction import DEFAULT_EFFECTS
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
+from identifiability.workflows.calibrate.calibration import calibrate
 
 SIDECAR = """
 [transmission]

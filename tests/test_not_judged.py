@@ -7,11 +7,11 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability import analyze, prune
-from identifiability.calibration import calibrate
 from identifiability.cli import app
-from identifiability.samples import Preparation
+from identifiability.estimation.verdict import Class
+from identifiability.logs.prepare import Preparation
 from identifiability.simulation import Noise
-from identifiability.verdict import Class
+from identifiability.workflows.calibrate.calibration import calibrate
 
 LOW = Preparation(cutoff=2.0)
 

@@ -6,8 +6,8 @@ from html.parser import HTMLParser
 import pytest
 
 from identifiability import analyze
-from identifiability.calibration import calibrate
-from identifiability.pruning import prune
+from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.prune import prune
 
 HOSTILE = "<script>alert(1)</script>"
 
@@ -40,7 +40,7 @@ def results(simulated_session):
         "ladder": prune("two-link", log, replicates=4),
     }
     try:
-        from identifiability.diagnosis import diagnose
+        from identifiability.workflows.diagnose import diagnose
     except ImportError:
         return out
     return out | {"diagnosis": diagnose("two-link", log, quick=True)}

@@ -10,13 +10,13 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability import analyze, diagnose, prune
-from identifiability.calibration import calibrate
 from identifiability.cli import app
-from identifiability.errors import IdentifiabilityError, LogError
-from identifiability.export import export
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.errors import IdentifiabilityError, LogError
 from identifiability.physical.pseudo_inertia import INERTIAL
 from identifiability.robot import Robot
-from identifiability.verdict import Class
+from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.export import export
 
 STILL = "the robot does not move in these logs"
 FLAT = "the measured torque never changes in these logs"

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability.grouping import find_base_parameters
-from identifiability.model import Model
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.regression import Model
 
 SCRIPT = Path(__file__).with_name("processors.py")
 

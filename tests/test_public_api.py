@@ -17,12 +17,12 @@ import numpy as np
 import typer
 
 import identifiability
-from identifiability.analysis import Analysis, analyze
-from identifiability.calibration import calibrate
 from identifiability.cli import app
-from identifiability.pruning import prune
 from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.workflows.analyze.analysis import Analysis, analyze
+from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.prune import prune
 
 PIN = Path(__file__).with_name("public_api.txt")
 

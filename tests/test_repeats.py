@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from identifiability import Log, analyze, prune
-from identifiability.diagnosis import diagnose
-from identifiability.errors import LogError
+from identifiability.foundation.errors import LogError
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.repeats import drop_repeats
 from identifiability.simulation import Noise
+from identifiability.workflows.diagnose import diagnose
 
 
 @pytest.fixture(scope="module")

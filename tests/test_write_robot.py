@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from identifiability.errors import RobotError
-from identifiability.grouping import random_motion
-from identifiability.model import Model
-from identifiability.names import INERTIAL_KINDS
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import INERTIAL_KINDS
+from identifiability.regression.base_parameters import random_motion
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 from identifiability.robot.write import write_robot
 from identifiability.simulation import PrescribedMotion, simulate

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.table import Table
 
-    from identifiability.analysis import Analysis
+    from identifiability.workflows.analyze.analysis import Analysis
 
 #: Joints, and logs, whose errors are listed.
 LISTED = 12
@@ -89,8 +89,8 @@ def analyze(
         progress() as say,
         running(engine, workers, scheduler, resume) as runner,
     ):
-        from identifiability.analysis import analyze as run  # noqa: PLC0415
-        from identifiability.samples import Preparation  # noqa: PLC0415
+        from identifiability.logs.prepare import Preparation  # noqa: PLC0415
+        from identifiability.workflows.analyze.analysis import analyze as run  # noqa: PLC0415
 
         read = [robot, *logs, *(validate or ()), ladder, sidecar]
         check_outputs(report, json, inputs=read)
@@ -131,7 +131,7 @@ def print_analysis(result: Analysis, written: list[Path]) -> None:
     from rich.console import Console  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
 
-    from identifiability.verdict import Class  # noqa: PLC0415
+    from identifiability.estimation.verdict import Class  # noqa: PLC0415
 
     console = Console()
     table = Table(

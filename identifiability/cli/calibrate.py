@@ -66,8 +66,8 @@ def calibrate(
         progress() as say,
         running(engine, workers, scheduler, resume) as runner,
     ):
-        from identifiability.analysis import analyze  # noqa: PLC0415
-        from identifiability.calibration import calibrate as run  # noqa: PLC0415
+        from identifiability.workflows.analyze.analysis import analyze  # noqa: PLC0415
+        from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
         check_outputs(report, json)
         analysis = analyze(load_robot(robot, sidecar), logs, (), ladder, replicates=0, seed=seed)

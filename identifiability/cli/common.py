@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
-from identifiability.errors import IdentifiabilityError
+from identifiability.foundation.errors import IdentifiabilityError
 
 if TYPE_CHECKING:
-    from identifiability.engines.local import OpenEngine
+    from identifiability.foundation.engines.local import OpenEngine
     from identifiability.robot import Robot
 
 
@@ -88,7 +88,7 @@ def running(
     name: Any, workers: int | None, scheduler: str | None, resume: Path | None
 ) -> Iterator[OpenEngine]:
     """Give the engine that the options ask for; end its processes with the command."""
-    from identifiability.engines.local import choose_engine  # noqa: PLC0415
+    from identifiability.foundation.engines.local import choose_engine  # noqa: PLC0415
 
     with choose_engine(name, workers, scheduler, resume) as engine:
         yield engine
@@ -116,7 +116,7 @@ def write_results(
 
 def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ()) -> None:
     """Refuse paths that cannot be written, or are inputs, before a long computation starts."""
-    from identifiability.output import check_apart, check_writable  # noqa: PLC0415
+    from identifiability.foundation.output import check_apart, check_writable  # noqa: PLC0415
 
     outputs = [check_writable(path) for path in paths if path is not None]
     check_apart(outputs, [path for path in inputs if path is not None])

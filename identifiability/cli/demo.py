@@ -25,7 +25,7 @@ def demo(
     reports/demo.html.
     """
     with sentences(), progress() as say:
-        from identifiability.demo import run_demo  # noqa: PLC0415
+        from identifiability.cli.demo_run import run_demo  # noqa: PLC0415
 
         folder.mkdir(parents=True, exist_ok=True)
         report, json = folder / "demo.html", folder / "demo.json"

@@ -19,7 +19,7 @@ from identifiability.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from identifiability.diagnosis import Diagnosis
+    from identifiability.workflows.diagnose import Diagnosis
 
 
 def diagnose(
@@ -48,7 +48,7 @@ def diagnose(
     ```
     """
     with sentences(), progress() as say:
-        from identifiability.diagnosis import diagnose as run  # noqa: PLC0415
+        from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
 
         check_outputs(report, json, inputs=(robot, sidecar, *logs, *(validate or ())))
         result = run(

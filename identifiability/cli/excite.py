@@ -14,7 +14,7 @@ from identifiability.cli.common import check_outputs, escaped, load_robot, progr
 from identifiability.cli.diagnose import split_model
 
 if TYPE_CHECKING:
-    from identifiability.excitation import Excitation
+    from identifiability.workflows.excite import Excitation
 
 
 class Criterion(StrEnum):
@@ -90,8 +90,8 @@ def excite(
     ```
     """
     with sentences(), progress() as say:
-        from identifiability.errors import OutputError  # noqa: PLC0415
-        from identifiability.excitation import excite as run  # noqa: PLC0415
+        from identifiability.foundation.errors import OutputError  # noqa: PLC0415
+        from identifiability.workflows.excite import excite as run  # noqa: PLC0415
 
         inputs = [robot, limits, sidecar, *(start_from or ())]
         check_outputs(out, report, inputs=inputs)

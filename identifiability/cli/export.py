@@ -30,8 +30,8 @@ def export(
     ```
     """
     with sentences():
-        from identifiability.export import export as run  # noqa: PLC0415
-        from identifiability.ladder import unused_ladder  # noqa: PLC0415
+        from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415
+        from identifiability.workflows.export import export as run  # noqa: PLC0415
 
         check_outputs(out, inputs=[robot, result, sidecar])
         machine = load_robot(robot, sidecar)

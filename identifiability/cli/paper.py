@@ -41,7 +41,7 @@ def paper(
     ```
     """
     with sentences():
-        from identifiability.errors import IdentifiabilityError  # noqa: PLC0415
+        from identifiability.foundation.errors import IdentifiabilityError  # noqa: PLC0415
 
         if not (STUDIES / "paper_study").is_dir():
             raise IdentifiabilityError(

@@ -22,7 +22,7 @@ from identifiability.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from identifiability.pruning import Ladder
+    from identifiability.workflows.prune import Ladder
 
 
 class Rule(StrEnum):
@@ -92,8 +92,8 @@ def prune(
         progress() as say,
         running(engine, workers, scheduler, resume) as runner,
     ):
-        from identifiability.pruning import prune as run  # noqa: PLC0415
-        from identifiability.samples import Preparation  # noqa: PLC0415
+        from identifiability.logs.prepare import Preparation  # noqa: PLC0415
+        from identifiability.workflows.prune import prune as run  # noqa: PLC0415
 
         read = [robot, *logs, *(validate or ()), ladder, sidecar]
         check_outputs(report, json, model, inputs=read)

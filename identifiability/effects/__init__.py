@@ -31,7 +31,7 @@ from identifiability.effects.nonlinear_friction import (
 from identifiability.effects.placed import Part, Placed
 from identifiability.effects.position import JointStiffness, PositionRipple
 from identifiability.effects.rigid_body import RigidBody
-from identifiability.errors import ModelError, near_match
+from identifiability.foundation.errors import ModelError, near_match
 from identifiability.robot import Robot
 
 EFFECTS: dict[str, Effect] = {

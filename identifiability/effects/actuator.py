@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from identifiability.effects.effect import Effect, axis_motion, put
 from identifiability.effects.friction import joint_parameter
-from identifiability.names import Array, Parameter
+from identifiability.foundation.names import Array, Parameter
 from identifiability.robot import Motion, Robot
 from identifiability.robot.transmission import Axis
 

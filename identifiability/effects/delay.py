@@ -12,7 +12,7 @@ from identifiability.effects.effect import Effect
 from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
 from identifiability.effects.nominal import reference_values, rigid_torque
 from identifiability.effects.position import JointStiffness
-from identifiability.names import Array, Parameter
+from identifiability.foundation.names import Array, Parameter
 from identifiability.robot import Motion, Robot
 
 #: The torque that is delayed, as a function of the motion, (N, n).

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from identifiability.names import Array, Parameter
+from identifiability.foundation.names import Array, Parameter
 from identifiability.robot import Motion, Robot
 from identifiability.robot.transmission import Axis
 

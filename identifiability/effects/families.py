@@ -23,7 +23,7 @@ from identifiability.effects.nonlinear_friction import (
 )
 from identifiability.effects.position import JointStiffness, PositionRipple
 from identifiability.effects.rigid_body import RigidBody
-from identifiability.names import BASE
+from identifiability.foundation.names import BASE
 from identifiability.robot import Robot
 
 #: Stribeck velocities that are tried, as shares of the joint's rms speed: neighbours are so close

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identifiability.effects.effect import Effect
-from identifiability.errors import ModelError, near_match
-from identifiability.names import Array
+from identifiability.foundation.errors import ModelError, near_match
+from identifiability.foundation.names import Array
 from identifiability.robot import Motion, Robot
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.effects.effect import Effect, axis_motion, put
-from identifiability.names import Array, Parameter, joint_unit
+from identifiability.foundation.names import Array, Parameter, joint_unit
 from identifiability.robot import Motion, Robot
 from identifiability.robot.transmission import Axis
 

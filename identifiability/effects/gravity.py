@@ -11,7 +11,7 @@ import numpy as np
 from identifiability.effects.effect import Effect
 from identifiability.effects.nominal import gravity_torque, gravity_vector
 from identifiability.effects.rigid_body import RigidBody
-from identifiability.names import BASE, INERTIAL_KINDS, Array, Parameter, inertial_unit
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Motion, Robot
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from identifiability.effects.effect import Effect, axis_motion, put
 from identifiability.effects.nominal import rigid_torque
-from identifiability.names import Array, Parameter
+from identifiability.foundation.names import Array, Parameter
 from identifiability.robot import Motion, Robot
 from identifiability.robot.transmission import Axis
 

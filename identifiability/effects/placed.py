@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identifiability.effects.effect import Effect
-from identifiability.errors import ModelError, listing
-from identifiability.names import Array, Parameter
+from identifiability.foundation.errors import ModelError, listing
+from identifiability.foundation.names import Array, Parameter
 from identifiability.robot import Motion, Robot
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.effects.effect import Effect
-from identifiability.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Motion, Robot
 
 

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identifiability.errors import LogError, listing, near_match
-from identifiability.names import Array
+from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.names import Array
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

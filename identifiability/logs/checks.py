@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identifiability.errors import LogError, listing, near_match
-from identifiability.names import Array
+from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.names import Array
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,8 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identifiability import signals
-from identifiability.errors import LogError, listing, near_match
+from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import FilePath, check_option, checked
+from identifiability.foundation.output import write_bytes, write_text
+from identifiability.logs import signals
 from identifiability.logs.bags import hash_bag, split_topic
 from identifiability.logs.checks import (
     CHANNELS,
@@ -26,9 +29,6 @@ from identifiability.logs.checks import (
     wanted_columns,
 )
 from identifiability.logs.table import PARQUET, read_table
-from identifiability.names import Array
-from identifiability.options import FilePath, check_option, checked
-from identifiability.output import write_bytes, write_text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identifiability.errors import LogError
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
 from identifiability.logs.bags import is_bag, split_topic
 from identifiability.logs.checks import CHANNELS, Clock, Numbers, find_joints, wanted_columns
 from identifiability.logs.log import Log, build_log
 from identifiability.logs.longtable import LongTable, is_long, open_parquet, scan_table
+from identifiability.logs.signals import spread_windows
 from identifiability.logs.table import is_parquet, parsing
-from identifiability.names import Array
-from identifiability.signals import spread_windows
 
 if TYPE_CHECKING:
     import pandas as pd

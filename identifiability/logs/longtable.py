@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identifiability.errors import LogError
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
 from identifiability.logs.checks import to_floats
 from identifiability.logs.table import check_separator, is_parquet, parse_csv, parsing, read_header
-from identifiability.names import Array
 
 if TYPE_CHECKING:
     import pandas as pd

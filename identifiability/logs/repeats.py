@@ -12,12 +12,12 @@ from itertools import chain, pairwise
 
 import numpy as np
 
-from identifiability import signals
-from identifiability.errors import LogError
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
+from identifiability.logs import signals
 from identifiability.logs.checks import FEWEST
 from identifiability.logs.log import Log
 from identifiability.logs.logfile import LogFile
-from identifiability.names import Array
 
 #: Values agree within this share of their standard deviation.
 AGREES = 1e-4

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from identifiability.errors import LogError
+from identifiability.foundation.errors import LogError
 from identifiability.logs.bags import is_bag, read_bag, split_topic
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identifiability.linalg import SPAN_TOLERANCE
+from identifiability.foundation.linalg import SPAN_TOLERANCE
 from identifiability.physical.feasible_set import PhysicalSet
 
 Floats = NDArray[np.float64]

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.analysis import Analysis
-from identifiability.output import write_text
+from identifiability.foundation.output import write_text
 from identifiability.report.blocks import Section
 from identifiability.report.numbers import format_count
 from identifiability.report.page import Page, render_page
@@ -30,6 +29,7 @@ from identifiability.report.sections import (
     section_structure,
     section_terms,
 )
+from identifiability.workflows.analyze.analysis import Analysis
 
 SECTIONS = (
     section_parameters,

@@ -6,9 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.calibration import Calibration
-from identifiability.outcome import Cell
-from identifiability.ranks import PRIOR_WIDTH
 from identifiability.report.blocks import Fold, Picture, Prose, Section, Tile
 from identifiability.report.figures.calibration import (
     draw_coverage,
@@ -20,6 +17,9 @@ from identifiability.report.numbers import format_number
 from identifiability.report.page import write_page
 from identifiability.report.tables import Cell as TableCell
 from identifiability.report.tables import Column, Table
+from identifiability.workflows.calibrate.calibration import Calibration
+from identifiability.workflows.calibrate.outcome import Cell
+from identifiability.workflows.calibrate.ranks import PRIOR_WIDTH
 
 #: What is shown of a `Share`.
 _SHARE = ("value", "low", "high")

@@ -6,10 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.diagnosis.result import Diagnosis
-from identifiability.diagnosis.words import headline, remarks
 from identifiability.effects import FAMILIES, find_effect
-from identifiability.output import write_text
+from identifiability.foundation.output import write_text
 from identifiability.report.blocks import (
     Block,
     Gallery,
@@ -33,6 +31,8 @@ from identifiability.report.sections.effects import section_effects
 from identifiability.report.sections.facts import torque_units, velocity_units
 from identifiability.report.sections.forward import section_forward
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.words import headline, remarks
 
 #: Joints whose gap is drawn.
 SHOWN = 6

@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 
 INK, MUTED, LINE, SURFACE = "#1c2329", "#5a6570", "#dfe3e7", "#ffffff"
 

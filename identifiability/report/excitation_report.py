@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.excitation.result import CONFUSABLE, Excitation
 from identifiability.report.blocks import (
     Fold,
     Gallery,
@@ -21,6 +20,7 @@ from identifiability.report.figures.excitation import draw_gain, draw_joint, dra
 from identifiability.report.numbers import format_count, format_number
 from identifiability.report.page import write_page
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.workflows.excite.result import CONFUSABLE, Excitation
 
 TITLES = {
     "condition": "A motion that excites all parameters alike",

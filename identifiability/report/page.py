@@ -13,7 +13,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from identifiability.output import write_text
+from identifiability.foundation.output import write_text
 from identifiability.report.blocks import Block, Section, Tile
 from identifiability.report.marks import mark_of
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.output import write_text
-from identifiability.pruning.result import Ladder
-from identifiability.pruning.rung import PrunedRung
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.output import write_text
 from identifiability.report.blocks import Fold, Note, Notes, Picture, Prose, Section, Tile
 from identifiability.report.figures.pruning import draw_ladder, draw_survival
 from identifiability.report.numbers import (
@@ -19,7 +18,8 @@ from identifiability.report.numbers import (
 from identifiability.report.page import Page, render_page
 from identifiability.report.sections.facts import error_text, percent_text
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.verdict import Class
+from identifiability.workflows.prune.result import Ladder
+from identifiability.workflows.prune.rung import PrunedRung
 
 MOVES = (
     Column("move", hint="What was zeroed or made equal, and why."),

@@ -10,8 +10,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from identifiability.errors import ClosureError, RobotError, listing
-from identifiability.names import Array
+from identifiability.foundation.errors import ClosureError, RobotError, listing
+from identifiability.foundation.names import Array
 from identifiability.robot import closure
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Joint

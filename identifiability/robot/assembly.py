@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 import pinocchio as pin
 
-from identifiability.errors import RobotError, listing, near_match
-from identifiability.names import BASE, INERTIAL_KINDS, Array
+from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.robot.actuation import choose_joints
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Point, Tree

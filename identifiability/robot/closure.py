@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import qr
 
-from identifiability.errors import ClosureError, listing
-from identifiability.names import Array
+from identifiability.foundation.errors import ClosureError, listing
+from identifiability.foundation.names import Array
 from identifiability.robot.description import Description
 from identifiability.robot.loop_equations import loop_bias, loop_equations, loop_jacobian
 from identifiability.robot.newton import ACCEPTED, HOPELESS, close_loops, invert, newton

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from identifiability.errors import RobotError
-from identifiability.names import Array
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import Array
 from identifiability.robot.kinematics import Point
 from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.passive_forces import find_drives, read_forces

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.errors import RobotError, near_match
-from identifiability.names import INERTIAL_PREFERENCE, Array
+from identifiability.foundation.errors import RobotError, near_match
+from identifiability.foundation.names import INERTIAL_PREFERENCE, Array
 from identifiability.robot.kinematics import Tree
 from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.markup import included_files

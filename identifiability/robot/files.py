@@ -15,8 +15,8 @@ from typing import Any
 
 import pinocchio as pin
 
-from identifiability.errors import RobotError, listing, near_match
-from identifiability.output import kept_aside
+from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.output import kept_aside
 from identifiability.robot.assembly import assemble
 from identifiability.robot.compiled import state_robot
 from identifiability.robot.description import Description

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from identifiability.names import INERTIAL_KINDS
+from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.robot.description import Description
 
 #: Kinds of Coulomb friction: one level for both directions, and one for each.

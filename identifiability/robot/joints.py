@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from identifiability.errors import RobotError
-from identifiability.names import Array
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import Array
 from identifiability.robot.kinematics import WORLD, Joint, Tree
 
 

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 
 JointType = Literal["revolute", "prismatic", "ball", "free"]
 WORLD = -1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Point
 from identifiability.robot.loops import Coupling

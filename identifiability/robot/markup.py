@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from identifiability.errors import RobotError, listing, near_match
+from identifiability.foundation.errors import RobotError, listing, near_match
 
 #: What is larger would take minutes, or all the stack, to read.
 MOST_BODIES = 200

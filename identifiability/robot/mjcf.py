@@ -17,7 +17,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from identifiability.errors import RobotError, near_match
+from identifiability.foundation.errors import RobotError, near_match
 from identifiability.robot.markup import check_regular, file_text, read_markup
 
 _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom

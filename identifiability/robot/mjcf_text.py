@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 
 #: Rounding of a flat body's moments of inertia, relative to the largest.
 FLAT = 1e-13

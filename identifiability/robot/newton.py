@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.robot.description import Description
 from identifiability.robot.loop_equations import loop_equations
 

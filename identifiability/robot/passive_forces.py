@@ -15,8 +15,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from identifiability.errors import RobotError
-from identifiability.names import Array
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import Array
 
 #: Spring stiffness [N·m/rad or N/m] and the position at which it is relaxed [rad or m].
 Spring = tuple[float, float]

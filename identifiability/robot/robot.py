@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
-from identifiability.options import Expected, FilePath, checked
+from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.robot.description import Description
 from identifiability.robot.files import read_robot
 

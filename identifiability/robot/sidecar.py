@@ -62,8 +62,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from identifiability.documents import read_document
-from identifiability.errors import RobotError
+from identifiability.foundation.documents import read_document
+from identifiability.foundation.errors import RobotError
 
 Triple = tuple[float, float, float]
 

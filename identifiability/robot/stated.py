@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.robot.loops import Coupling, Loop
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 
 
 @dataclass(frozen=True)

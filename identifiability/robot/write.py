@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from identifiability.errors import OutputError, RobotError, listing, near_match
-from identifiability.names import BASE, INERTIAL_KINDS, Array
-from identifiability.output import write_together
+from identifiability.foundation.errors import OutputError, RobotError, listing, near_match
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
+from identifiability.foundation.output import write_together
 from identifiability.robot.description import Description
 from identifiability.robot.holding import complete_values, file_joints, read_back, rotor_inertia
 from identifiability.robot.markup import read_markup

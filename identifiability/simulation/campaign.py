@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identifiability.foundation.names import Array
 from identifiability.logs import Log
-from identifiability.names import Array
 from identifiability.robot import Robot
 from identifiability.simulation import forces
 from identifiability.simulation.hidden import hidden_torque

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identifiability.errors import IdentifiabilityError, near_match
-from identifiability.names import Array
+from identifiability.foundation.errors import IdentifiabilityError, near_match
+from identifiability.foundation.names import Array
 
 #: Law of a hidden effect at one axis: (speed, position from home, load) -> force, up to a factor.
 Law = Callable[[Array, Array, Array], Array]

@@ -16,8 +16,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from identifiability.errors import RobotError
-from identifiability.names import Array
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import Array
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.write import write_robot

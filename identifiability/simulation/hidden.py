@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.errors import IdentifiabilityError, listing, near_match
-from identifiability.names import Array
+from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
+from identifiability.foundation.names import Array
 from identifiability.robot import Robot
 from identifiability.simulation import forces
 from identifiability.simulation.forces import Hidden

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability import signals
-from identifiability.errors import LogError, near_match
-from identifiability.logs import Log
+from identifiability.foundation.errors import LogError, near_match
+from identifiability.logs import Log, signals
 from identifiability.logs.table import read_table
+from identifiability.logs.units import check_units
 from identifiability.robot import Robot
 from identifiability.simulation.prescribed import PrescribedMotion
 from identifiability.simulation.trajectory import (
@@ -17,7 +17,6 @@ from identifiability.simulation.trajectory import (
     read_trajectories,
     shipped_trajectory,
 )
-from identifiability.units import check_units
 
 
 def find_motion(

@@ -15,8 +15,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from identifiability.errors import ClosureError, RobotError
-from identifiability.names import Array
+from identifiability.foundation.errors import ClosureError, RobotError
+from identifiability.foundation.names import Array
 from identifiability.robot import Robot
 from identifiability.robot.markup import read_markup
 from identifiability.robot.mjcf import compile_mjcf, quiet

@@ -8,9 +8,9 @@ from typing import Annotated
 import numpy as np
 import scipy
 
-from identifiability.errors import IdentifiabilityError, near_match
-from identifiability.names import Array
-from identifiability.options import Expected, check_fields
+from identifiability.foundation.errors import IdentifiabilityError, near_match
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import Expected, check_fields
 
 #: A hundred times the signal is no measurement any more.
 LOUDEST = 100.0

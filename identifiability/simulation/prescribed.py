@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.simulation.trajectory import Trajectory
 
 

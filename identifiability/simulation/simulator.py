@@ -7,9 +7,9 @@ from typing import Annotated
 
 import numpy as np
 
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import Expected, Names, Rng, checked
 from identifiability.logs import Log
-from identifiability.names import Array
-from identifiability.options import Expected, Names, Rng, checked
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation import forces
 from identifiability.simulation.hidden import hidden_torque

@@ -9,9 +9,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from identifiability.documents import read_document
-from identifiability.errors import LogError, listing, near_match
-from identifiability.names import Array
+from identifiability.foundation.documents import read_document
+from identifiability.foundation.errors import LogError, listing, near_match
+from identifiability.foundation.names import Array
 from identifiability.robot import Robot
 
 #: Longer simulated logs are refused; the simulator takes one sample at a time.

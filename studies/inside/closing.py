@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from identifiability.engines.local import Processes
-from identifiability.model import Model
+from identifiability.foundation.engines.local import Processes
+from identifiability.regression.regression import Model
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.robot.newton import newton
 from identifiability.simulation import PrescribedMotion, shipped_trajectory

@@ -9,12 +9,12 @@ import emcee
 import numpy as np
 from arviz_stats.base.array import array_stats
 
-from identifiability.analysis import Analysis
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.exact import build_sampler
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
-from identifiability.ranks import build_target
+from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.calibrate.ranks import build_target
 from inside.pair import Array, Pair, all_rows, timed
 
 #: Steps of the stretch move a kept draw.

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import null_space
 
-from identifiability.analysis import Analysis
-from identifiability.pruning.elimination import Path, walk
-from identifiability.pruning.folds import Errors, Fit
-from identifiability.pruning.proposals import propose_moves
-from identifiability.pruning.search import find_path
+from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.prune.elimination import Path, walk
+from identifiability.workflows.prune.folds import Errors, Fit
+from identifiability.workflows.prune.proposals import propose_moves
+from identifiability.workflows.prune.search import find_path
 from inside.pair import Array, Pair, all_rows, difference, timed
 
 

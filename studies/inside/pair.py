@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from identifiability.analysis import Analysis
-from identifiability.information import Information
-from identifiability.ladder import Rung
-from identifiability.model import Model, Regression
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import Rung
+from identifiability.regression.regression import Model, Regression
+from identifiability.workflows.analyze.analysis import Analysis
 
 Array = Any
 T = TypeVar("T")

@@ -6,9 +6,9 @@ import cvxpy as cp
 import numpy as np
 from peers.cvxpy_rows import pseudo_inertia
 
-from identifiability.analysis import Analysis
-from identifiability.feasibility import full_problem, nominal_vector, physical_set
+from identifiability.physical.feasibility import full_problem, nominal_vector, physical_set
 from identifiability.physical.project import project
+from identifiability.workflows.analyze.analysis import Analysis
 from inside.pair import Pair, all_rows, timed
 
 

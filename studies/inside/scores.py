@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import norm
 
-from identifiability.diagnosis.evidence import Whitened, score_candidates
-from identifiability.diagnosis.material import gather
-from identifiability.diagnosis.rows import Candidate
-from identifiability.diagnosis.workflow import prepare_rows, usual_effects
-from identifiability.model import Model
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
+from identifiability.workflows.diagnose.evidence import Whitened, score_candidates
+from identifiability.workflows.diagnose.material import gather
+from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.workflow import prepare_rows, usual_effects
 from inside.pair import Array, Pair, timed
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from identifiability.output import write_json
+from identifiability.foundation.output import write_json
 from identifiability.report import (
     COLOURS,
     Check,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 
-from identifiability.engines.local import Engine, Serial, choose_engine
+from identifiability.foundation.engines.local import Engine, Serial, choose_engine
 from paper_study.index import write_index
 from paper_study.page import write_study
 from paper_study.result import Progress, StudyResult

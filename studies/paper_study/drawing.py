@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.report import COLOURS, canvas, drawn
 
 _LINES = ("blue", "vermilion", "green", "purple", "amber", "sky")

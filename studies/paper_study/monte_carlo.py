@@ -9,15 +9,15 @@ from functools import cache, partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identifiability.engines.local import Engine, Serial
-from identifiability.estimation import Estimate, estimate
-from identifiability.evaluation import Prediction, parameter_error, predict
-from identifiability.information import Information, gather_information
-from identifiability.ladder import Rung
-from identifiability.model import Regression
-from identifiability.names import Array
+from identifiability.estimation.estimate import Estimate, estimate
+from identifiability.estimation.evaluation import Prediction, parameter_error, predict
+from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.names import Array
+from identifiability.logs.prepare import Samples
+from identifiability.regression.information import Information, gather_information
+from identifiability.regression.reduction import Rung
+from identifiability.regression.regression import Regression
 from identifiability.robot import Motion
-from identifiability.samples import Samples
 from paper_study.readings import READINGS, measured_motion
 from paper_study.subject import (
     SHIPPED,

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from identifiability.output import write_json
+from identifiability.foundation.output import write_json
 from identifiability.report import (
     Block,
     Cell,

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from identifiability import signals
-from identifiability.estimation import Estimate
-from identifiability.evaluation import Prediction, predict
-from identifiability.model import Regression
-from identifiability.names import Array
+from identifiability.estimation.estimate import Estimate
+from identifiability.estimation.evaluation import Prediction, predict
+from identifiability.foundation.names import Array
+from identifiability.logs import signals
+from identifiability.logs.prepare import Samples
+from identifiability.regression.regression import Regression
 from identifiability.robot import complete_motion
-from identifiability.samples import Samples
 from paper_study.command import Options
 from paper_study.monte_carlo import as_samples, expand_fits, fit_models, physically_possible
 from paper_study.stand_in import CONTROL_STEP, Record, record_all

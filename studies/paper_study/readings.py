@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identifiability import signals
-from identifiability.names import Array
+from identifiability.foundation.names import Array
+from identifiability.logs import signals
 from identifiability.robot import Motion, complete_motion
 from paper_study.subject import ExactLog, Subject
 

@@ -7,8 +7,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from identifiability.analysis import Analysis
-from identifiability.errors import IdentifiabilityError
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.workflows.analyze.analysis import Analysis
 
 
 def _kuka(data: Path) -> Analysis:

@@ -15,8 +15,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from identifiability.engines.local import Engine, Serial
-from identifiability.names import Array
+from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.names import Array
 from identifiability.robot import Robot
 from identifiability.simulation import Trajectory, shipped_trajectory
 from paper_study.subject import check_robot, load_subject, robot_digest

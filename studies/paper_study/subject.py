@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identifiability.errors import RobotError
-from identifiability.grouping import BaseParameters, find_base_parameters
-from identifiability.ladder import (
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import Array
+from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
+from identifiability.regression.reduction import (
     Rung,
     build_ladder,
     ladder_model,
@@ -21,8 +22,7 @@ from identifiability.ladder import (
     nominal_base,
     read_ladder,
 )
-from identifiability.model import Model
-from identifiability.names import Array
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.simulation.forces import stribeck

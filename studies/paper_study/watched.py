@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from identifiability.engines.local import Engine, OpenEngine
+from identifiability.foundation.engines.local import Engine, OpenEngine
 
 
 @dataclass(frozen=True)

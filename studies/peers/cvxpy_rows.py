@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cvxpy as cp
 
-from identifiability.model import Model
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from peers.ours import EFFECTS
 from peers.process import Run

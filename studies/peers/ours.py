@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identifiability.estimation import Estimate, estimate
-from identifiability.grouping import BaseParameters, find_base_parameters
-from identifiability.information import Information, gather_information
+from identifiability.estimation.estimate import Estimate, estimate
 from identifiability.logs import Log
-from identifiability.model import Model, Regression
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
+from identifiability.regression.information import Information, gather_information
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, prepare_samples
 from peers.process import Array, Run
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction")

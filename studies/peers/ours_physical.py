@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from identifiability.feasibility import full_problem, nominal_vector, physical_set
-from identifiability.ladder import full_rung
+from identifiability.physical.feasibility import full_problem, nominal_vector, physical_set
 from identifiability.physical.project import project
+from identifiability.regression.reduction import full_rung
 from peers import ours
 from peers.process import Run
 

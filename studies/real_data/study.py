@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from identifiability.analysis import Analysis
-from identifiability.output import write_json
+from identifiability.foundation.output import write_json
+from identifiability.workflows.analyze.analysis import Analysis
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[2]

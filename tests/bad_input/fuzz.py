@@ -46,20 +46,25 @@ from spoil import (
     to_toml,
 )
 
-from identifiability.errors import IdentifiabilityError
-from identifiability.export import export
-from identifiability.grouping import find_base_parameters
-from identifiability.ladder import build_ladder, default_ladder, ladder_model, read_ladder
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.reduction import (
+    build_ladder,
+    default_ladder,
+    ladder_model,
+    read_ladder,
+)
 from identifiability.robot import Robot
 from identifiability.robot.files import locate_robot
-from identifiability.samples import prepare_samples
 from identifiability.simulation import (
     PrescribedMotion,
     read_trajectories,
     shipped_trajectory,
     simulate,
 )
+from identifiability.workflows.export import export
 
 #: Seconds after which one input counts as a hang.
 PATIENCE = 20

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.errors import IdentifiabilityError, LogError
+from identifiability.foundation.errors import IdentifiabilityError, LogError
 from identifiability.logs import Log
-from identifiability.samples import Preparation, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_samples
 
 
 def cell(frame, row, column, value):

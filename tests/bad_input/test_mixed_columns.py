@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.grouping import find_base_parameters
 from identifiability.logs import Log
-from identifiability.model import Model, Regression
+from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare.contradictions import find_contradictions
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.mix_up import find_mix_up
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
-from identifiability.samples import prepare_samples
-from identifiability.samples.contradictions import find_contradictions
 from identifiability.simulation import PAPER_NOISE, random_trajectory, simulate
-from identifiability.torque_check import find_mix_up
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

@@ -8,13 +8,13 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability import Model, Robot, analyze, diagnose, excite, prune, simulate
-from identifiability.calibration import calibrate
 from identifiability.cli import app
 from identifiability.effects import Placed
-from identifiability.errors import ModelError
-from identifiability.grouping import find_base_parameters, random_motion
-from identifiability.ladder import build_ladder, ladder_text, read_ladder, rung_entry
+from identifiability.foundation.errors import ModelError
+from identifiability.regression.base_parameters import find_base_parameters, random_motion
+from identifiability.regression.reduction import build_ladder, ladder_text, read_ladder, rung_entry
 from identifiability.simulation import shipped_trajectory
+from identifiability.workflows.calibrate.calibration import calibrate
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.analysis import analyze
-from identifiability.errors import ClosureError, LogError
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.logs import Log
+from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.robot import Robot, complete_motion
-from identifiability.samples import Preparation, prepare_samples
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
-from identifiability.verdict import Class
+from identifiability.workflows.analyze.analysis import analyze
 
 CHANNELS = (".q", ".dq", ".ddq")
 
@@ -50,7 +50,7 @@ def test_a_robot_at_rest_is_answered_without_sampling(derivatives, arm, monkeypa
     def refuse(*_, **__):
         raise AssertionError("sampled")
 
-    monkeypatch.setattr("identifiability.inference.sample_posterior", refuse)
+    monkeypatch.setattr("identifiability.workflows.analyze.form_belief.sample_posterior", refuse)
     how = Preparation(derivatives=derivatives)
     out = analyze("two-link", at_rest(arm), preparation=how, replicates=20, posterior=True)
     assert out.belief.note == "the robot does not move in these logs"

@@ -22,12 +22,12 @@ from identifiability import (
     prune,
     simulate,
 )
-from identifiability.calibration import calibrate
-from identifiability.diagnosis.rules import Rules
-from identifiability.engines.local import choose_engine
-from identifiability.options import checked
+from identifiability.estimation.verdict import Thresholds
+from identifiability.foundation.engines.local import choose_engine
+from identifiability.foundation.options import checked
 from identifiability.simulation import shipped_trajectory
-from identifiability.verdict import Thresholds
+from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.diagnose.rules import Rules
 
 SEED = "seed must be a whole number of at least 0, not -1"
 METHOD = "method must be 'ols' or 'wls', not 'OLS', did you mean 'ols'?"

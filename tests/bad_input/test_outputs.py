@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from identifiability import output
-from identifiability.errors import OutputError
-from identifiability.output import check_apart, check_writable, write_bytes, write_text
+from identifiability.foundation import output
+from identifiability.foundation.errors import OutputError
+from identifiability.foundation.output import check_apart, check_writable, write_bytes, write_text
 
 FULL = OSError(errno.ENOSPC, "No space left on device")
 

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from identifiability.errors import RobotError
+from identifiability.foundation.errors import RobotError
 from identifiability.robot import Robot
 from identifiability.robot.files import locate_robot
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from identifiability.errors import RobotError
+from identifiability.foundation.errors import RobotError
 from identifiability.robot import Robot
 
 LOOP = 'actuated = ["shoulder"]\n[[loops]]\nbody1 = "link2"\nbody2 = '

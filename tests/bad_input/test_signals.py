@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from identifiability import signals
-from identifiability.estimation import estimate
-from identifiability.grouping import find_base_parameters
-from identifiability.information import gather_information
-from identifiability.ladder import nominal_base
-from identifiability.logs import Log
-from identifiability.model import Model, Regression
+from identifiability.estimation.estimate import estimate
+from identifiability.logs import Log, signals
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.reduction import nominal_base
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, prepare_samples
 from identifiability.simulation import Trajectory
 
 STEP = 0.01

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from identifiability import analyze
-from identifiability.errors import OutputError, RobotError
+from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.logs import Log
-from identifiability.pruning import prune
 from identifiability.robot import Robot
 from identifiability.robot.write import write_robot
+from identifiability.workflows.prune import prune
 
 
 def files_in(folder):
@@ -86,7 +86,7 @@ def test_a_stopped_write_leaves_the_old_file_and_nothing_else(kind, stop, writte
 KILLED = """
 import os, sys
 from pathlib import Path
-from identifiability.output import write_together
+from identifiability.foundation.output import write_together
 
 calls, replace = [], Path.replace
 

@@ -9,13 +9,13 @@ import pinocchio as pin
 import pytest
 from threadpoolctl import threadpool_limits
 
-from identifiability.estimation import estimate
-from identifiability.grouping import find_base_parameters
-from identifiability.information import gather_information
+from identifiability.estimation.estimate import estimate
 from identifiability.logs import Log
-from identifiability.model import Model, Regression
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, complete_motion
-from identifiability.samples import prepare_samples
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 

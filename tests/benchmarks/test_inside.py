@@ -5,7 +5,7 @@ from inside import elimination, program, refits, scores
 from posterior_speed import analyse
 from threadpoolctl import threadpool_limits
 
-from identifiability.bootstrap import draw_blocks, merge_blocks, refit
+from identifiability.estimation.bootstrap import draw_blocks, merge_blocks, refit
 from identifiability.posterior.ensemble import sample_posterior
 
 
@@ -48,7 +48,7 @@ def test_bootstrap_refits(benchmark, analysis):
 
 
 def test_semidefinite_program_again(benchmark, analysis):
-    from identifiability.feasibility import full_problem, nominal_vector, physical_set
+    from identifiability.physical.feasibility import full_problem, nominal_vector, physical_set
     from identifiability.physical.project import build_projection
 
     full, robot, base = analysis.full, analysis.robot, analysis.base

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability.analysis import analyze
-from identifiability.calibration import calibrate
-from identifiability.demo import run_demo
-from identifiability.pruning import prune
+from identifiability.cli.demo_run import run_demo
 from identifiability.robot import Robot
 from identifiability.robot.files import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
+from identifiability.workflows.analyze.analysis import analyze
+from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.prune import prune
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 KINDS = ("demo", "analysis", "pruning", "calibration", "table", "index", "diagnosis")
@@ -82,7 +82,7 @@ def reports(tmp_path_factory) -> dict[str, Path]:
         "calibration": calibrate(demo, trials=4, replicates=20),
     }
     try:
-        diagnosis = import_module("identifiability.diagnosis")
+        diagnosis = import_module("identifiability.workflows.diagnose")
     except ModuleNotFoundError:
         pass
     else:

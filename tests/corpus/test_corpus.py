@@ -10,7 +10,7 @@ from robot_corpus.mujoco_road import MujocoRoad, States
 from robot_corpus.our_road import nominal_torque, simulated_torque
 from robot_corpus.pinocchio_road import PinocchioRoad
 
-from identifiability.errors import RobotError
+from identifiability.foundation.errors import RobotError
 from identifiability.robot import Robot
 
 STATES = 5

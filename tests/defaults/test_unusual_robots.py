@@ -5,8 +5,8 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability import analyze, diagnose, prune
-from identifiability.calibration import calibrate
 from identifiability.cli import app
+from identifiability.workflows.calibrate.calibration import calibrate
 
 NOISE = 0.01
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from identifiability.diagnosis import Rules, gather
-from identifiability.model import Model
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.samples import prepare_samples
+from identifiability.workflows.diagnose import Rules, gather
 
 
 def aliases(robot, logs, *model):
@@ -44,7 +44,7 @@ def test_the_rotor_of_the_first_joint_is_its_links_inertia(logs_of):
 def test_an_asymmetry_is_an_offset_once_symmetric_friction_is_there(logs_of):
     robot = Robot.load("six-dof-arm")
     _, m = aliases(robot, logs_of("six-dof-arm")[:4], "rigid_body", "coulomb_friction")
-    from identifiability.diagnosis.confusable import find_rivals
+    from identifiability.workflows.diagnose.confusable import find_rivals
 
     offset = next(c for c in m.candidates if c.group == ("torque_offset", "joint_1"))
     rivals = find_rivals(m.white, offset, [], m.candidates, Rules().confusable)

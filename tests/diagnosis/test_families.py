@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from identifiability.diagnosis import diagnose
-from identifiability.diagnosis.rows import list_candidates
 from identifiability.effects import (
     FAMILIES,
     Effect,
@@ -18,14 +16,16 @@ from identifiability.effects import (
     register_family,
 )
 from identifiability.effects.nonlinear_friction import StribeckFriction
-from identifiability.errors import IdentifiabilityError, ModelError
-from identifiability.grouping import random_motion
+from identifiability.foundation.errors import IdentifiabilityError, ModelError
+from identifiability.foundation.names import Parameter
 from identifiability.logs import Log
-from identifiability.model import Model
-from identifiability.names import Parameter
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.base_parameters import random_motion
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, prepare_samples
 from identifiability.simulation import shipped_trajectory, simulate
+from identifiability.workflows.diagnose import diagnose
+from identifiability.workflows.diagnose.rows import list_candidates
 
 
 def hidden_part(robot, text):

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from identifiability import Robot
-from identifiability.diagnosis import forward
 from identifiability.effects import find_effect
 from identifiability.effects.placed import Part, Placed
-from identifiability.errors import RobotError
-from identifiability.model import Model
-from identifiability.samples import Preparation, prepare_samples
+from identifiability.foundation.errors import RobotError
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.regression import Model
 from identifiability.simulation import Campaign, PrescribedMotion, random_trajectory, simulate
 from identifiability.simulation.forward import ForwardRobot
+from identifiability.workflows.diagnose import forward
 
 
 @pytest.fixture(scope="module")

@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability.diagnosis import Rules, gather
-from identifiability.diagnosis.gates import add_places, keep_possible, list_units
-from identifiability.diagnosis.naming import Naming, keep_surviving
-from identifiability.diagnosis.rows import fit_weighted
-from identifiability.diagnosis.rules import Step
-from identifiability.diagnosis.stress import (
+from identifiability.physical.feasibility import physical_set
+from identifiability.regression.regression import Model
+from identifiability.robot import Robot
+from identifiability.workflows.diagnose import Rules, gather
+from identifiability.workflows.diagnose.gates import add_places, keep_possible, list_units
+from identifiability.workflows.diagnose.naming import Naming, keep_surviving
+from identifiability.workflows.diagnose.rows import fit_weighted
+from identifiability.workflows.diagnose.rules import Step
+from identifiability.workflows.diagnose.stress import (
     CLOCK,
     Survival,
     blur_motion,
     shift_torque,
     white_noise,
 )
-from identifiability.diagnosis.workflow import BASE_EFFECTS, prepare_rows
-from identifiability.feasibility import physical_set
-from identifiability.model import Model
-from identifiability.robot import Robot
+from identifiability.workflows.diagnose.workflow import BASE_EFFECTS, prepare_rows
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 
@@ -77,7 +77,7 @@ class Told:
     real: object = object()
 
     def gain(self, rest, whole, *, real=False):
-        from identifiability.diagnosis.held_out import Gain
+        from identifiability.workflows.diagnose.held_out import Gain
 
         lost = {c.family.name for c in whole} - {c.family.name for c in rest}
         return Gain(sum(self.shares[n][real] for n in lost), 0.01)

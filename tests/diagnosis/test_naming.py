@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.diagnosis import diagnose
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
+from identifiability.workflows.diagnose import diagnose
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.diagnosis.ar_noise import ARNoise, JointNoise, fit_joint
-from identifiability.diagnosis.autoregression import (
+from identifiability.estimation.noise.autoregression import (
     autocovariance,
     colour,
     colour_many,
@@ -12,8 +11,9 @@ from identifiability.diagnosis.autoregression import (
     levinson,
     whiten,
 )
-from identifiability.diagnosis.evidence import log_tail
 from identifiability.simulation.noise import ar1
+from identifiability.workflows.diagnose.ar_noise import ARNoise, JointNoise, fit_joint
+from identifiability.workflows.diagnose.evidence import log_tail
 
 PACF = np.array([0.7, -0.4, 0.2])
 RUNS = [(0, 40), (40, 90), (90, 92)]

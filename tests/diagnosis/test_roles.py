@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import stages
-from identifiability.diagnosis import diagnose
-from identifiability.diagnosis.roles import LEAST, PAUSE, assign_roles, divide
-from identifiability.errors import LogError
+from identifiability.foundation.errors import LogError
+from identifiability.workflows.analyze import stages
+from identifiability.workflows.diagnose import diagnose
+from identifiability.workflows.diagnose.roles import LEAST, PAUSE, assign_roles, divide
 
 
 @pytest.fixture

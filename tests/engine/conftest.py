@@ -10,7 +10,7 @@ import cloudpickle
 import numpy as np
 import pytest
 
-from identifiability.errors import LogError
+from identifiability.foundation.errors import LogError
 
 ROOT = Path(__file__).resolve().parents[2]
 

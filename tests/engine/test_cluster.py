@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.engines.local import Resumed, Serial, choose_engine
-from identifiability.errors import EngineError, LogError
+from identifiability.foundation.engines.local import Resumed, Serial, choose_engine
+from identifiability.foundation.errors import EngineError, LogError
 
 try:
     import distributed
@@ -69,7 +69,7 @@ def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypat
 
 @needs_dask
 def test_workers_with_another_program_are_refused(cluster, monkeypatch):
-    module = sys.modules["identifiability.engines.cluster"]
+    module = sys.modules["identifiability.foundation.engines.cluster"]
     monkeypatch.setattr(module, "source_digest", lambda name: str(os.getpid()))
     with pytest.raises(EngineError, match="do not have this version of identifiability"):
         choose_engine(scheduler=cluster.client.scheduler.address)
@@ -109,7 +109,7 @@ def test_a_scheduler_that_is_not_there_is_said_within_seconds():
 
 @needs_dask
 def test_a_cluster_without_workers_is_one_sentence(monkeypatch):
-    monkeypatch.setattr("identifiability.engines.cluster.PATIENCE", 1.0)
+    monkeypatch.setattr("identifiability.foundation.engines.cluster.PATIENCE", 1.0)
     with (
         distributed.LocalCluster(
             n_workers=0, dashboard_address="127.0.0.1:0", protocol="tcp://"

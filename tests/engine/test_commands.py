@@ -10,11 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability import analyze, prune
-from identifiability.calibration import calibrate
 from identifiability.cli import app
-from identifiability.diagnosis.false_names import _reaching
 from identifiability.effects.family import Family, forget_family, joint_places, register_family
-from identifiability.engines.local import Processes, Serial
+from identifiability.foundation.engines.local import Processes, Serial
+from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.diagnose.false_names import _reaching
 
 
 @pytest.fixture(scope="module")

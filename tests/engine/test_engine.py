@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.engines.local import Processes, Resumed, Serial, choose_engine
-from identifiability.engines.mapping import in_order
-from identifiability.errors import EngineError, IdentifiabilityError, LogError
+from identifiability.foundation.engines.local import Processes, Resumed, Serial, choose_engine
+from identifiability.foundation.engines.mapping import in_order
+from identifiability.foundation.errors import EngineError, IdentifiabilityError, LogError
 
 
 @pytest.fixture(scope="module")

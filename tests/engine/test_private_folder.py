@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability.cli import app
-from identifiability.engines.local import Resumed, Serial
-from identifiability.errors import OutputError
+from identifiability.foundation.engines.local import Resumed, Serial
+from identifiability.foundation.errors import OutputError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="users cannot be told apart")
 

@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identifiability.engines import fingerprint as prints
-from identifiability.engines.local import Resumed, Serial
-from identifiability.errors import OutputError
+from identifiability.foundation.engines import fingerprint as prints
+from identifiability.foundation.engines.local import Resumed, Serial
+from identifiability.foundation.errors import OutputError
 
 calls = []
 
@@ -148,7 +148,7 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
 PROGRAM = """
 import sys, time
 from pathlib import Path
-from identifiability.engines.local import choose_engine
+from identifiability.foundation.engines.local import choose_engine
 
 def work(item):
     if sys.argv[1] == "slow" and item >= 12:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identifiability.excitation import excite
-from identifiability.model import Model
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
+from identifiability.workflows.excite import excite
 
 
 def regressor(robot, trajectory, effects, columns=None, samples=None):

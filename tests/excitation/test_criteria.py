@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.excitation.criteria import Condition, LogDet, Separation
+from identifiability.workflows.excite.criteria import Condition, LogDet, Separation
 
 
 @pytest.fixture

@@ -3,17 +3,15 @@
 import numpy as np
 import pytest
 
-from identifiability.errors import ClosureError, IdentifiabilityError
-from identifiability.estimation import estimate
-from identifiability.excitation import find_limits
-from identifiability.excitation.search import DRAWS
-from identifiability.grouping import find_base_parameters
-from identifiability.information import gather_information
+from identifiability.estimation.estimate import estimate
+from identifiability.foundation.errors import ClosureError, IdentifiabilityError
 from identifiability.logs import Log
-from identifiability.model import Model, Regression
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.kinematics import Point
-from identifiability.samples import prepare_samples
 from identifiability.simulation import (
     Noise,
     PrescribedMotion,
@@ -21,6 +19,8 @@ from identifiability.simulation import (
     shipped_trajectory,
     simulate,
 )
+from identifiability.workflows.excite import find_limits
+from identifiability.workflows.excite.search import DRAWS
 
 from .conftest import condition, regressor
 

@@ -11,12 +11,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identifiability.composition import Model
 from identifiability.effects import EFFECTS
-from identifiability.export import export
-from identifiability.model import Regression
+from identifiability.logs.prepare import Samples, prepare_samples
+from identifiability.regression.model import Model
+from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
-from identifiability.samples import Samples, prepare_samples
+from identifiability.workflows.export import export
 
 
 def error_ra(tau, predicted):

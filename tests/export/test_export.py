@@ -8,9 +8,9 @@ from typer.testing import CliRunner
 
 from identifiability import analyze
 from identifiability.cli import app
-from identifiability.feasibility import nominal_vector
-from identifiability.grouping import random_motion
-from identifiability.model import Model
+from identifiability.physical.feasibility import nominal_vector
+from identifiability.regression.base_parameters import random_motion
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, simulate
 
@@ -38,7 +38,7 @@ def test_the_exported_robot_predicts_what_the_feasible_estimate_predicts(exporte
 
 
 def test_every_exported_body_is_real(exported):
-    from identifiability.feasibility import check_nominal
+    from identifiability.physical.feasibility import check_nominal
 
     assert all(check.feasible for check in check_nominal(Robot.load(exported[1])))
 

@@ -6,8 +6,8 @@ from typer.testing import CliRunner
 
 from identifiability import Robot, analyze, prune
 from identifiability.cli import app
-from identifiability.ladder import LadderEntry, RungEntry
 from identifiability.physical.mass import state_mass, total_mass
+from identifiability.regression.reduction import LadderEntry, RungEntry
 
 FULL = LadderEntry(models=[RungEntry(name="full")])
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, diagnose, simulate
-from identifiability.errors import IdentifiabilityError
-from identifiability.export import export
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.workflows.export import export
 
 QUIET = Noise(torque=0.02)
 

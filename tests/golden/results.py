@@ -20,7 +20,7 @@ import numpy as np
 
 import identifiability as ident
 from identifiability import Robot, analyze, diagnose, excite, prune, simulate
-from identifiability.output import plain
+from identifiability.foundation.output import plain
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 
 HERE = Path(__file__).resolve().parent
@@ -70,7 +70,7 @@ def make(robot: Robot, verb: str, seed: int) -> dict[str, Any]:
     posterior = verb == "analyze" and robot.name in QUICK
     result = analyze(robot, logs[0], logs[1], replicates=200, posterior=posterior, seed=seed)
     if verb == "calibrate":
-        from identifiability.calibration import calibrate
+        from identifiability.workflows.calibrate.calibration import calibrate
 
         return json_of(calibrate(result, trials=4, replicates=50, seed=seed))
     return json_of(result)

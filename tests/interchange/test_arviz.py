@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.errors import ModelError
-from identifiability.options import OptionError
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.options import OptionError
 
 pytest.importorskip("arviz_base", reason="needs the extra 'arviz'")
 arviz = pytest.importorskip("arviz_stats")

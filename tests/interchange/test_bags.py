@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze
 from identifiability.cli import app
-from identifiability.errors import LogError
+from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.bags import hash_bag, read_bag
 

@@ -5,20 +5,20 @@ import time
 import numpy as np
 import pytest
 
-from identifiability.bootstrap import bootstrap, draw_blocks, merge_blocks, refit
-from identifiability.errors import IdentifiabilityError
-from identifiability.estimation import estimate
-from identifiability.grouping import find_base_parameters
-from identifiability.information import gather_information
-from identifiability.model import Regression
-from identifiability.noise import block_length
-from identifiability.samples import prepare_samples
+from identifiability.estimation.bootstrap import bootstrap, draw_blocks, merge_blocks, refit
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.noise.autocorrelation import block_length
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.regression import Regression
 from identifiability.simulation.noise import ar1
 
 
 @pytest.fixture(scope="module")
 def problem(simulated_session):
-    from identifiability.model import Model
+    from identifiability.regression.regression import Model
     from identifiability.robot import Robot
 
     robot = Robot.load("3-rps")

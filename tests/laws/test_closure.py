@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from identifiability.errors import ClosureError
-from identifiability.model import Model
+from identifiability.foundation.errors import ClosureError
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.closure import loop_error
 from identifiability.simulation import random_trajectory, shipped_trajectory

@@ -6,14 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.excitation.criteria import IDLE, Condition, LogDet, Separation, scaled
-from identifiability.excitation.limits import Limits, find_limits
-from identifiability.excitation.objective import OPEN, Objective
-from identifiability.excitation.question import Known, gather_known, pose_question
-from identifiability.excitation.search import DRAWS, search
-from identifiability.excitation.series import FINENESS, OVERSHOOT, Series
+from identifiability.logs.prepare import Samples
 from identifiability.robot import Robot, complete_motion
-from identifiability.samples import Samples
+from identifiability.workflows.excite.criteria import IDLE, Condition, LogDet, Separation, scaled
+from identifiability.workflows.excite.limits import Limits, find_limits
+from identifiability.workflows.excite.objective import OPEN, Objective
+from identifiability.workflows.excite.question import Known, gather_known, pose_question
+from identifiability.workflows.excite.search import DRAWS, search
+from identifiability.workflows.excite.series import FINENESS, OVERSHOOT, Series
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation import estimate
-from identifiability.evaluation import leave_out
-from identifiability.grouping import find_base_parameters
-from identifiability.information import gather_information
-from identifiability.ladder import build_ladder, read_ladder
-from identifiability.model import Regression
-from identifiability.samples import prepare_samples
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.evaluation import leave_out
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.reduction import build_ladder, read_ladder
+from identifiability.regression.regression import Regression
 
 
 @pytest.fixture

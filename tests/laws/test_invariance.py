@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation import dependence, estimate
-from identifiability.grouping import find_base_parameters, group_columns, random_motion
-from identifiability.information import Information
-from identifiability.names import Parameter
+from identifiability.estimation.estimate import dependence, estimate
+from identifiability.foundation.names import Parameter
+from identifiability.regression.base_parameters import (
+    find_base_parameters,
+    group_columns,
+    random_motion,
+)
+from identifiability.regression.information import Information
 
 
 @pytest.fixture

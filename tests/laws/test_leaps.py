@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.excitation.limits import find_limits
-from identifiability.excitation.workspace import Workspace, survey
 from identifiability.robot import Robot, complete_motion
+from identifiability.workflows.excite.limits import find_limits
+from identifiability.workflows.excite.workspace import Workspace, survey
 
 
 @pytest.fixture(scope="module")

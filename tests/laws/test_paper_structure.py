@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability.estimation import estimate
-from identifiability.grouping import find_base_parameters
-from identifiability.information import gather_information
-from identifiability.ladder import build_ladder, nominal_base, read_ladder
-from identifiability.model import Model, Regression
-from identifiability.samples import prepare_samples
+from identifiability.estimation.estimate import estimate
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.reduction import build_ladder, nominal_base, read_ladder
+from identifiability.regression.regression import Model, Regression
 
 #: Table 1: row -> (name of the representative, coefficients), digits as printed.
 TABLE_1 = {

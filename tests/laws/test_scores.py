@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identifiability.estimation import estimate
-from identifiability.information import Information
-from identifiability.linalg import triangular_factor
-from identifiability.scores import FEWEST, scatter_scores
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.scores import FEWEST, scatter_scores
+from identifiability.foundation.linalg import triangular_factor
+from identifiability.regression.information import Information
 
 SAMPLES, BLOCK = 2400, 8
 

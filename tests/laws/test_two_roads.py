@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability.grouping import random_motion
-from identifiability.model import Model
-from identifiability.names import INERTIAL_KINDS
+from identifiability.foundation.names import INERTIAL_KINDS
+from identifiability.regression.base_parameters import random_motion
+from identifiability.regression.regression import Model
 from identifiability.simulation import MujocoRobot
 
 

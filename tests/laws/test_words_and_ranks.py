@@ -12,7 +12,6 @@ from identifiability.posterior.calibration import Calibration, calibrate_posteri
 from identifiability.posterior.exact import ExactSampler
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
-from identifiability.ranks import LEVEL, RankCheck
 from identifiability.report.numbers import (
     format_count,
     format_measured,
@@ -20,6 +19,7 @@ from identifiability.report.numbers import (
     format_percent,
     join,
 )
+from identifiability.workflows.calibrate.ranks import LEVEL, RankCheck
 
 
 @pytest.mark.parametrize(

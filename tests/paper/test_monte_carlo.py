@@ -7,7 +7,7 @@ from paper_study.readings import READINGS
 from paper_study.result import compare
 from paper_study.subject import HINGE_FRICTION, exact_log, load_subject
 
-from identifiability.engines.local import Processes
+from identifiability.foundation.engines.local import Processes
 from identifiability.robot import complete_motion
 
 CASE = Case("601", 100)

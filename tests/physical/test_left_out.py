@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.ladder import LadderEntry, RungEntry
 from identifiability.physical.held import Held, find_held
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import build_projection, project
+from identifiability.regression.reduction import LadderEntry, RungEntry
 
 EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identifiability.information import Information
-from identifiability.linalg import triangular_factor
-from identifiability.pruning import prune
+from identifiability.foundation.linalg import triangular_factor
+from identifiability.regression.information import Information
 from identifiability.simulation.noise import ar1
+from identifiability.workflows.prune import prune
 
 
 def gather(W, tau, blocks: int = 256, log=None) -> Information:

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from identifiability.grouping import find_base_parameters
-from identifiability.model import Model
-from identifiability.pruning.geometry import (
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.regression import Model
+from identifiability.robot import Robot
+from identifiability.workflows.prune.geometry import (
     Attachment,
     Mirror,
     attachments,
     find_equal_bodies,
     find_mirrors,
 )
-from identifiability.pruning.moves import Kind, Partition, common_name
-from identifiability.pruning.proposals import propose_moves, tie_moves
-from identifiability.robot import Robot
+from identifiability.workflows.prune.moves import Kind, Partition, common_name
+from identifiability.workflows.prune.proposals import propose_moves, tie_moves
 
 
 @pytest.fixture(scope="module")

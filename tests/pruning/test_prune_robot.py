@@ -9,10 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability import Log, Robot, analyze
-from identifiability.errors import LogError, ModelError
-from identifiability.pruning import prune
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.errors import LogError, ModelError
 from identifiability.simulation import Noise
-from identifiability.verdict import Class
+from identifiability.workflows.prune import prune
 
 SLIDERS = {f"slider{k}.{kind}" for k in (1, 2, 3) for kind in ("Fv", "Fc", "Jr")}
 MODEL_4 = SLIDERS | {"platform.mx", "leg2_upper.m", "leg3_upper.m"}

@@ -5,11 +5,11 @@ import time
 import numpy as np
 import pytest
 
-from identifiability.estimation import estimate
-from identifiability.information import Information
-from identifiability.pruning.folds import gather_folds
-from identifiability.pruning.moves import Kind, Move, Partition
-from identifiability.pruning.search import Wishes, find_path
+from identifiability.estimation.estimate import estimate
+from identifiability.regression.information import Information
+from identifiability.workflows.prune.folds import gather_folds
+from identifiability.workflows.prune.moves import Kind, Move, Partition
+from identifiability.workflows.prune.search import Wishes, find_path
 
 from .conftest import chosen_set, gather, plant
 

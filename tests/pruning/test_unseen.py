@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from identifiability.pruning.unseen import STATES, draw_states, unseen_regressor
+from identifiability.logs.prepare import prepare_samples
 from identifiability.robot import Robot
-from identifiability.samples import prepare_samples
+from identifiability.workflows.prune.unseen import STATES, draw_states, unseen_regressor
 
 
 def samples_of(simulated, name, trajectory):

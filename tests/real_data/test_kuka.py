@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identifiability.signals import choose_cutoff
+from identifiability.logs.signals import choose_cutoff
 
 
 @pytest.fixture(scope="module")

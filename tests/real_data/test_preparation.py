@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from identifiability import Log, Preparation, Robot, prepare_samples
-from identifiability.samples.rests import find_rests
-from identifiability.signals import choose_cutoff
+from identifiability.logs.prepare.rests import find_rests
+from identifiability.logs.signals import choose_cutoff
 
 RATE = 500.0
 

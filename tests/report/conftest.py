@@ -12,12 +12,12 @@ import pandas as pd
 import pytest
 
 from identifiability import analyze
-from identifiability.analysis import Analysis
-from identifiability.belief import Effort, Summary
-from identifiability.inference import form_belief
-from identifiability.ladder import LadderEntry, RungEntry
-from identifiability.model import Model
+from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
+from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze.belief import Effort, Summary
+from identifiability.workflows.analyze.form_belief import form_belief
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

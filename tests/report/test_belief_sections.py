@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.belief import LEARNED, Source
 from identifiability.report import build_analysis_page, render_page
 from identifiability.report.sections.belief import forest_groups, forest_layers, strongest_pairs
 from identifiability.report.sections.standard import contraction_order
+from identifiability.workflows.analyze.belief import LEARNED, Source
 
 REASON = "The ensembles disagree: nested R-hat of platform.mx is 1.300 (at most 1.01)."
 NAMES = ("bodies", "posterior", "standard")

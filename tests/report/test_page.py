@@ -8,7 +8,7 @@ import pytest
 from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
-from identifiability.errors import OutputError
+from identifiability.foundation.errors import OutputError
 from identifiability.report import (
     Cell,
     Check,

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability.model import Model
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.mjcf import quiet
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_robots import CLOSURES, LINKS, MOTORS, arm, parallelogram
 
-from identifiability.errors import RobotError
+from identifiability.foundation.errors import RobotError
 
 
 @pytest.mark.parametrize("case", CLOSURES)

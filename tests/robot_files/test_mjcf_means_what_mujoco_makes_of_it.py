@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_robots import LINKS, MOTORS, arm
 
-from identifiability.errors import RobotError
+from identifiability.foundation.errors import RobotError
 from identifiability.robot import Robot
 from identifiability.robot.write import write_robot
 
@@ -164,9 +164,9 @@ def test_actuated_joints_of_the_sidecar_stand_for_other_transmissions(load_text)
 
 
 def test_default_models_have_the_springs_that_the_file_states(load_text, rps):
-    from identifiability.diagnosis.workflow import usual_effects
-    from identifiability.ladder import default_ladder, ladder_model
-    from identifiability.model import Model
+    from identifiability.regression.reduction import default_ladder, ladder_model
+    from identifiability.regression.regression import Model
+    from identifiability.workflows.diagnose.workflow import usual_effects
 
     sprung = load_text(FEATURES["joint spring"])
     for robot, expected in ((sprung, True), (rps, False)):

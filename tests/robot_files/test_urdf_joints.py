@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.errors import RobotError
-from identifiability.model import Model
+from identifiability.foundation.errors import RobotError
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.write import write_robot
 from identifiability.simulation import PrescribedMotion, simulate

@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import errorsums, signals
-from identifiability.logs import longtable
+from identifiability.estimation import error_sums as errorsums
+from identifiability.logs import longtable, signals
+from identifiability.logs.prepare import longsamples
 from identifiability.robot import Robot
-from identifiability.samples import longsamples
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 
 

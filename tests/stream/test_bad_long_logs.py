@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.engines.local import Processes, Serial
-from identifiability.errors import ClosureError, LogError
+from identifiability.foundation.engines.local import Processes, Serial
+from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, prepare_samples
-from identifiability.samples.longsamples import prepare_log
 
 ROWS = 4000
 

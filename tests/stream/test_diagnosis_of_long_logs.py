@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from identifiability import diagnose
-from identifiability.diagnosis import thinning
-from identifiability.diagnosis.workflow import prepare_rows
-from identifiability.engines.local import Serial
+from identifiability.foundation.engines.local import Serial
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, prepare_samples
-from identifiability.samples.longsamples import prepare_log
+from identifiability.workflows.diagnose import thinning
+from identifiability.workflows.diagnose.workflow import prepare_rows
 
 
 @pytest.fixture

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identifiability import signals
-from identifiability.errorsums import Layout, Tally
-from identifiability.evaluation import Turns
-from identifiability.prediction import MEMORIES, Prediction, standard_error
+from identifiability.estimation.error_sums import Layout, Tally
+from identifiability.estimation.evaluation import Turns
+from identifiability.estimation.prediction import MEMORIES, Prediction, standard_error
+from identifiability.logs import signals
 
 
 @pytest.fixture

@@ -4,13 +4,13 @@ import tracemalloc
 
 import numpy as np
 
-from identifiability.engines.local import Serial
-from identifiability.evaluation import predict
-from identifiability.information import gather_information
+from identifiability.estimation.evaluation import predict
+from identifiability.foundation.engines.local import Serial
 from identifiability.logs.logfile import LogFile
-from identifiability.model import Model, Regression
+from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.regression.information import gather_information
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
-from identifiability.samples.longsamples import prepare_log
 
 
 def peak(path) -> int:
@@ -27,7 +27,7 @@ def peak(path) -> int:
 
 
 def test_four_times_the_samples_take_the_same_memory(sizes, frame_of, saved, monkeypatch):
-    from identifiability import model
+    from identifiability.regression import regression as model
 
     sizes(piece=1000, shortest=4000, rows=1000, characters=100_000, window=500)
     monkeypatch.setattr(model, "KEEP_BYTES", 0)

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from identifiability import analyze, prune
-from identifiability.engines.local import Processes, Resumed, Serial
-from identifiability.evaluation import predict
-from identifiability.grouping import find_base_parameters
-from identifiability.information import gather_information
+from identifiability.estimation.evaluation import predict
+from identifiability.foundation.engines.local import Processes, Resumed, Serial
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile, open_log
-from identifiability.model import Model, Regression
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
-from identifiability.samples import Preparation, prepare_samples
-from identifiability.samples.longsamples import prepare_log
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.report.drawing import (
     COLOURS,
     INK,

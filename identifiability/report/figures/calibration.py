@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.report.drawing import COLOURS, INK, MUTED, canvas, drawn, plain
 from identifiability.report.figures.rows import row_canvas
 

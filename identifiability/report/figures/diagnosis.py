@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
+from identifiability.foundation.shares import REACH
 from identifiability.report.drawing import (
     COLOURS,
     INK,
@@ -20,7 +21,6 @@ from identifiability.report.drawing import (
     thin,
 )
 from identifiability.report.figures.residuals import binned_median
-from identifiability.shares import REACH
 
 #: Points of a scatter.
 POINTS = 500

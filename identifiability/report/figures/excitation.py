@@ -9,7 +9,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.report.drawing import COLOURS, INK, MUTED, canvas, drawn, plain
 from identifiability.report.figures.rows import log_scale, row_canvas, row_lines
 from identifiability.report.numbers import format_number

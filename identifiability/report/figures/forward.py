@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.report.drawing import COLOURS, canvas, drawn
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.report.drawing import COLOURS, INK, MUTED, SURFACE, drawn
 from identifiability.report.figures.rows import log_scale, row_canvas, top_label
 from identifiability.report.numbers import format_number

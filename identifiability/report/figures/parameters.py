@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
+from identifiability.foundation.shares import REACH
 from identifiability.report.drawing import COLOURS, INK, MUTED, SURFACE, drawn, plain, strokes
 from identifiability.report.figures.rows import log_scale, row_canvas, row_lines, top_label
 from identifiability.report.marks import mark_of
-from identifiability.shares import REACH
 
 #: Relative standard deviations above this are drawn at the edge [%].
 MOST_PERCENT = 1e4

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
 from identifiability.report.drawing import COLOURS, INK, MUTED, canvas, drawn, plain
 from identifiability.report.figures.rows import row_canvas
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from identifiability.names import Array
+from identifiability.foundation.names import Array
+from identifiability.foundation.shares import REACH
 from identifiability.report.drawing import (
     COLOURS,
     INK,
@@ -15,7 +16,6 @@ from identifiability.report.drawing import (
     drawn,
     plain,
 )
-from identifiability.shares import REACH
 
 _SPAN = 4.5
 

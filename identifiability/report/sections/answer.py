@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.analysis import Analysis
+from identifiability.estimation.verdict import Class
 from identifiability.report.blocks import Note, Notes, Term, Terms, Tile
 from identifiability.report.marks import MARKS
 from identifiability.report.numbers import format_count, format_number, join
@@ -14,7 +14,7 @@ from identifiability.report.sections.facts import (
     sigma_inflation,
     time_text,
 )
-from identifiability.verdict import Class
+from identifiability.workflows.analyze.analysis import Analysis
 
 #: σ may grow by this factor before the report warns of autocorrelation.
 MILD_INFLATION = 1.2

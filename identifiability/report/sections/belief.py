@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.analysis import Analysis
-from identifiability.belief import Summary
-from identifiability.names import Array
+from identifiability.foundation.names import Array
+from identifiability.foundation.shares import REACH
 from identifiability.physical.pseudo_inertia import INERTIAL
 from identifiability.posterior.diagnostics import Thresholds
 from identifiability.report.blocks import Block, Gallery, Note, Notes, Picture, Section
 from identifiability.report.figures import draw_forest, draw_pair
 from identifiability.report.sections.facts import model_title, stated_values
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.shares import REACH
+from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze.belief import Summary
 
 #: Pairs of parameters that are drawn, and the least correlation worth a picture.
 PAIRS, LEAST_CORRELATION = 6, 0.3

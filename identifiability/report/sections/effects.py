@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.diagnosis.named_effect import Curve, NamedEffect
-from identifiability.diagnosis.result import Diagnosis
 from identifiability.report.blocks import Block, Gallery, Picture, Prose, Section
 from identifiability.report.figures.diagnosis import draw_curve, draw_shrink
 from identifiability.report.numbers import format_number
 from identifiability.report.sections.facts import torque_units, velocity_units
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.workflows.diagnose.named_effect import Curve, NamedEffect
+from identifiability.workflows.diagnose.result import Diagnosis
 
 #: Curves that are drawn.
 SHOWN = 6

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.analysis import Analysis
-from identifiability.assessment import RungResult
-from identifiability.names import Array
+from identifiability.foundation.names import Array
+from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.report.numbers import format_number, format_percent
 from identifiability.robot import Robot
-from identifiability.samples.longsamples import Prepared
+from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze.assessment import RungResult
 
 
 def unseen_samples(analysis: Analysis) -> tuple[Prepared, ...]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from identifiability.diagnosis.forward_gap import ForwardGap
 from identifiability.report.blocks import Block, Picture, Prose, Section
 from identifiability.report.figures.forward import draw_forward
 from identifiability.report.numbers import format_number
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.workflows.diagnose.forward_gap import ForwardGap
 
 
 def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.analysis import Analysis
-from identifiability.assessment import RungResult
+from identifiability.estimation.verdict import Class
 from identifiability.report.blocks import Gallery, Picture, Section
 from identifiability.report.figures import draw_errors, draw_sizes
 from identifiability.report.numbers import NONE, format_number, join
 from identifiability.report.sections.facts import error_text, model_title
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.verdict import Class
+from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze.assessment import RungResult
 
 COLUMNS = (
     Column("model"),

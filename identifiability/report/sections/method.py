@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from identifiability.analysis import Analysis
-from identifiability.estimation import PAPER_FACTOR
-from identifiability.evaluation import STRETCHES
-from identifiability.linalg import RANK_TOLERANCE
+from identifiability.estimation.estimate import PAPER_FACTOR
+from identifiability.estimation.evaluation import STRETCHES
+from identifiability.estimation.verdict import Thresholds
+from identifiability.foundation.linalg import RANK_TOLERANCE
+from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.report.blocks import Fold, Section, Terms
 from identifiability.report.glossary import GLOSSARY
 from identifiability.report.numbers import format_count, format_number
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.samples.longsamples import Prepared
-from identifiability.verdict import Thresholds
+from identifiability.workflows.analyze.analysis import Analysis
 
 _MEANING = {
     "sigma_percent": ("largest σ of an identifiable parameter", "% of the value, robust"),

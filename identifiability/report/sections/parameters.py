@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.analysis import Analysis
-from identifiability.assessment import RungResult
-from identifiability.estimation import PAPER_FACTOR
+from identifiability.estimation.estimate import PAPER_FACTOR
 from identifiability.report.blocks import Fold, Gallery, Picture, Section
 from identifiability.report.figures import draw_precision, draw_pulls
 from identifiability.report.numbers import format_count, format_measured
@@ -18,6 +16,8 @@ from identifiability.report.sections.facts import (
     stated_values,
 )
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze.assessment import RungResult
 
 COLUMNS = (
     Column("parameter", hint="Name, and below it the combination that is determined."),

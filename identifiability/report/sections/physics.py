@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.analysis import Analysis
 from identifiability.physical.mass import state_mass
 from identifiability.report.blocks import Block, Fold, Gallery, Picture, Prose, Section
 from identifiability.report.figures import draw_errors, draw_pulls
 from identifiability.report.sections.facts import error_text, model_title, percents, stated_text
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.workflows.analyze.analysis import Analysis
 
 
 def section_physics(analysis: Analysis) -> Section:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.analysis import Analysis
-from identifiability.errorsums import WINDOW, WINDOWS
-from identifiability.names import Array
-from identifiability.noise import autocorrelation
+from identifiability.estimation.error_sums import WINDOW, WINDOWS
+from identifiability.estimation.noise.autocorrelation import autocorrelation
+from identifiability.foundation.names import Array
 from identifiability.report.blocks import Block, Fold, Gallery, Picture, Section
 from identifiability.report.figures import (
     draw_autocorrelation,
@@ -26,6 +25,7 @@ from identifiability.report.sections.facts import (
     velocity_units,
 )
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.workflows.analyze.analysis import Analysis
 
 #: Joints that are shown at once; those beyond are folded.
 SHOWN = 6

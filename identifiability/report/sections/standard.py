@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.analysis import Analysis
-from identifiability.belief import LEARNED, Source, StandardBelief
-from identifiability.feasibility import nominal_vector
+from identifiability.physical.feasibility import nominal_vector
 from identifiability.report.blocks import (
     Block,
     Fold,
@@ -25,6 +23,8 @@ from identifiability.report.numbers import format_count, format_measured, format
 from identifiability.report.sections.belief import posterior_notes, shown
 from identifiability.report.sections.facts import stated_text
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze.belief import LEARNED, Source, StandardBelief
 
 #: Standard parameters drawn at once, and rows of one picture.
 SHOWN, ROWS = 40, 20

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.analysis import Analysis
-from identifiability.linalg import RANK_TOLERANCE
+from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.report.blocks import Block, Fold, Gallery, Picture, Prose, Section, Term, Terms
 from identifiability.report.figures import draw_conditions, draw_spectrum
 from identifiability.report.numbers import format_count, format_number
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.workflows.analyze.analysis import Analysis
 
 
 def section_structure(analysis: Analysis) -> Section:

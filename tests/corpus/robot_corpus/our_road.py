@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.model import Model
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, simulate
 from robot_corpus.mujoco_road import States

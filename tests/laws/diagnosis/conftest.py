@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identifiability.diagnosis.ar_noise import ARNoise, JointNoise
-from identifiability.diagnosis.evidence import Bench
-from identifiability.diagnosis.held_out import HeldOut
-from identifiability.diagnosis.rows import Candidate, Rows
 from identifiability.effects.family import Family
 from identifiability.effects.friction import ViscousFriction
+from identifiability.workflows.diagnose.ar_noise import ARNoise, JointNoise
+from identifiability.workflows.diagnose.evidence import Bench
+from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 
 def make_family(name: str, **flags: Any) -> Family:

@@ -5,8 +5,8 @@ import pytest
 from scipy import stats
 from scipy.optimize import nnls
 
-from identifiability.diagnosis.ar_noise import ARNoise, JointNoise
-from identifiability.diagnosis.evidence import (
+from identifiability.workflows.diagnose.ar_noise import ARNoise, JointNoise
+from identifiability.workflows.diagnose.evidence import (
     Bench,
     Whitened,
     log_tail,

@@ -6,12 +6,17 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from identifiability.diagnosis.confusable import Rival
-from identifiability.diagnosis.gates import add_places, keep_possible, keep_useful, list_units
-from identifiability.diagnosis.held_out import Gain
-from identifiability.diagnosis.named_effect import NamedEffect, Placement
-from identifiability.diagnosis.rules import Rules
-from identifiability.diagnosis.stress import Survival
+from identifiability.workflows.diagnose.confusable import Rival
+from identifiability.workflows.diagnose.gates import (
+    add_places,
+    keep_possible,
+    keep_useful,
+    list_units,
+)
+from identifiability.workflows.diagnose.held_out import Gain
+from identifiability.workflows.diagnose.named_effect import NamedEffect, Placement
+from identifiability.workflows.diagnose.rules import Rules
+from identifiability.workflows.diagnose.stress import Survival
 
 
 @dataclass

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.diagnosis.held_out import Gap, HeldOut
-from identifiability.diagnosis.rows import fit_weighted, joint_weights
+from identifiability.workflows.diagnose.held_out import Gap, HeldOut
+from identifiability.workflows.diagnose.rows import fit_weighted, joint_weights
 
 
 @pytest.fixture

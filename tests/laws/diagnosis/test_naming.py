@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.diagnosis.held_out import HeldOut
-from identifiability.diagnosis.naming import (
+from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.naming import (
     Naming,
     Option,
     best_by_group,
@@ -16,7 +16,7 @@ from identifiability.diagnosis.naming import (
     name_effects,
     signature,
 )
-from identifiability.diagnosis.rules import Rules, Step
+from identifiability.workflows.diagnose.rules import Rules, Step
 
 
 def run(world, torque, columns, candidates, draws=199, present=(), **rules):

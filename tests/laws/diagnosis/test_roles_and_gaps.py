@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.diagnosis.false_names import FalseNames
-from identifiability.diagnosis.forward_gap import ForwardGap
-from identifiability.diagnosis.material import family_blocks
-from identifiability.diagnosis.roles import assign_roles, divide
-from identifiability.diagnosis.thinning import thin
-from identifiability.errors import LogError
+from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
+from identifiability.logs.prepare import Samples
+from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
-from identifiability.samples import Samples
-from identifiability.signals import Decimation
+from identifiability.workflows.diagnose.false_names import FalseNames
+from identifiability.workflows.diagnose.forward_gap import ForwardGap
+from identifiability.workflows.diagnose.material import family_blocks
+from identifiability.workflows.diagnose.roles import assign_roles, divide
+from identifiability.workflows.diagnose.thinning import thin
 
 
 def log(name="log", n=1000):

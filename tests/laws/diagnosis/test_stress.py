@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.diagnosis.aliases import find_aliases
-from identifiability.diagnosis.confusable import find_rivals
-from identifiability.diagnosis.evidence import Bench
-from identifiability.diagnosis.find import explained_share, find_discrepancies
-from identifiability.diagnosis.remainder import smallest_sizes, smooth_share
-from identifiability.diagnosis.stress import (
+from identifiability.logs import Log
+from identifiability.workflows.diagnose.aliases import find_aliases
+from identifiability.workflows.diagnose.confusable import find_rivals
+from identifiability.workflows.diagnose.evidence import Bench
+from identifiability.workflows.diagnose.find import explained_share, find_discrepancies
+from identifiability.workflows.diagnose.remainder import smallest_sizes, smooth_share
+from identifiability.workflows.diagnose.stress import (
     CLOCK,
     Survival,
     Variation,
@@ -21,7 +22,6 @@ from identifiability.diagnosis.stress import (
     stress_effects,
     white_noise,
 )
-from identifiability.logs import Log
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_the_clock_the_noise_and_the_filter_are_varied(rng):
     assert [v.name for v in found] == [
         *CLOCK, "twice the noise in the motion", "filter 20 % lower", "filter 20 % higher",
     ]  # fmt: skip
-    from identifiability.samples import Samples
+    from identifiability.logs.prepare import Samples
 
     samples = Samples("log", None, tau, None, (), "")
     early, late = (v.build(log, samples).tau.ravel().tolist() for v in found[:2])

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.model import Model
+from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 
 G = 9.81

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.diagnosis.rows import build_rows, list_candidates
 from identifiability.effects import FAMILIES, find_families
 from identifiability.effects.family import measure_spans
-from identifiability.grouping import find_base_parameters
-from identifiability.model import Model
-from identifiability.samples import Samples
-from identifiability.signals import Decimation
+from identifiability.logs.prepare import Samples
+from identifiability.logs.signals import Decimation
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.regression import Model
+from identifiability.workflows.diagnose.rows import build_rows, list_candidates
 
 T = 0.01 * np.arange(300)
 

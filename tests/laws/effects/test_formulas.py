@@ -19,8 +19,8 @@ from identifiability.effects.nonlinear_friction import (
 from identifiability.effects.placed import Part, Placed
 from identifiability.effects.position import JointStiffness, PositionRipple
 from identifiability.effects.rigid_body import RigidBody
-from identifiability.errors import ModelError
-from identifiability.model import Model
+from identifiability.foundation.errors import ModelError
+from identifiability.regression.regression import Model
 
 G = 9.81
 T = np.linspace(0, 2.5, 60)

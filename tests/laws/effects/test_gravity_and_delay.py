@@ -8,8 +8,8 @@ import pytest
 from identifiability.effects.delay import TimeDelay
 from identifiability.effects.gravity import GravityTilt, Payload, horizontal_axes
 from identifiability.effects.rigid_body import RigidBody
-from identifiability.model import Model, Regression
-from identifiability.samples import Samples
+from identifiability.logs.prepare import Samples
+from identifiability.regression.regression import Model, Regression
 
 T = np.linspace(0, 2.5, 60)
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.errors import IdentifiabilityError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.simulation.forces import (
     HIDDEN,
     Hidden,

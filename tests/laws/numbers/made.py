@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.estimation import Estimate
-from identifiability.information import Information
-from identifiability.linalg import triangular_factor
+from identifiability.estimation.estimate import Estimate
+from identifiability.foundation.linalg import triangular_factor
+from identifiability.regression.information import Information
 
 
 def gather(W, tau, size: int = 8, logs=(), columns=()) -> Information:

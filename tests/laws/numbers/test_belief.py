@@ -5,10 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from identifiability.belief import Belief, StandardBelief, Summary, refine_verdicts
+from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.posterior.diagnostics import Convergence
 from identifiability.posterior.prior import Prior
-from identifiability.verdict import Class, Thresholds, Verdict
+from identifiability.workflows.analyze.belief import (
+    Belief,
+    StandardBelief,
+    Summary,
+    refine_verdicts,
+)
 
 
 def verdict(kind, robust=1.0):

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.errorsums import Layout, Tally
-from identifiability.evaluation import (
+from identifiability.estimation.error_sums import Layout, Tally
+from identifiability.estimation.evaluation import (
     Task,
     Turns,
     choose_folds,
@@ -17,9 +17,15 @@ from identifiability.evaluation import (
     predict_all,
     take_turns,
 )
-from identifiability.model import Chunk
-from identifiability.noise import autocorrelation_time
-from identifiability.prediction import FEWEST, MEMORIES, STRETCHES, Prediction, standard_error
+from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.estimation.prediction import (
+    FEWEST,
+    MEMORIES,
+    STRETCHES,
+    Prediction,
+    standard_error,
+)
+from identifiability.regression.regression import Chunk
 
 from .made import ar1, gather
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation import PAPER_FACTOR, dependence, estimate
+from identifiability.estimation.estimate import PAPER_FACTOR, dependence, estimate
 
 from .made import fit_of, gather
 

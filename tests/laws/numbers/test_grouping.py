@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.grouping import group_columns
-from identifiability.names import Parameter
+from identifiability.foundation.names import Parameter
+from identifiability.regression.base_parameters import group_columns
 
 
 def parameters(*kinds):

@@ -5,10 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.errors import ModelError
-from identifiability.grouping import group_columns
-from identifiability.ladder import LadderEntry, build_ladder, full_rung, ladder_model, nominal_base
-from identifiability.names import Parameter
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.names import Parameter
+from identifiability.regression.base_parameters import group_columns
+from identifiability.regression.reduction import (
+    LadderEntry,
+    build_ladder,
+    full_rung,
+    ladder_model,
+    nominal_base,
+)
 
 NOMINAL = {"arm.m": 2.0, "arm.mx": 0.3, "arm.Ixx": 0.5, "arm.Fv": 7.0, "arm.Fc+": 1.0}
 ROBOT = SimpleNamespace(nominal=NOMINAL)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation import estimate
-from identifiability.scores import FEWEST, scatter_scores
-from identifiability.uncertainty import assess_uncertainty, recurrence
-from identifiability.verdict import Class, Evidence, Thresholds, judge
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.scores import FEWEST, scatter_scores
+from identifiability.estimation.uncertainty import assess_uncertainty, recurrence
+from identifiability.estimation.verdict import Class, Evidence, Thresholds, judge
 
 from .made import ar1, fit_of, gather
 

@@ -3,11 +3,16 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation import estimate
-from identifiability.ladder import Rung
-from identifiability.outcome import Outcome, count_outcomes, judge_outcome
-from identifiability.replicates import Experiment
-from identifiability.shares import clustered_share, design_effect, each_share, exact_share
+from identifiability.estimation.estimate import estimate
+from identifiability.foundation.shares import (
+    clustered_share,
+    design_effect,
+    each_share,
+    exact_share,
+)
+from identifiability.regression.reduction import Rung
+from identifiability.workflows.calibrate.outcome import Outcome, count_outcomes, judge_outcome
+from identifiability.workflows.calibrate.replicates import Experiment
 
 
 def outcome(value, white=1.0, robust=1.0, called=(), paper=()):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.pruning.folds import Errors, gather_folds
-from identifiability.pruning.moves import Kind, Move, Partition
+from identifiability.workflows.prune.folds import Errors, gather_folds
+from identifiability.workflows.prune.moves import Kind, Move, Partition
 
 from .made import gather
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import f as f_distribution
 
-from identifiability.pruning.elimination import Evidence, Plan, Step, walk
-from identifiability.pruning.folds import Errors, gather_folds
-from identifiability.pruning.moves import ZERO, Kind, Move, Partition
-from identifiability.pruning.search import Wishes, find_path
-from identifiability.pruning.selection import choose_step, good_steps, least_error
-from identifiability.pruning.words import explain
+from identifiability.workflows.prune.elimination import Evidence, Plan, Step, walk
+from identifiability.workflows.prune.folds import Errors, gather_folds
+from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
+from identifiability.workflows.prune.reasons import explain
+from identifiability.workflows.prune.search import Wishes, find_path
+from identifiability.workflows.prune.selection import choose_step, good_steps, least_error
 
 from .made import gather
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation import estimate
-from identifiability.ladder import Rung
-from identifiability.pruning.absorption import absorb
-from identifiability.pruning.elimination import Plan
-from identifiability.pruning.moves import Kind, Move, Partition
-from identifiability.pruning.search import Search, find_path
-from identifiability.pruning.stability import Stability, assess_stability
+from identifiability.estimation.estimate import estimate
+from identifiability.regression.reduction import Rung
+from identifiability.workflows.prune.absorption import absorb
+from identifiability.workflows.prune.elimination import Plan
+from identifiability.workflows.prune.moves import Kind, Move, Partition
+from identifiability.workflows.prune.search import Search, find_path
+from identifiability.workflows.prune.stability import Stability, assess_stability
 
 from .made import gather
 

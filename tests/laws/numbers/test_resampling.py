@@ -4,10 +4,16 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from identifiability.bootstrap import Bootstrap, bootstrap, draw_blocks, merge_blocks, refit
-from identifiability.errors import IdentifiabilityError
-from identifiability.estimation import estimate
-from identifiability.scores import scatter_scores
+from identifiability.estimation.bootstrap import (
+    Bootstrap,
+    bootstrap,
+    draw_blocks,
+    merge_blocks,
+    refit,
+)
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.scores import scatter_scores
+from identifiability.foundation.errors import IdentifiabilityError
 
 from .made import gather
 

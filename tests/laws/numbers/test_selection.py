@@ -5,12 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from identifiability.assessment import assess_ladder, column_noise, column_rms, select_model
-from identifiability.bootstrap import merge_blocks
-from identifiability.estimation import estimate
-from identifiability.ladder import Rung
-from identifiability.prediction import Prediction
-from identifiability.verdict import Class, Thresholds
+from identifiability.estimation.bootstrap import merge_blocks
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.verdict import Class, Thresholds
+from identifiability.regression.reduction import Rung
+from identifiability.workflows.analyze.assessment import (
+    assess_ladder,
+    column_noise,
+    column_rms,
+    select_model,
+)
 
 from .made import gather
 

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability.estimation.verdict import Class
 from identifiability.physical.pseudo_inertia import INERTIAL
-from identifiability.statement import doubt, state_answer, state_physics
-from identifiability.verdict import Class
+from identifiability.workflows.analyze.statement import doubt, state_answer, state_physics
 
 
 @dataclass

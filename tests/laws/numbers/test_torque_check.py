@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.model import Regression
-from identifiability.names import Parameter
-from identifiability.torque_check import find_mix_up
+from identifiability.foundation.names import Parameter
+from identifiability.regression.mix_up import find_mix_up
+from identifiability.regression.regression import Regression
 
 JOINTS = ("hip", "knee", "toe")
 

@@ -3,18 +3,22 @@
 import numpy as np
 import pytest
 
-from identifiability.bootstrap import Bootstrap
-from identifiability.estimation import estimate
-from identifiability.noise import autocorrelation, autocorrelation_time, block_length
-from identifiability.scores import ScoreScatter
-from identifiability.uncertainty import (
+from identifiability.estimation.bootstrap import Bootstrap
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.noise.autocorrelation import (
+    autocorrelation,
+    autocorrelation_time,
+    block_length,
+)
+from identifiability.estimation.scores import ScoreScatter
+from identifiability.estimation.uncertainty import (
     Uncertainty,
     assess_uncertainty,
     recurrence,
     resample,
     residual_times,
 )
-from identifiability.verdict import Thresholds
+from identifiability.estimation.verdict import Thresholds
 
 from .made import ar1, fit_of, gather
 

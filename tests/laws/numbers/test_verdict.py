@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.verdict import Class, Evidence, Thresholds, Verdict, holm, judge
+from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, holm, judge
 
 from .made import fit_of
 

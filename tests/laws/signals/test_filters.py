@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from identifiability import signals
+from identifiability.logs import signals
 
 DT = 0.002
 

@@ -6,15 +6,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.errors import LogError
+from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
+from identifiability.logs.prepare import Preparation, Samples, prepare_samples
+from identifiability.logs.prepare.contradictions import find_contradictions
+from identifiability.logs.prepare.rests import RestRule, choose_rest_rule
+from identifiability.logs.prepare.survey import Survey, explain_silence, find_signal
+from identifiability.logs.signals import Decimation
+from identifiability.logs.units import check_units
 from identifiability.robot import Robot, complete_motion
-from identifiability.samples import Preparation, Samples, prepare_samples
-from identifiability.samples.contradictions import find_contradictions
-from identifiability.samples.rests import RestRule, choose_rest_rule
-from identifiability.samples.survey import Survey, explain_silence, find_signal
-from identifiability.signals import Decimation
-from identifiability.units import check_units
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,1 @@
+"""From `Information` to estimates: least squares, spread, errors on other motion, verdicts."""

@@ -1,0 +1,189 @@
+"""Refits on resampled blocks of time, from `Information` alone.
+
+Residuals of robots are autocorrelated; drawing whole blocks of consecutive samples, regressor and
+torque together, keeps the correlation inside a block and makes no model of it [Künsch 1989]. A
+replicate is a weighted sum of the blocks' Gram matrices, so its cost does not know the number of
+samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from identifiability.estimation.estimate import Estimate
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.names import Array
+from identifiability.foundation.shares import LEVEL
+from identifiability.regression.information import Information
+
+#: Fewer blocks than this say nothing about the spread between blocks.
+FEWEST_BLOCKS = 8
+
+#: Replicates solved at a time; bounds the memory.
+BATCH = 1000
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Parameter values of refits.
+
+    Attributes
+    ----------
+    columns : tuple of str
+    values : (replicates, k)
+        Columns that the estimate dropped are zero.
+    blocks : int
+        Number of blocks that were drawn from.
+    block_samples : float
+        Mean number of samples in a block.
+    """
+
+    columns: tuple[str, ...]
+    values: Array
+    blocks: int
+    block_samples: float
+
+    @property
+    def sd(self) -> Array:
+        """Standard deviation of each parameter, (k,)."""
+        spread: Array = self.values.std(0, ddof=1)
+        return spread
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the parameters, (k, k)."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rho = np.corrcoef(self.values, rowvar=False)
+        whole: Array = np.nan_to_num(np.atleast_2d(rho))
+        return whole
+
+    def interval(self, level: float = LEVEL) -> Array:
+        """Return percentile intervals, (k, 2)."""
+        tail = 0.5 * (1 - level)
+        bounds: Array = np.quantile(self.values, [tail, 1 - tail], axis=0).T
+        return bounds
+
+
+def merge_blocks(information: Information, length: float) -> Information:
+    """Return the information with blocks of at least `length` samples, none across logs.
+
+    Parameters
+    ----------
+    information : Information
+    length : float
+        Samples; blocks shorter than that are added to the next ones of their log.
+    """
+    starts, counts = [], []
+    for log in np.unique(information.log):
+        rows = np.flatnonzero(information.log == log)
+        total = int(information.counts[rows].sum())
+        wanted = max(1, int(total // max(length, 1.0)))
+        reached = np.cumsum(information.counts[rows])
+        # Boundaries nearest to an even division, so that no short block is left at the end.
+        edges = np.searchsorted(reached, np.arange(1, wanted) * total / wanted) + 1
+        first = np.unique(np.concatenate([[0], np.minimum(edges, len(rows) - 1)]))
+        starts.append(rows[first])
+        counts.append(len(first))
+    at = np.concatenate(starts)
+    return Information(
+        information.columns,
+        information.basis,
+        np.add.reduceat(information.gram, at, axis=0),
+        np.add.reduceat(information.counts, at),
+        information.log[at],
+    )
+
+
+def draw_blocks(blocks: int, replicates: int, rng: np.random.Generator) -> Array:
+    """Return how often each block is drawn in each replicate, (replicates, blocks)."""
+    draws: Array = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=replicates)
+    return draws.astype(float)
+
+
+def bootstrap(
+    information: Information,
+    estimate: Estimate,
+    rng: np.random.Generator,
+    *,
+    replicates: int = 1000,
+    length: float = 1.0,
+) -> Bootstrap:
+    """Refit on resampled blocks.
+
+    Parameters
+    ----------
+    information : Information
+        About the columns of `estimate`.
+    estimate : Estimate
+        Its kept columns are refitted with its weights.
+    rng : numpy.random.Generator
+    replicates : int
+    length : float
+        Samples a block; see `noise.block_length`.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If there are too few blocks to resample.
+    """
+    merged = merge_blocks(information, length)
+    blocks = len(merged.counts)
+    if blocks < FEWEST_BLOCKS:
+        raise IdentifiabilityError(
+            f"The residual is correlated over {length:.0f} samples, so {information.samples} "
+            f"samples make only {blocks} independent blocks; the bootstrap needs {FEWEST_BLOCKS}: "
+            "give longer or more logs, or a higher cut-off."
+        )
+    counts = draw_blocks(blocks, replicates, rng)
+    part = merged.select(estimate.kept)
+    values = np.zeros((replicates, information.size))
+    values[:, list(estimate.kept)] = refit(part, estimate.weights, counts)
+    good = np.isfinite(values).all(1)
+    return Bootstrap(information.columns, values[good], blocks, float(information.samples / blocks))
+
+
+def refit(information: Information, weights: Array, counts: Array) -> Array:
+    """Return least-squares values for weighted sums of blocks, (replicates, k).
+
+    Parameters
+    ----------
+    information : Information
+        Of independent columns.
+    weights : (n,)
+        Of the actuators.
+    counts : (replicates, B)
+        How often each block counts.
+    """
+    k = information.size
+    if not k:
+        return np.empty((len(counts), 0))
+    S = information.basis
+    grams = np.einsum("a,baij->bij", weights, information.gram)
+    flat = grams.reshape(len(grams), -1)
+    inverse = solve_triangular(S[:k, :k], np.eye(k))
+    out = [_solve(batch @ flat, k, S) for batch in _batches(counts)]
+    values: Array = np.concatenate(out) @ inverse.T
+    return values
+
+
+def _batches(counts: Array) -> Iterator[Array]:
+    for start in range(0, len(counts), BATCH):
+        yield counts[start : start + BATCH]
+
+
+def _solve(flat: Array, k: int, S: Array) -> Array:
+    """Return the unknowns ``S11 x`` of every replicate; NaN where it leaves columns dependent."""
+    G = flat.reshape(-1, k + 1, k + 1)
+    try:
+        y = np.linalg.solve(G[:, :k, :k], G[:, :k, k:])[..., 0]
+    except np.linalg.LinAlgError:
+        y = np.full((len(G), k), np.nan)
+        for i, gram in enumerate(G):
+            if np.linalg.matrix_rank(gram[:k, :k]) == k:
+                y[i] = np.linalg.solve(gram[:k, :k], gram[:k, k])
+    unknowns: Array = S[:k, k] + S[k, k] * y
+    return unknowns

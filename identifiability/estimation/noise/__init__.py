@@ -1,0 +1,1 @@
+"""What noise remembers: autocorrelation times, autoregression, restricted likelihood."""

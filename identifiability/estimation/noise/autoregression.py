@@ -1,0 +1,112 @@
+"""Autoregressive series by their partial autocorrelations: predict, whiten, colour.
+
+Any partial autocorrelations inside (-1, 1) make a stationary series [Monahan 1984]; innovations
+have unit variance throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import lfilter, lfiltic
+
+from identifiability.foundation.names import Array
+
+Runs = Sequence[tuple[int, int]]
+
+
+def levinson(pacf: Array) -> tuple[list[Array], Array]:
+    """Return predictors of order 0 … p and their error variances, the last one 1.
+
+    Parameters
+    ----------
+    pacf : (p,)
+        Partial autocorrelations.
+    """
+    predictors = [np.empty(0)]
+    for r in pacf:
+        before = predictors[-1]
+        predictors.append(np.append(before - r * before[::-1], r))
+    shrink = np.concatenate([[1.0], np.cumprod(1 - np.asarray(pacf) ** 2)])
+    return predictors, shrink / shrink[-1]
+
+
+def colour(e: Array, pacf: Array) -> Array:
+    """Return stationary autoregressive noise with innovations e (N,)."""
+    predictors, variances = levinson(pacf)
+    p = min(len(pacf), len(e))
+    x = np.array(e, float)
+    for m in range(p):
+        x[m] *= np.sqrt(variances[m])
+        x[m] += predictors[m] @ x[:m][::-1]
+    if len(e) > p > 0:
+        a = np.append(1.0, -predictors[-1])
+        x[p:] = lfilter([1.0], a, e[p:], zi=lfiltic([1.0], a, x[:p][::-1]))[0]
+    return x
+
+
+def colour_many(e: Array, pacf: Array) -> Array:
+    """Return series (N, B) with innovations e (N, B), each with partials of its own, (p, B)."""
+    p, count = len(pacf), len(e)
+    predictors = [np.empty((0, e.shape[1]))]
+    for r in pacf:
+        before = predictors[-1]
+        predictors.append(np.concatenate([before - r * before[::-1], r[None]]))
+    ones = np.ones((1, e.shape[1]))
+    shrink = np.concatenate([ones, np.cumprod(1 - pacf**2, axis=0)])
+    start = np.sqrt(shrink / shrink[-1])
+    x = np.array(e, float)
+    for k in range(count):
+        m = min(k, p)
+        if k < p:
+            x[k] *= start[k]
+        if m:
+            x[k] += np.einsum("kb,kb->b", predictors[m], x[k - m : k][::-1])
+    return x
+
+
+def autocovariance(pacf: Array, most: int) -> Array:
+    """Return autocovariances at lags 0 … most for unit innovations, (most + 1,)."""
+    predictors, variances = levinson(pacf)
+    out = np.zeros(most + 1)
+    out[0] = variances[0]
+    for k in range(1, most + 1):
+        a = predictors[min(k, len(pacf))]
+        # The last partial autocorrelation of an order gives the next lag [Levinson 1947].
+        past = out[k - len(a) : k][::-1] if len(a) else np.empty(0)
+        if k <= len(pacf):
+            before = predictors[k - 1]
+            out[k] = pacf[k - 1] * variances[k - 1] + before @ out[1:k][::-1]
+        else:
+            out[k] = a @ past
+    return out
+
+
+def durbin(covariance: Array) -> tuple[Array, float]:
+    """Return partial autocorrelations and innovation sd of autocovariances [Durbin 1960]."""
+    a = np.empty(0)
+    variance = float(covariance[0])
+    pacf = []
+    for k in range(1, len(covariance)):
+        r = float(covariance[k] - a @ covariance[1:k][::-1]) / variance
+        pacf.append(r)
+        a = np.append(a - r * a[::-1], r)
+        variance *= 1 - r * r
+    return np.array(pacf), float(np.sqrt(variance))
+
+
+def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
+    """Return one-step prediction errors of x (N, …) in units of their standard deviation."""
+    predictors, variances = levinson(pacf)
+    p = len(pacf)
+    out = np.array(x, float)
+    for start, stop in runs:
+        part = x[start:stop]
+        for k, a in enumerate(predictors[-1], start=1):
+            out[start + k : stop] -= a * part[:-k] if k < len(part) else 0.0
+        for m in range(min(p, len(part))):
+            past = part[:m][::-1]
+            error = part[m] - np.tensordot(predictors[m], past, 1) if m else part[0]
+            out[start + m] = error / np.sqrt(variances[m])
+    return out

@@ -1,0 +1,107 @@
+"""Restricted likelihood of autoregressive noise beside columns that are fitted with it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import minimize
+
+from identifiability.estimation.noise.autoregression import Runs, levinson
+from identifiability.foundation.names import Array
+
+#: Highest order that is tried.
+HIGHEST_ORDER = 4
+#: Partial autocorrelations are held below tanh(this): slower noise cannot be told from a drift.
+BOUND = 3.5
+#: White noise that is taken to be there beside the residual, as a share of its variance: logs that
+#: were filtered before they were stored have empty bands, which whitening would blow up.
+FLOOR = 0.05
+
+
+class RestrictedLikelihood:
+    """Restricted likelihood of autoregressive noise from lagged Gram matrices."""
+
+    def __init__(self, y: Array, basis: Array, runs: Runs, floor: float = FLOOR) -> None:
+        Z = np.column_stack([basis, y / (np.linalg.norm(y) or 1.0)])
+        self.scale = float(np.linalg.norm(y)) or 1.0
+        self.rows, self.k = len(y), basis.shape[1]
+        self.dof = max(self.rows - self.k, 1)
+        self.parts = [Z[a:b] for a, b in runs]
+        left = Z[:, -1] - basis @ (basis.T @ Z[:, -1])
+        self.floor = floor * float(left @ left) / self.rows
+        self.left = float(left @ left) * self.scale**2 / self.dof
+        P = HIGHEST_ORDER
+        self.gram = np.zeros((P + 1, P + 1, P + 1, Z.shape[1], Z.shape[1]))
+        for p in range(P + 1):
+            for i in range(p + 1):
+                for j in range(i + 1):
+                    G = sum(z[p - i : len(z) - i].T @ z[p - j : len(z) - j]
+                            for z in self.parts if len(z) > p)  # fmt: skip
+                    self.gram[p, i, j] = G
+                    self.gram[p, j, i] = np.transpose(G)
+                self.gram[p, i, i, -1, -1] += self.floor * sum(
+                    max(len(z) - p, 0) for z in self.parts
+                )
+
+    def _whitened(self, theta: Array) -> tuple[Array, float]:
+        """Return the Gram matrix of the whitened columns and the log-determinant."""
+        predictors, variances = levinson(np.tanh(theta))
+        p = len(theta)
+        c = np.append(1.0, -predictors[-1])
+        G = np.einsum("i,j,ijab->ab", c, c, self.gram[p, : p + 1, : p + 1])
+        logdet = 0.0
+        for z in self.parts:
+            for m in range(min(p, len(z))):
+                row = z[m] - (predictors[m] @ z[:m][::-1] if m else 0.0)
+                G = G + np.outer(row, row) / variances[m]
+                G[-1, -1] += self.floor * (1 + predictors[m] @ predictors[m]) / variances[m]
+                logdet += np.log(variances[m])
+        return G, logdet
+
+    def _factor(self, theta: Array) -> tuple[Array, float]:
+        G, logdet = self._whitened(theta)
+        return np.linalg.cholesky(G + 1e-14 * np.trace(G) * np.eye(len(G))), logdet
+
+    def deviance(self, theta: Array) -> float:
+        """Return minus twice the restricted log-likelihood, sigma profiled out."""
+        L, logdet = self._factor(theta)
+        diagonal = np.diag(L)
+        rss = max(diagonal[-1] ** 2, 1e-300)
+        return float(self.dof * np.log(rss / self.dof) + logdet + 2 * np.log(diagonal[:-1]).sum())
+
+    def sigma(self, theta: Array) -> float:
+        """Return the standard deviation of the innovations."""
+        L, _ = self._factor(theta)
+        return max(float(L[-1, -1]) * self.scale / float(np.sqrt(self.dof)), 1e-12 * self.scale)
+
+    def spread(self, theta: Array) -> Array:
+        """Return the covariance of theta from the curvature of the deviance."""
+        p = len(theta)
+        h = 0.05
+        H = np.zeros((p, p))
+        unit = h * np.eye(p)
+        for i in range(p):
+            for j in range(i + 1):
+                signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+                total = sum(
+                    a * b * self.deviance(theta + a * unit[i] + b * unit[j]) for a, b in signs
+                )
+                H[i, j] = H[j, i] = total / (8 * h * h)
+        values, vectors = np.linalg.eigh(H)
+        limited = np.maximum(values, self.dof / 6)  # sd of Fisher's z is about 1/√dof
+        covariance: Array = (vectors / limited) @ vectors.T
+        return covariance
+
+    def maximise(self) -> Array:
+        """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
+        best = theta = np.empty(0)
+        least = self.deviance(theta)
+        for order in range(1, HIGHEST_ORDER + 1):
+            found = minimize(
+                self.deviance, np.append(theta, 0.3 if order == 1 else 0.0), method="L-BFGS-B",
+                bounds=[(-BOUND, BOUND)] * order, options={"maxiter": 30, "ftol": 1e-7},
+            )  # fmt: skip
+            theta = found.x
+            value = found.fun + order * np.log(self.dof)
+            if value < least - 1e-9:
+                best, least = theta, value
+        return best

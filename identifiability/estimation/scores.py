@@ -1,0 +1,109 @@
+"""Standard deviations from the scatter of scores over stretches of time, column by column.
+
+Residuals remember, but not every parameter suffers alike: what counts is how long the *score* of a
+column (column times residual) remembers. Sums of scores over stretches longer than that are
+independent, and the scatter of the sums is the variance of the estimate [Liang & Zeger 1986], with
+the correction for leverage of Bell & McCaffrey (2002). All of it is in the block Gram matrices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.stats import norm, t
+
+from identifiability.estimation.bootstrap import merge_blocks
+from identifiability.estimation.estimate import Estimate
+from identifiability.foundation.names import Array
+from identifiability.foundation.shares import ENDS
+from identifiability.regression.information import Information
+
+#: A stretch is so many autocorrelation times long, as long as there are `FEWEST` of them.
+MEMORIES, FEWEST = 5.0, 12
+
+#: By how much stretches get shorter while there are too few.
+SHORTER = 0.9
+
+#: What a stretch leaves of a direction that it determines almost alone is raised to this.
+ALONE = 0.05
+
+
+@dataclass(frozen=True)
+class ScoreScatter:
+    """Standard deviations of an estimate from the scatter of its scores.
+
+    Attributes
+    ----------
+    sd : (k,)
+        Infinite where the estimate is not determined.
+    stretches : int
+    """
+
+    sd: Array
+    stretches: int
+
+    @property
+    def widened(self) -> Array:
+        """Standard deviations with which a normal interval has the width of Student's t, (k,)."""
+        if self.stretches < 2:
+            return self.sd
+        factor = t.ppf(ENDS[1], self.stretches - 1) / norm.ppf(ENDS[1])
+        wider: Array = self.sd * factor
+        return wider
+
+
+def scatter_scores(information: Information, fit: Estimate, time: float) -> ScoreScatter | None:
+    """Return the standard deviations of a fit by the scatter of its scores; None without blocks.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+    time : float [samples]
+        Autocorrelation time of the residual.
+    """
+    least = min(MEMORIES * time, information.samples / FEWEST)
+    merged = merge_blocks(information, least)
+    while len(merged.counts) < min(FEWEST, len(information.counts)):  # logs cut stretches short
+        least *= SHORTER
+        merged = merge_blocks(information, least)
+    B, k = len(merged.counts), len(fit.kept)
+    if B < FEWEST or not k:
+        return None
+    part = merged.select(fit.kept)
+    S = part.basis
+    grams = np.einsum("a,baij->bij", fit.weights, part.gram)
+    # Coordinates in which the whole information is the unit matrix.
+    root = np.linalg.cholesky(grams[:, :k, :k].sum(0))
+    inverse = solve_triangular(root, np.eye(k), lower=True)
+    x = fit.value[list(fit.kept)]
+    z = np.append(S[:k, k] - S[:k, :k] @ x, S[k, k])  # τ - W x = Z z
+    scores = (grams[:, :k] @ z) @ inverse.T
+    values, vectors = np.linalg.eigh(np.eye(k) - inverse @ grams[:, :k, :k] @ inverse.T)
+    lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
+    scores = np.einsum("bij,bj,bkj,bk->bi", vectors, lever, vectors, scores, optimize=True)
+    to_x = solve_triangular(S[:k, :k], inverse.T)
+    variance = ((scores @ to_x.T) ** 2).sum(0)
+    length = merged.samples / B
+    sd = np.full(information.size, np.inf)
+    sd[list(fit.kept)] = np.sqrt(variance * _extrapolate(variance / _white(fit), length))
+    return ScoreScatter(np.where(fit.determined, sd, np.inf), B)
+
+
+def _white(fit: Estimate) -> Array:
+    square = np.diag(fit.covariance)[list(fit.kept)]
+    return np.where(np.isfinite(square) & (square > 0), square, np.inf)
+
+
+def _extrapolate(ratio: Array, length: float) -> Array:
+    """Return by how much longer stretches would scatter more.
+
+    Of scores with autocorrelation time τ, sums over stretches of length L have τ (1 - τ/2L) times
+    the variance of white ones; beyond that, stretches are too short to say.
+    """
+    share = np.clip(ratio / length, 1e-12, 0.5)
+    factor: Array = (1.0 - np.sqrt(1.0 - 2.0 * share)) / share
+    return factor

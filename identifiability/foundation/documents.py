@@ -1,0 +1,90 @@
+"""Read TOML and JSON documents and check them: one sentence about the first problem."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
+
+Schema = TypeVar("Schema", bound=BaseModel)
+
+_PARSERS = {"TOML": tomllib.loads, "JSON": json.loads}
+
+
+def read_document(
+    path: str | Path,
+    schema: type[Schema],
+    form: Literal["TOML", "JSON"],
+    what: str,
+    error: type[IdentifiabilityError],
+) -> Schema:
+    """Read a document and return it as its schema.
+
+    Parameters
+    ----------
+    path : path
+    schema : pydantic model
+        What may stand in the document.
+    form : {"TOML", "JSON"}
+    what : str
+        What the document is, such as ``ladder``.
+    error : type
+        What to raise: the sentence names the file, the key and what was expected.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")  # editors on Windows write the mark
+    except FileNotFoundError:
+        raise error(f"There is no {what} file '{path}'; give a {form} file.") from None
+    except OSError as problem:
+        raise error(f"The {what} file '{path}' cannot be read: {problem.strerror}.") from None
+    except ValueError as problem:  # not UTF-8, or a path that cannot be
+        raise error(f"'{path}' is not a {what} file ({form}): {problem}.") from None
+    try:
+        content = _PARSERS[form](text)
+    except RecursionError:
+        raise error(f"{path} is not valid {form}: it is nested too deeply.") from None
+    except ValueError as problem:
+        raise error(f"{path} is not valid {form}: {str(problem).rstrip('.')[:300]}.") from None
+    try:
+        return schema.model_validate(content)
+    except ValidationError as problem:
+        raise error(f"{path}: {first_problem(problem, schema)}") from None
+
+
+def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
+    """Return the first problem of a validation as the sentence ``'key': what was expected``."""
+    problem = error.errors(include_url=False)[0]
+    *above, last = problem["loc"] or ("file",)
+    where = ".".join(str(part) for part in (*above, last))
+    if problem["type"] == "extra_forbidden":
+        known = _known_keys(schema, above)
+        return (
+            f"'{where}' is not a key that is known here{near_match(str(last), known)} "
+            f"The keys are {listing(known, 20)}."
+        )
+    text = problem["msg"].removeprefix("Value error, ")
+    return f"'{where}': {text[0].lower()}{text[1:]}."
+
+
+def _known_keys(schema: type[BaseModel], place: Sequence[str | int]) -> list[str]:
+    """Return the keys of the table at a place in a document."""
+    for part in place:
+        for name, field in schema.model_fields.items():
+            if part in (name, field.alias):
+                schema = _table_in(field.annotation) or schema
+                break
+    return [field.alias or name for name, field in schema.model_fields.items()]
+
+
+def _table_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the schema that a type such as ``dict[str, Entry]`` or ``Entry | None`` holds."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (_table_in(inner) for inner in get_args(annotation))
+    return next((table for table in found if table is not None), None)

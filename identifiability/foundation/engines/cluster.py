@@ -1,0 +1,222 @@
+"""Work on a cluster: the only module that knows Dask.
+
+A worker that dies is no loss: the scheduler gives its items to another one. What workers need is
+this package, in the same version; modules of a study are sent to them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import shutil
+import sysconfig
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+import joblib
+
+from identifiability.foundation.engines.fingerprint import root_module, source_digest
+from identifiability.foundation.engines.mapping import (
+    AHEAD,
+    LARGE,
+    Item,
+    OpenEngine,
+    Result,
+    in_order,
+    run_limited,
+)
+from identifiability.foundation.errors import EngineError
+
+#: Seconds to wait for a scheduler, and for its first worker.
+PATIENCE = 5.0
+
+#: Seconds in which workers that were started here may end by themselves.
+GRACE = 0.5
+
+#: Run by workers that were started here: Ctrl-C is for the program that started them.
+_DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+
+_INSTALL = (
+    "The engine 'dask' needs the package distributed, which is not installed; install it with "
+    "pip install 'identifiability[distributed]', here and on every worker."
+)
+
+
+class Dask(OpenEngine):
+    """Runs items on the workers of a Dask cluster.
+
+    Parameters
+    ----------
+    scheduler : str, optional
+        Address, such as ``tcp://host:8786``. By default a cluster of this machine is started, and
+        ended with this object.
+    workers : int, optional
+        Of the cluster that is started; by default one for each core.
+
+    Raises
+    ------
+    EngineError
+        If Dask is not installed, no scheduler answers, it has no workers, or they run another
+        version of this package.
+    """
+
+    def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
+        try:
+            import distributed  # noqa: PLC0415 - an extra
+        except ImportError:
+            raise EngineError(_INSTALL) from None
+        self.scheduler = scheduler or "this machine"
+        self._stack = contextlib.ExitStack()
+        self._sent: set[str] = set()
+        # Dask's client writes on standard error what we say in a sentence.
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+        try:
+            target = scheduler or self._stack.enter_context(_local_cluster(workers))
+            self.client: Any = self._stack.enter_context(_connect(distributed, target))
+            with self._reached(OSError):
+                self._check()
+        except BaseException:
+            self.close()
+            raise
+
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        from distributed import KilledWorker  # noqa: PLC0415
+        from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
+
+        with self._reached(OSError):
+            self._send_module(function)
+            submit = self._submitter(function)
+            window = AHEAD * max(1, sum(self.client.ncores().values()))
+        try:
+            with self._reached(CancelledError, CommClosedError, RPCClosed):
+                yield from in_order(submit, items, window, self._abandon)
+        except KilledWorker:
+            raise EngineError(
+                f"The workers of the cluster at {self.scheduler} died again and again on the same "
+                "item, most likely for lack of memory; give workers that have more."
+            ) from None
+
+    def _submitter(self, function: Callable[[Item], Result]) -> Callable[[Item], Any]:
+        if len(cloudpickle.dumps(function)) <= LARGE:
+            return partial(self.client.submit, run_limited, function, pure=False)
+        # A regressor in a partial is sent once. Small functions go with each item, because the
+        # scheduler prefers workers that have what an item needs, and a new worker has nothing.
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
+            stored = self.client.submit(_keep, function, pure=False)
+        return partial(self.client.submit, run_limited, stored, pure=False)
+
+    @contextlib.contextmanager
+    def _reached(self, *lost: type[Exception]) -> Iterator[None]:
+        """Say in a sentence that the scheduler is gone."""
+        try:
+            yield
+        except lost:
+            raise EngineError(
+                f"The connection to the cluster at {self.scheduler} was lost; run again when it "
+                "is back. Work that a resume folder holds is not done again."
+            ) from None
+
+    def _abandon(self, waiting: object) -> None:
+        with contextlib.suppress(CancelledError, OSError):
+            self.client.cancel(waiting)
+
+    def _check(self) -> None:
+        """Refuse a cluster without workers, or whose workers would compute something else."""
+        try:
+            self.client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            raise EngineError(
+                f"The scheduler at {self.scheduler} has no workers; start some with "
+                f"'dask worker {self.scheduler}'."
+            ) from None
+        try:
+            found = set(self.client.run(source_digest, "identifiability").values())
+        except (ImportError, AttributeError):
+            found = {""}
+        if found != {source_digest("identifiability")}:
+            raise EngineError(
+                f"Workers of the cluster at {self.scheduler} do not have this version of "
+                "identifiability; install the same one on every worker and start them again."
+            )
+
+    def _send_module(self, function: Callable[..., Any]) -> None:
+        """Send the module of a function to workers that do not have it as it is here."""
+        name, path = root_module(function)
+        carried = name in ("__main__", "identifiability")  # pickled by value, checked already
+        if path is None or carried or name in self._sent or _installed(path):
+            return
+        self._sent.add(name)
+        if set(self.client.run(source_digest, name).values()) == {source_digest(name)}:
+            return
+        with tempfile.TemporaryDirectory() as folder:
+            if path.name == "__init__.py":
+                root = path.parent
+                base = Path(folder, name)
+                path = Path(shutil.make_archive(str(base), "zip", root.parent, root.name))
+            self.client.upload_file(str(path))
+
+    def close(self) -> None:
+        """Leave the cluster; end it if it was started here."""
+        with contextlib.suppress(CancelledError, OSError):
+            self._stack.close()
+
+
+def _keep(value: Any) -> Any:
+    """Return a value: as a task, so that the scheduler can make it again on another worker."""
+    return value
+
+
+def _installed(path: Path) -> bool:
+    """Return whether a file belongs to the installation, which workers have as well."""
+    library = [Path(sysconfig.get_path(k)).resolve() for k in ("stdlib", "purelib", "platlib")]
+    return any(place in path.resolve().parents for place in library)
+
+
+def _connect(distributed: Any, target: Any) -> Any:
+    """Return a client; a scheduler that is not there is noticed before a client waits for it."""
+    try:
+        if isinstance(target, str):
+            with ThreadPoolExecutor(1) as thread:  # a notebook has a running loop of its own
+                thread.submit(asyncio.run, _probe(distributed, target)).result()
+        return distributed.Client(target, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        reason = "nothing answers there" if isinstance(error, OSError) else str(error)
+        raise EngineError(
+            f"There is no Dask scheduler at '{target}' ({reason}); give the address that "
+            "'dask scheduler' prints, such as tcp://host:8786."
+        ) from None
+
+
+async def _probe(distributed: Any, address: str) -> None:
+    security = distributed.Security().get_connection_args("client")
+    async with asyncio.timeout(PATIENCE):
+        comm = await distributed.connect(address, timeout=PATIENCE, **security)
+        await comm.close()
+
+
+@contextlib.contextmanager
+def _local_cluster(workers: int | None) -> Iterator[Any]:
+    """Start a cluster of processes of this machine, one thread each, and end it without delay."""
+    from distributed import LocalCluster  # noqa: PLC0415
+
+    cluster = LocalCluster(
+        n_workers=workers or joblib.cpu_count(), threads_per_worker=1, processes=True,
+        dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, preload=[_DEAF],
+    )  # fmt: skip
+
+    async def end() -> None:
+        await asyncio.gather(*(n.close(timeout=GRACE) for n in cluster.workers.values()))
+
+    try:
+        yield cluster
+    finally:
+        cluster.sync(end)  # an item may still be at work, and Ctrl-C must not wait for it
+        cluster.close()

@@ -1,0 +1,224 @@
+"""Where long work runs: in this process, in several, or on a cluster, with or without a memory.
+
+What to use when: `Serial` for work of seconds and for debugging, `Processes` on one machine,
+`cluster.Dask` for more than one, `Resumed` around any of them for hours of work.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager
+from functools import lru_cache, partial
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any, Literal
+
+import cloudpickle
+import joblib
+from joblib.externals.loky import ProcessPoolExecutor
+
+from identifiability.foundation.engines.mapping import (
+    AHEAD,
+    LARGE,
+    Engine,
+    Item,
+    OpenEngine,
+    Result,
+    in_order,
+    run_limited,
+)
+from identifiability.foundation.engines.resume import Resumed
+from identifiability.foundation.errors import EngineError
+from identifiability.foundation.options import FilePath, at_least, checked
+
+__all__ = ["Engine", "OpenEngine", "Processes", "Resumed", "Serial", "choose_engine"]
+
+Name = Literal["serial", "processes", "dask"]
+
+#: How often work is taken up again after a worker was lost without any result in between.
+RESTARTS = 2
+
+#: Seconds between a worker's looks at whether its parent still lives.
+WATCH = 1.0
+
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
+)
+
+
+class Serial(OpenEngine):
+    """Runs everything here, one item after the other."""
+
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        return (run_limited(function, item) for item in items)
+
+
+class Processes(OpenEngine):
+    """Runs items in processes of this machine, each with one BLAS thread.
+
+    They start with the first item, stay for the next `map`, and end with this object or on leaving
+    its ``with`` block. A lost worker is replaced and what it did is done again.
+
+    Parameters
+    ----------
+    workers : int, optional
+        By default as many as this process may use cores (affinity and control groups count). With
+        one worker, or one item, everything runs here.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self.workers = max(1, joblib.cpu_count() if workers is None else workers)
+        self._pool: Any = None
+
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        if self.workers == 1 or len(items) < 2:
+            yield from Serial()._run(function, items)
+            return
+        blob = cloudpickle.dumps(function)
+        with tempfile.TemporaryDirectory(prefix="identifiability-") as folder:
+            if len(blob) > LARGE:
+                path = Path(folder, "function")
+                path.write_bytes(blob)
+                sent: Callable[[Item], Result] = partial(_run_stored, str(path))
+            else:
+                sent = partial(run_limited, function)
+            yield from self._restarted(sent, items)
+
+    def _restarted(
+        self, function: Callable[[Item], Result], items: Sequence[Item]
+    ) -> Iterator[Result]:
+        """Yield results; after a lost worker, go on behind the last one that was fetched."""
+        done = losses = 0
+        while done < len(items):
+            before = done
+            try:
+                for result in self._fetch(function, items[done:]):
+                    yield result
+                    done += 1
+            except BrokenExecutor:
+                losses = losses + 1 if done == before else 1
+                if losses > RESTARTS:
+                    raise EngineError(
+                        f"A worker process was lost {losses} times in a row, most likely for lack "
+                        f"of memory; give fewer than {self.workers} workers, or the serial engine."
+                    ) from None
+
+    def _fetch(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        if self._pool is None:
+            with _uninterrupted():
+                self._pool = ProcessPoolExecutor(
+                    self.workers, initializer=_start_worker, initargs=(os.getpid(),),
+                    env=_ONE_THREAD,
+                )  # fmt: skip
+                self._pool.submit(os.getpid)  # the processes start now
+        submit = partial(self._pool.submit, function)
+        try:
+            yield from in_order(submit, items, AHEAD * self.workers, self._abandon)
+        except BrokenExecutor:
+            self.close()
+            raise
+
+    def _abandon(self, _waiting: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the worker processes at once, whatever they do."""
+        pool, self._pool = self._pool, None
+        if pool is None:
+            return
+        # Its own shutdown(kill_workers=True) fails in its thread while items wait (joblib 1.6);
+        # lost workers it handles well.
+        for worker in list((pool._processes or {}).values()):
+            worker.terminate()
+        pool.shutdown(wait=True)
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold Ctrl-C back while workers start: half-started ones would never be told to end."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[tuple[int, FrameType | None]] = []
+    usual = signal.signal(signal.SIGINT, lambda number, frame: held.append((number, frame)))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_DFL if usual is None else usual)
+        if held and callable(usual):
+            usual(*held[0])
+
+
+def _start_worker(parent: int) -> None:
+    """Leave Ctrl-C to the parent, and do not outlive it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _run_stored(path: str, item: Any) -> Any:
+    return run_limited(_load(path), item)
+
+
+@lru_cache(maxsize=1)
+def _load(path: str) -> Callable[[Any], Any]:
+    function: Callable[[Any], Any] = cloudpickle.loads(Path(path).read_bytes())
+    return function
+
+
+@checked
+def choose_engine(
+    name: Name | None = None,
+    workers: Annotated[int, at_least(1)] | None = None,
+    scheduler: str | None = None,
+    resume: FilePath | None = None,
+) -> OpenEngine:
+    """Return the engine that some options ask for.
+
+    Parameters
+    ----------
+    name : {"serial", "processes", "dask"}, optional
+        By default several processes; with a scheduler's address, its cluster.
+    workers : int, optional
+        Processes on this machine; by default one for each core.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``tcp://host:8786``.
+    resume : path, optional
+        Folder where finished items are kept, so that a second run need not do them again.
+
+    Raises
+    ------
+    EngineError
+        If options contradict each other, or the cluster cannot be used.
+    """
+    name = name or ("processes" if scheduler is None else "dask")
+    if scheduler is not None and name != "dask":
+        raise EngineError(f"The engine '{name}' has no scheduler; give the engine 'dask' with it.")
+    if scheduler is not None and workers is not None:
+        raise EngineError(
+            f"The cluster at '{scheduler}' has its own workers; leave out their number, or the "
+            "scheduler to start them here."
+        )
+    engine = _build_engine(name, workers, scheduler)
+    return engine if resume is None else Resumed(engine, resume)
+
+
+def _build_engine(name: str, workers: int | None, scheduler: str | None) -> OpenEngine:
+    if name == "serial":
+        return Serial()
+    if name == "processes":
+        return Processes(workers)
+    from identifiability.foundation.engines.cluster import Dask  # noqa: PLC0415 - an extra
+
+    return Dask(scheduler, workers)

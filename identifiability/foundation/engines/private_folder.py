@@ -1,0 +1,98 @@
+"""Folders whose content may be run: the user's own, and nobody else can write to them."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import stat
+from pathlib import Path
+
+from identifiability.foundation.errors import OutputError
+
+
+def open_private(folder: str | Path) -> Path:
+    """Return the real place of a folder that only the user can write to; it is made if missing.
+
+    Where users cannot be told apart (Windows) any folder will do.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made, belongs to somebody else, or others can write to it or put another
+        one in its place.
+    """
+    folder = Path(folder)
+    try:
+        if folder.is_symlink() and not _trusts(folder.lstat()):
+            raise _refusal(folder, "is a link of another user", "give a folder of your own")
+        place = folder.resolve()
+        for parent in (*reversed(place.parents), place):
+            parent.mkdir(mode=0o700, exist_ok=True)
+        _check(folder, place)
+    except (OSError, RuntimeError, ValueError) as error:  # RuntimeError: links in a circle
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(
+            f"'{folder}' cannot keep finished work: {reason}; give a folder."
+        ) from None
+    return place
+
+
+def is_private(path: Path) -> bool:
+    """Return whether a path is no link, belongs to the user, and nobody else can write to it."""
+    status = path.lstat()
+    if stat.S_ISLNK(status.st_mode):
+        return False
+    return not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not _others_write(status))
+
+
+def _check(folder: Path, place: Path) -> None:
+    if not hasattr(os, "getuid"):
+        return
+    status = place.stat()
+    if status.st_uid != os.getuid():
+        raise _refusal(folder, "belongs to another user", "give a folder of your own")
+    if _others_write(status):
+        remedy = f"run 'chmod 700 {shlex.quote(str(folder))}', or give another folder"
+        raise _refusal(folder, "can be written to by others", remedy)
+    below = status
+    for parent in place.parents:
+        status = parent.stat()
+        # In a sticky folder, such as /tmp, others cannot rename what is not theirs.
+        open_ = _others_write(status) and not (status.st_mode & stat.S_ISVTX and _trusts(below))
+        if open_ or not _trusts(status):
+            what = f"can be replaced by others, who can write to '{parent}'"
+            raise _refusal(folder, what, "give a folder elsewhere, such as one in your home")
+        below = status
+
+
+def _trusts(status: os.stat_result) -> bool:
+    """Return whether something belongs to the user or to who can do everything anyway."""
+    if not hasattr(os, "getuid"):
+        return True
+    return status.st_uid in (os.getuid(), 0, Path("/").stat().st_uid)
+
+
+def _others_write(status: os.stat_result) -> bool:
+    if not hasattr(os, "getuid"):
+        return False
+    if status.st_mode & stat.S_IWOTH:
+        return True
+    return bool(status.st_mode & stat.S_IWGRP) and not _alone_in(status.st_gid)
+
+
+def _alone_in(group: int) -> bool:
+    """Return whether a group is the user's private one, as many systems make one for each user."""
+    import grp  # noqa: PLC0415 - not on Windows
+    import pwd  # noqa: PLC0415
+
+    try:
+        user, found = pwd.getpwuid(os.getuid()), grp.getgrgid(group)
+    except KeyError:
+        return False
+    return found.gr_name == user.pw_name and set(found.gr_mem) <= {user.pw_name}
+
+
+def _refusal(folder: Path, what: str, remedy: str) -> OutputError:
+    return OutputError(
+        f"'{folder}' {what}, and finished work that is kept there is run as a program: {remedy}."
+    )

@@ -1,0 +1,226 @@
+"""Options of public functions, checked once, at the border, against the function's own signature.
+
+``@checked`` reads the annotations: choices are a `Literal`, and `Annotated[int, at_least(2)]` is a
+range. What is wrong is said in one sentence that names what is valid. Nothing is converted: what
+passes reaches the function as it was given. (pydantic's ``validate_call`` copies sequences,
+rebuilds dataclasses, refuses NumPy's numbers and has a complaint for each member of a union.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from functools import cache, wraps
+from inspect import Parameter, signature
+from numbers import Integral, Real
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
+from typing import get_type_hints as resolve
+
+import numpy as np
+
+from identifiability.foundation.errors import IdentifiabilityError, near_match
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class OptionError(IdentifiabilityError):
+    """An argument is none of those that a function takes."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What an annotation allows, in words, and a condition beyond its type."""
+
+    words: str
+    holds: Callable[[Any], bool] = lambda value: True
+
+
+def within(low: float, high: float, what: str = "a number") -> Expected:
+    """Return the range of a number."""
+    return Expected(f"{what} between {low:g} and {high:g}", lambda value: low <= value <= high)
+
+
+def counted(low: int, high: int) -> Expected:
+    """Return the range of a whole number that has two ends."""
+    return within(low, high, "a whole number")
+
+
+def at_least(least: int) -> Expected:
+    """Return the range of a whole number."""
+    return Expected(f"a whole number of at least {least}", lambda value: value >= least)
+
+
+Seed = Annotated[int, at_least(0)]
+Positive = Annotated[float, Expected("a number above 0", lambda value: value > 0)]
+NotNegative = Annotated[float, Expected("a number of at least 0", lambda value: value >= 0)]
+Share = Annotated[float, within(0, 1)]
+#: Refits of a bootstrap; a single one has no spread.
+Replicates = Annotated[
+    int, Expected("0 (none) or a whole number of at least 2", lambda value: value == 0 or value > 1)
+]
+Names = Annotated[Sequence[str], Expected("a list of names")]
+FilePath = Annotated[str | Path, Expected("the path of a file")]
+Rng = Annotated[
+    np.random.Generator, Expected("a random generator, such as numpy.random.default_rng(0)")
+]
+
+Levels = Annotated[
+    Sequence[Positive],
+    Expected("a list of numbers above 0", lambda levels: len(levels) > 0),
+]
+Correlations = Annotated[
+    Sequence[Any],
+    Expected(
+        "a list of numbers above -1 and below 1, or NaN for noise like the residual",
+        lambda values: (
+            len(values) > 0 and all(isinstance(r, Real) and not abs(float(r)) >= 1 for r in values)
+        ),
+    ),
+]
+
+#: Letters of a value that a sentence quotes.
+_LONGEST = 60
+
+_WORDS = {
+    int: "a whole number", float: "a number", bool: "True or False", str: "a text",
+    NoneType: "None", Path: "a path",
+}  # fmt: skip
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """Return the function with its arguments checked against its annotations.
+
+    Raises
+    ------
+    OptionError
+        When it is called; the sentence names the argument, what is valid, and what was given.
+    """
+    shape = signature(function)
+
+    @cache
+    def kinds() -> dict[str, Any]:  # when it is first called: its module is complete then
+        return resolve(function, include_extras=True)
+
+    @wraps(function)
+    def bordered(*args: P.args, **kwargs: P.kwargs) -> R:
+        given: dict[str, Any] = {}
+        with suppress(TypeError):  # the call itself raises it, and names the function
+            given = shape.bind(*args, **kwargs).arguments
+        for name, value in given.items():
+            if name in kinds():
+                several = shape.parameters[name].kind is Parameter.VAR_POSITIONAL
+                for item in value if several else (value,):
+                    check_option(name, item, kinds()[name])
+        return function(*args, **kwargs)
+
+    return bordered
+
+
+def check_fields(options: Any, what: str = "") -> None:
+    """Check the fields of a dataclass against their annotations; for its ``__post_init__``.
+
+    `what` goes before their names, ``noise level``.
+
+    Raises
+    ------
+    OptionError
+    """
+    kinds = resolve(type(options), include_extras=True)
+    for field in fields(options):
+        check_option(
+            f"{what} {field.name}".lstrip(), getattr(options, field.name), kinds[field.name]
+        )
+
+
+def check_option(name: str, value: Any, kind: Any) -> None:
+    """Refuse a value that an annotation does not allow.
+
+    Raises
+    ------
+    OptionError
+    """
+    if not allows(kind, value):
+        near = near_match(value, choices(kind)) if isinstance(value, str) else "."
+        raise OptionError(f"{name} must be {expected(kind)}, not {_shown(value)}{near}")
+
+
+def check_choice(name: str, value: Any, known: Sequence[str]) -> None:
+    """Refuse a word that is none of those that are known.
+
+    Raises
+    ------
+    OptionError
+    """
+    check_option(name, value, Literal[tuple(known)])
+
+
+def allows(kind: Any, value: Any) -> bool:
+    """Return whether an annotation allows a value."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if kind is Any or isinstance(kind, TypeVar):
+        return True
+    if origin is Annotated:
+        return allows(inner[0], value) and all(
+            note.holds(value) for note in inner[1:] if isinstance(note, Expected)
+        )
+    if origin in (Union, UnionType):
+        return any(allows(part, value) for part in inner)
+    if origin is Literal:
+        return any(isinstance(value, type(choice)) and value == choice for choice in inner)
+    if kind in (int, float):
+        number = isinstance(value, Integral if kind is int else Real)
+        return number and not isinstance(value, bool) and math.isfinite(value)
+    if kind is bool:
+        return isinstance(value, (bool, np.bool_))
+    if origin is None or origin is Callable:
+        return callable(value) if Callable in (kind, origin) else isinstance(value, kind)
+    if issubclass(origin, Mapping):
+        return isinstance(value, Mapping)
+    # What is read only once, such as a generator, is not looked into.
+    items = value if isinstance(value, Collection) else ()
+    several = isinstance(value, Iterable) and not isinstance(value, (str, bytes, Mapping))
+    return several and all(allows(inner[0], item) for item in items)
+
+
+def choices(kind: Any) -> list[str]:
+    """Return the words among which an annotation lets one choose."""
+    if get_origin(kind) is Literal:
+        return [choice for choice in get_args(kind) if isinstance(choice, str)]
+    if get_origin(kind) in (Union, UnionType):
+        return [word for part in get_args(kind) for word in choices(part)]
+    return []
+
+
+def expected(kind: Any) -> str:
+    """Return in words what an annotation allows."""
+    words = list(dict.fromkeys(_words(kind)))
+    return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+
+
+def _words(kind: Any) -> list[str]:
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return [next(note.words for note in inner[1:] if isinstance(note, Expected))]
+    if origin is Literal:
+        return [repr(choice) for choice in inner]
+    if origin in (Union, UnionType):
+        return [word for part in inner for word in _words(part)]
+    if origin is not None and origin is not Callable:
+        return [f"a list, each {expected(inner[0])}"]
+    return [_WORDS.get(kind) or _with_article(getattr(kind, "__name__", "function"))]
+
+
+def _shown(value: Any) -> str:
+    """Return a value as the sentence quotes it: short ones as they are, others by their type."""
+    plain = isinstance(value, (str, Real, NoneType, bool, list, tuple))
+    text = repr(value.item() if isinstance(value, np.generic) else value) if plain else ""
+    return text if 0 < len(text) <= _LONGEST else _with_article(type(value).__name__)
+
+
+def _with_article(noun: str) -> str:
+    return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"

@@ -1,0 +1,178 @@
+"""Write results so that a reader never finds half a file."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import secrets
+import shutil
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from glob import escape
+from pathlib import Path
+from typing import Any
+
+from identifiability.foundation.errors import OutputError
+from identifiability.foundation.options import FilePath, checked
+
+
+@checked
+def check_writable(path: FilePath) -> Path:
+    """Return the path if a file can be written there; called before a long computation.
+
+    Raises
+    ------
+    OutputError
+    """
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise OutputError(f"'{path}' is a folder; give a file name to write to.")
+        if path.exists() and not path.is_file():
+            raise OutputError(f"'{path}' is no regular file; give another name to write to.")
+        folder = path.resolve().parent
+        if not folder.is_dir():
+            raise OutputError(f"The folder '{folder}' does not exist; create it or choose another.")
+    except (OSError, ValueError) as error:
+        raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
+    if not os.access(folder, os.W_OK):
+        raise OutputError(f"The folder '{folder}' is not writable; choose another.")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise OutputError(f"'{path}' is protected against writing; give another name.")
+    return path
+
+
+def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> None:
+    """Refuse to write over what is read, or one file twice.
+
+    Raises
+    ------
+    OutputError
+    """
+    taken = [Path(path).resolve() for path in inputs]
+    for path in outputs:
+        place = Path(path).resolve()
+        if place in taken:
+            raise OutputError(f"'{path}' is an input or another output; give it its own name.")
+        taken.append(place)
+
+
+def _reason(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)
+
+
+def write_text(path: str | Path, text: str) -> Path:
+    """Write a text file whole or not at all, replacing an older one only at the end.
+
+    Raises
+    ------
+    OutputError
+    """
+    return write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: str | Path, content: bytes) -> Path:
+    """Write a file whole or not at all.
+
+    Raises
+    ------
+    OutputError
+    """
+    path = check_writable(path)
+    target = path.resolve()  # a link stays a link
+    temporary = _beside(target)
+    try:
+        _fill(temporary, content, target)
+        temporary.replace(target)
+    except OSError as error:
+        raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
+    finally:  # also after Ctrl-C; nothing is left there when the file is in its place
+        _remove([temporary])
+    return path
+
+
+def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
+    """Write files that are of no use without each other: all of them or none.
+
+    The last one is what the others belong to. Its old version is put aside first and the new one
+    is put in its place last: whoever looks, even after a power cut, finds the old files, the new
+    ones, or no main file (and the old one as ``<name>.<digits>.old``), but never a mixture.
+
+    Raises
+    ------
+    OutputError
+    """
+    targets = [check_writable(path).resolve() for path, _ in files]
+    fresh = [_beside(target) for target in targets]
+    aside: list[tuple[Path, Path]] = []
+    placed: list[Path] = []
+    try:
+        for temporary, (_, content), target in zip(fresh, files, targets, strict=True):
+            _fill(temporary, content, target)
+        for target in reversed(targets):
+            if target.exists():
+                name = target.with_name(f"{target.name}.{secrets.token_hex(4)}.old")
+                aside.append((name, target))
+                target.replace(name)
+        for temporary, target in zip(fresh, targets, strict=True):
+            placed.append(target)
+            temporary.replace(target)
+    except BaseException as error:  # also Ctrl-C: undo what was done, the main file last
+        _remove(reversed(placed))
+        for name, target in reversed(aside):
+            if name.exists():
+                name.replace(target)
+        if isinstance(error, OSError):
+            names = " and ".join(f"'{path}'" for path, _ in files)
+            raise OutputError(f"{names} cannot be written: {_reason(error)}.") from None
+        raise
+    finally:
+        _remove(fresh)
+    _remove(name for name, _ in aside)
+
+
+def kept_aside(path: Path) -> Path | None:
+    """Return where an interrupted `write_together` left the old content of a file, if anywhere."""
+    try:
+        return next(iter(sorted(path.parent.glob(f"{escape(path.name)}.*.old"))), None)
+    except (OSError, ValueError):  # no name of a file
+        return None
+
+
+def _beside(target: Path) -> Path:
+    return target.with_name(f".{secrets.token_hex(8)}.tmp")
+
+
+def _fill(temporary: Path, content: bytes, target: Path) -> None:
+    """Write a file that is not in its place yet, with the rights of the one that it replaces."""
+    with temporary.open("xb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    if target.exists():
+        shutil.copymode(target, temporary)
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    for path in paths:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+def plain(value: Any) -> Any:
+    """Return a value that JSON can hold: arrays as lists, infinite and NaN numbers as null."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+def write_json(path: str | Path, content: dict[str, Any]) -> Path:
+    """Write a JSON file."""
+    return write_text(path, json.dumps(plain(content), indent=2, ensure_ascii=False) + "\n")

@@ -1,0 +1,79 @@
+"""`Result`: what every answer can do: a statement, tables, JSON, a page, values by name."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from html import escape
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from identifiability.foundation.errors import listing, near_match
+from identifiability.foundation.options import OptionError
+from identifiability.foundation.output import write_json
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Letters of a `repr`: one screen.
+SCREEN = 1500
+
+
+class Result(ABC):
+    """An answer; `schema` names its kind in JSON and finds its page."""
+
+    schema: ClassVar[str]
+
+    @property
+    @abstractmethod
+    def statement(self) -> str:
+        """The answer in plain words."""
+
+    @abstractmethod
+    def to_frame(self) -> pd.DataFrame:
+        """Return the answer as a table."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answer in its documented JSON schema."""
+
+    def parameters_frame(self) -> pd.DataFrame:
+        """Return one row a parameter, by name in the column ``name`` or ``parameter``."""
+        return self.to_frame()
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write the result as JSON, whole or not at all."""
+        return write_json(path, self.to_dict())
+
+    def write_report(self, path: str | Path) -> Path:
+        """Write the result as one self-contained HTML file, whole or not at all."""
+        # Pages stand above results: here alone they are asked for, by the result's schema.
+        written: Path = import_module("identifiability.report.results").write_result(self, path)
+        return written
+
+    def __getitem__(self, name: str) -> pd.Series[Any]:
+        """Return all that is said of one parameter.
+
+        Raises
+        ------
+        OptionError
+            If there is none of that name.
+        """
+        frame = self.parameters_frame()
+        column = "name" if "name" in frame else "parameter"
+        found = frame[frame[column] == name] if column in frame else frame.iloc[:0]
+        if found.empty:
+            known = [str(n) for n in frame[column]] if column in frame else []
+            raise OptionError(
+                f"The result says nothing of '{name}'{near_match(name, known)} "
+                f"It has {listing(known, 8) or 'no parameters'}."
+            )
+        return found.iloc[0]
+
+    def __repr__(self) -> str:
+        """Return the answer, cut to one screen."""
+        text = f"<{type(self).__name__}: {self.statement}>"
+        return text if len(text) <= SCREEN else f"{text[: SCREEN - 2]}…>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(self.statement)}</p>{self.to_frame().to_html(escape=True)}"

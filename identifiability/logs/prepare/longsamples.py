@@ -1,0 +1,262 @@
+"""`LongSamples`: a prepared log that does not fit in memory; it is prepared anew for each pass."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from itertools import pairwise
+from operator import add
+
+import numpy as np
+
+from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.errors import ClosureError, LogError
+from identifiability.foundation.names import Array
+from identifiability.logs import Log, signals
+from identifiability.logs.checks import FEWEST
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.longtable import ParquetTable
+from identifiability.logs.prepare.plan import Plan, joint_log
+from identifiability.logs.prepare.preparation import Preparation, make_plan
+from identifiability.logs.prepare.samples import (
+    Piece,
+    Samples,
+    check_left,
+    decimation_note,
+    prepare_rows,
+    prepare_samples,
+    too_short,
+)
+from identifiability.logs.prepare.survey import Survey
+from identifiability.robot import Motion, Robot, complete_motion
+
+#: Samples that are prepared at a time, at least; and in units of what filters draw on.
+PIECE, MARGINS = 8_192, 4
+
+#: Stretches that a log is divided into, at most, and the fewest samples of one.
+STRETCHES, SHORTEST = 64, 65_536
+
+#: Samples in the middle of each window whose loops are tried first.
+TRIED = 64
+
+#: Samples of the whole log that are kept, evenly spaced.
+SKETCH = 4096
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive rows of a long log and all that it takes to prepare them: one task of a pass.
+
+    Attributes
+    ----------
+    robot : Robot
+    file : LogFile
+    plan : Plan
+    first, last : int
+        Rows [first, last).
+    piece : int
+        Samples that are prepared at a time.
+    outputs : int
+        Samples after decimation; -1 before they were counted.
+    """
+
+    robot: Robot
+    file: LogFile
+    plan: Plan
+    first: int
+    last: int
+    piece: int
+    outputs: int = -1
+
+    def parts(self) -> Iterator[Samples]:
+        """Yield the rows prepared, some thousand at a time.
+
+        Raises
+        ------
+        LogError
+            If the file changed meanwhile.
+        """
+        rows, reach = (self.first, self.last), self.plan.reach
+        for first, last, origin, log in self.file.overlapping(*rows, self.piece, reach):
+            yield self._prepare(log, origin, (first, last))
+
+    def pieces(self, size: int) -> Iterator[Piece]:
+        """Yield pieces of about `size` input samples."""
+        for part in self.parts():
+            yield from part.pieces(size)
+
+    def _prepare(self, log: Log, origin: int, own: tuple[int, int]) -> Samples:
+        try:
+            return prepare_rows(self.robot, log, origin, self.plan, own)
+        except ClosureError:  # nowhere here; elsewhere they may
+            reach = 0 if self.plan.decimation is None else self.plan.decimation.reach
+            low, high = max(origin, own[0] - reach), min(origin + len(log), own[1] + reach)
+            motion = _no_motion(self.robot, np.arange(low, high))
+            n = len(self.robot.actuated)
+            empty = np.empty((0, n))
+            return Samples(log.name, motion, empty, self.plan.decimation, (), log.sha256, own)
+
+
+@dataclass(frozen=True)
+class LongSamples:
+    """A prepared log that is read and prepared again whenever it is gone through.
+
+    Attributes
+    ----------
+    name : str
+    stretches : tuple of Stretch
+    survey : Survey
+    sketch : Samples
+        Some of its samples, evenly spaced, without decimation.
+    notes : tuple of str
+    sha256 : str
+    """
+
+    name: str
+    stretches: tuple[Stretch, ...]
+    survey: Survey
+    sketch: Samples = field(repr=False)
+    notes: tuple[str, ...]
+    sha256: str
+
+    @property
+    def outputs(self) -> int:
+        """Number of samples after decimation."""
+        return self.survey.outputs
+
+    @property
+    def decimation(self) -> signals.Decimation | None:
+        """Applied alike to regressor and torque."""
+        return self.stretches[0].plan.decimation
+
+    @property
+    def cutoff(self) -> float | None:
+        """Low-pass of computed derivatives [Hz]; None where there is none."""
+        return self.stretches[0].plan.cutoff
+
+    def pieces(self, size: int) -> Iterator[Piece]:
+        """Yield pieces of about `size` input samples."""
+        for stretch in self.stretches:
+            yield from stretch.pieces(size)
+
+    def thin(self, step: int) -> Samples:
+        """Return about every `step`-th sample, of those that are kept; without decimation."""
+        rows = self.stretches[-1].last
+        return self.sketch.thin(max(1, round(step * len(self.sketch.tau) / rows)))
+
+
+#: A log ready for the regression, in memory or not.
+Prepared = Samples | LongSamples
+
+
+def prepare_log(
+    robot: Robot,
+    log: Log | LogFile,
+    how: Preparation | None = None,
+    *,
+    engine: Engine,
+    progress: Steps | None = None,
+) -> Prepared:
+    """Turn a log into samples, in memory or, for a file, ready to be read again and again.
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log or LogFile
+    how : Preparation, optional
+    engine : Engine
+        Where the parts of a file are surveyed.
+    progress : callable(int, int), optional
+
+    Raises
+    ------
+    LogError, ClosureError
+    """
+    how = how or Preparation()
+    if isinstance(log, Log):
+        return prepare_samples(robot, log, how)
+    plan = make_plan(robot, log, how)
+    stretches = divide(robot, log, plan)
+    if robot.closed:
+        _try_loops(robot, log)
+    found = list(engine.map(survey_stretch, stretches, progress=progress))
+    survey = reduce(add, (s for s, _, _ in found))
+    notes = [*plan.notes, *survey.notes(len(log))]
+    check_left(log.name, survey.kept, len(log), notes)
+    if survey.outputs < FEWEST:
+        raise LogError(too_short(log.name, plan.factor, len(log)))
+    sketch = Samples(
+        log.name, join_motions([m for _, m, _ in found if len(m)]),
+        np.concatenate([tau for _, _, tau in found]), None, (), log.sha256,
+    )  # fmt: skip
+    counted = tuple(
+        replace(s, outputs=part.outputs) for s, (part, _, _) in zip(stretches, found, strict=True)
+    )
+    notes += [*plan.remarks, *decimation_note(plan.decimation, plan)]
+    return LongSamples(log.name, counted, survey, sketch, tuple(notes), log.sha256)
+
+
+def divide(robot: Robot, file: LogFile, plan: Plan) -> tuple[Stretch, ...]:
+    """Return the stretches of a log; they depend on the file alone, not on who works on them."""
+    rows = len(file)
+    most = STRETCHES
+    if isinstance(file.table, ParquetTable):
+        # Rows inside a group are reached by reading all that come before them.
+        groups = file.table.groups
+        if max(b - a for a, b in pairwise(groups)) * STRETCHES > 4 * rows:
+            most = max(8, min(STRETCHES, 2 * (len(groups) - 1)))
+    count = min(most, max(1, rows // SHORTEST))
+    edges = np.linspace(0, rows, count + 1).astype(int).tolist()
+    piece = max(PIECE, MARGINS * plan.reach)
+    return tuple(Stretch(robot, file, plan, a, b, piece) for a, b in pairwise(edges))
+
+
+def survey_stretch(stretch: Stretch) -> tuple[Survey, Motion, Array]:
+    """Return the survey of a stretch, and motion and torque of some of its samples."""
+    step = max(1, len(stretch.file) // SKETCH)
+    surveys, motions, taus = [], [], []
+    for part in stretch.parts():
+        assert part.own is not None
+        surveys.append(part.survey)
+        kept = part.motion.kept
+        shown = (kept % step == 0) & (kept >= part.own[0]) & (kept < part.own[1])
+        motions.append(part.motion[np.flatnonzero(shown)])
+        taus.append(part.tau[shown])
+    return reduce(add, surveys), join_motions(motions), np.concatenate(taus)
+
+
+def join_motions(motions: Sequence[Motion]) -> Motion:
+    """Return motions one after the other."""
+    first = motions[0]
+
+    def joined(name: str) -> Array:
+        return np.concatenate([getattr(m, name) for m in motions])
+
+    parts = {name: joined(name) for name in ("t", "q", "v", "a", "kept")}
+    parts |= {name: joined(name) for name in ("actuated_q", "actuated_v", "actuated_a")}
+    none = np.empty(0, int)
+    X = None if first.X is None else joined("X")
+    condition = max(m.condition for m in motions)
+    return Motion(**parts, X=X, dropped=none, condition=condition, near_singular=none)
+
+
+def _try_loops(robot: Robot, file: LogFile) -> None:
+    """Raise the error of loops that close nowhere before a long time is spent on it."""
+    rows = [
+        file.rows((a + b) // 2, (a + b) // 2 + TRIED) for a, b in signals.spread_windows(len(file))
+    ]
+    logs = [joint_log(robot, r) for r in rows]
+    q = np.concatenate([log.q for log in logs])
+    complete_motion(robot, np.concatenate([log.t for log in logs]), q, 0 * q, 0 * q)
+
+
+def _no_motion(robot: Robot, rows: np.ndarray) -> Motion:
+    """Return the motion of rows at which the loops do not close."""
+    n = len(robot.actuated)
+    tree, joint = np.empty((0, robot.nv)), np.empty((0, n))
+    X = np.empty((0, len(robot.dependent), n)) if robot.closed else None
+    none = np.empty(0, int)
+    return Motion(
+        np.empty(0), np.empty((0, len(robot.home))), tree, tree, joint, joint, joint, X, none, rows
+    )

@@ -1,0 +1,115 @@
+"""`Plan`: what was decided about the preparation of a log once, for all its samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+from identifiability.logs import Log, signals
+from identifiability.logs.prepare.rests import RestRule
+from identifiability.robot import Robot
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What was decided about a log once, for all its samples.
+
+    Attributes
+    ----------
+    step : float [s]
+        Sampling step.
+    cutoff : float or None [Hz]
+        Low-pass of computed derivatives; None where there is none.
+    series : FourierFit or None
+        Motion as a Fourier series, in time since `start`.
+    start : float [s]
+        First time of the log.
+    rest : RestRule or None
+        Which samples are left out because nothing moves; None keeps all.
+    factor : int
+        Decimation; 1 for none.
+    notes : tuple of str
+        How derivatives are made, for the report.
+    remarks : tuple of str
+        What seems to be wrong with the columns.
+    """
+
+    step: float
+    cutoff: float | None
+    series: signals.FourierFit | None
+    start: float
+    rest: RestRule | None
+    factor: int
+    notes: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def decimation(self) -> signals.Decimation | None:
+        """The decimation, if there is any."""
+        return signals.Decimation(self.factor) if self.factor > 1 else None
+
+    @property
+    def filter_reach(self) -> int:
+        """Samples on each side that derivatives and rests draw on."""
+        filtered = 0 if self.cutoff is None else signals.settling_rows(self.step, self.cutoff) + 2
+        return filtered + (0 if self.rest is None else self.rest.reach) + 1
+
+    @property
+    def reach(self) -> int:
+        """Samples on each side that an output draws on."""
+        return self.filter_reach + (0 if self.decimation is None else self.decimation.reach)
+
+    def derive(self, log: Log) -> tuple[Array, Array, Array]:
+        """Return position, velocity and acceleration of the actuated joints, each (N, n).
+
+        The computed derivatives of a joint that never moves are zero: the sign of what rounding
+        leaves there would pass for friction, another one on every processor.
+        """
+        if self.cutoff is None and self.series is None:
+            assert log.dq is not None
+            assert log.ddq is not None
+            return log.q, log.dq, log.ddq
+        q, dq, ddq = self._compute(log)
+        moves = ~signals.never_moves(log.q.min(0), log.q.max(0))
+        return q, np.where(moves, dq, 0.0), np.where(moves, ddq, 0.0)
+
+    def _compute(self, log: Log) -> tuple[Array, Array, Array]:
+        if self.series is not None:
+            return self.series.motion(log.t - self.start)
+        assert self.cutoff is not None
+        q = signals.lowpass(log.q, self.step, self.cutoff)
+        if log.dq is None:
+            dq = signals.differentiate(q, self.step)
+        else:
+            dq = signals.lowpass(log.dq, self.step, self.cutoff)
+        return q, dq, signals.differentiate(dq, self.step)
+
+
+def joint_log(robot: Robot, log: Log) -> Log:
+    """Return a log with its joints in the robot's order, motors converted to joints.
+
+    Raises
+    ------
+    LogError
+        If the log has other joints than the robot.
+    """
+    gear = robot.transmission
+    motors = has_motors(robot, log)
+    log = log.select(robot.joints, gear.motors if gear else ())
+    if gear is None or not motors:
+        return log
+    R = gear.ratio[:, None] * gear.coupling
+    q, tau = gear.joint_side(log.q, log.tau)
+
+    def rate(x: Array | None) -> Array | None:
+        return None if x is None else np.linalg.solve(R, x.T).T
+
+    return replace(log, joints=robot.joints, q=q, tau=tau, dq=rate(log.dq), ddq=rate(log.ddq))
+
+
+def has_motors(robot: Robot, log: Log) -> bool:
+    """Return whether a log has the robot's motors instead of its joints."""
+    gear = robot.transmission
+    return gear is not None and all(m in log.joints for m in gear.motors)

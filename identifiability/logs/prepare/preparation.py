@@ -1,0 +1,202 @@
+"""How a log is turned into motion: what is asked for, and the plan that is made of it once.
+
+Everything that must be the same all along a log (cut-off, sampling step, what counts as standing
+still, decimation) is decided on a bounded number of samples, so that a log can then be prepared in
+any parts with the result that it would have as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import Positive, at_least, check_fields
+from identifiability.logs import signals
+from identifiability.logs.log import Log, even_step, join_logs
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare.contradictions import find_contradictions
+from identifiability.logs.prepare.plan import Plan, has_motors, joint_log
+from identifiability.logs.prepare.rests import RestRule, choose_rest_rule
+from identifiability.logs.units import check_units
+from identifiability.robot import Robot
+
+Derivatives = Literal["auto", "given", "butterworth", "fourier"]
+
+#: Samples of a piece when a long log is read for a Fourier series.
+PIECE = 65_536
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """How a log is turned into motion.
+
+    Attributes
+    ----------
+    derivatives : {"auto", "given", "butterworth", "fourier"}
+        ``auto`` takes the log's own where it has them, else Butterworth.
+    cutoff : float or None [Hz]
+        Low-pass for computed derivatives; None chooses 10 × the bandwidth of the motion, within
+        5 Hz and a fifth of the sampling rate.
+    period : float or None [s]
+        Period for the Fourier fit; None finds the whole fraction of the duration that fits best.
+    harmonics : int
+        Harmonics of the Fourier fit.
+    decimate : int or None
+        Parallel filter and decimation of torque and regressor; None keeps the band up to the
+        cut-off where derivatives are computed by Butterworth (torque above it has no acceleration
+        left to explain it), else everything.
+    keep_rest : bool
+        Keep the samples at which all joints stand still. Friction can be anything up to its
+        Coulomb level there, and the sign of a filtered zero velocity is noise.
+    """
+
+    derivatives: Derivatives = "auto"
+    cutoff: Positive | None = None
+    period: Positive | None = None
+    harmonics: Annotated[int, at_least(1)] = 5
+    decimate: Annotated[int, at_least(1)] | None = None
+    keep_rest: bool = False
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
+    """Decide how a log is prepared.
+
+    Raises
+    ------
+    LogError
+        If the log does not fit the robot or what is asked for.
+    """
+    spans = signals.spread_windows(len(log))
+    raw = [log.rows(a, b) for a, b in spans]
+    windows = [joint_log(robot, w) for w in raw]
+    notes: list[str] = []
+    if has_motors(robot, raw[0]):
+        notes.append("motor positions and torques were converted to the joint side")
+    check_units(robot, windows)
+    if not log.torque:
+        raise LogError(
+            f"{log.name}: all torques are zero; nothing was measured, check the columns."
+        )
+    plan = _plan_derivatives(robot, log, windows, how)
+    if len(spans) > 1:
+        notes.append(
+            f"what holds for the whole log was decided on {len(spans)} windows of "
+            f"{signals.WINDOW} samples, evenly spaced in time"
+        )
+    rest = None if how.keep_rest else _rest_rule(plan, windows)
+    return replace(
+        plan, rest=rest, factor=_choose_factor(plan, how), notes=(*plan.notes, *notes),
+        remarks=tuple(find_contradictions(join_logs(windows))),
+    )  # fmt: skip
+
+
+def _plan_derivatives(
+    robot: Robot, log: Log | LogFile, windows: Sequence[Log], how: Preparation
+) -> Plan:
+    have = {"dq", "ddq"} <= set(log.channels)
+    if how.derivatives == "given" and not have:
+        raise LogError(
+            f"{log.name} does not have '<joint>.dq' and '<joint>.ddq' for every joint; add them, "
+            "or let the derivatives be computed (derivatives = auto)."
+        )
+    step, start = _median_step(windows), float(log.clock.first)
+    plan = Plan(step, None, None, start, None, 1, ())
+    if have and how.derivatives in ("auto", "given"):
+        return replace(plan, notes=("velocity and acceleration are the log's own",))
+    if how.derivatives == "fourier":
+        return _plan_series(robot, log, plan, how)
+    return _plan_filter(log, windows, plan, how)
+
+
+def _median_step(windows: Sequence[Log]) -> float:
+    return float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
+
+
+def _plan_filter(log: Log | LogFile, windows: Sequence[Log], plan: Plan, how: Preparation) -> Plan:
+    dt, jitter = even_step(log.name, log.clock, [w.t for w in windows])
+    given = [w.q for w in windows]
+    cutoff = signals.cutoff_of_windows(given, dt) if how.cutoff is None else how.cutoff
+    lowest = 1.0 / (log.clock.last - log.clock.first)
+    if not lowest <= cutoff < 0.5 / dt:
+        raise LogError(
+            f"The cut-off {cutoff:g} Hz does not lie between one over the length of {log.name} "
+            f"({lowest:.3g} Hz) and half its sampling rate ({0.5 / dt:g} Hz)."
+        )
+    source = "given velocities" if "dq" in log.channels else "positions"
+    note = (
+        f"velocity and acceleration are central differences of the {source} after a zero-phase "
+        f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{jitter}"
+    )
+    return replace(plan, step=dt, cutoff=cutoff, notes=(note,))
+
+
+def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation) -> Plan:
+    _check_series(log, plan.step, how)
+    if isinstance(log, Log):
+        whole = joint_log(robot, log)
+        t = whole.t - plan.start
+        period = how.period or signals.find_period(t, whole.q, how.harmonics)
+        fit = signals.fit_fourier(t, whole.q, period, how.harmonics)
+        left = float(np.sqrt(np.mean((whole.q - fit.motion(t)[0]) ** 2)))
+    else:
+        if how.period is None:
+            raise LogError(
+                f"{log.name} is too long to search its period; give the period of the motion [s]."
+            )
+        period = how.period
+        pieces = _pieces(robot, log, plan.start)
+        fit, left = signals.fit_fourier_pieces(pieces, period, how.harmonics)
+    note = (
+        f"positions were fitted by a Fourier series of {how.harmonics} harmonics with period "
+        f"{period:.6g} s (rms residual {left:.2g}) and differentiated analytically"
+    )
+    return replace(plan, series=fit, notes=(note,))
+
+
+def _pieces(robot: Robot, log: LogFile, start: float) -> Iterator[tuple[Array, Array]]:
+    for _, _, _, raw in log.overlapping(0, len(log), PIECE, 0):
+        part = joint_log(robot, raw)
+        yield part.t - start, part.q
+
+
+def _check_series(log: Log | LogFile, step: float, how: Preparation) -> None:
+    """Refuse a Fourier series that the samples cannot determine."""
+    count = 2 * how.harmonics + 1
+    if 2 * count > len(log):
+        raise LogError(
+            f"{log.name} has {len(log)} samples, too few for the {count} coefficients of "
+            f"{how.harmonics} harmonics; give fewer harmonics."
+        )
+    low, high = 4 * how.harmonics * step, 2 * (log.clock.last - log.clock.first)
+    if how.period is not None and not low <= how.period <= high:
+        raise LogError(
+            f"The period {how.period:g} s does not fit {log.name}: with {how.harmonics} harmonics "
+            f"it must lie between {low:.4g} s (its sampling) and {high:.4g} s (its length)."
+        )
+
+
+def _rest_rule(plan: Plan, windows: Sequence[Log]) -> RestRule | None:
+    motions = [plan.derive(w) for w in windows]
+    # The ends of windows inside the log are not the log's: the filter has not settled there.
+    margin = min(plan.filter_reach, len(windows[0]) // 4) if len(windows) > 1 else 0
+    inner = slice(margin, len(windows[0]) - margin)
+    return choose_rest_rule(
+        [q[inner] for q, _, _ in motions], [dq[inner] for _, dq, _ in motions], plan.step
+    )
+
+
+def _choose_factor(plan: Plan, how: Preparation) -> int:
+    """Return the decimation asked for, or the one that suits the cut-off."""
+    if how.decimate is not None:
+        return how.decimate
+    if plan.cutoff is None:
+        return 1
+    return max(1, int(0.5 / (plan.cutoff * plan.step)))

@@ -1,0 +1,272 @@
+"""`Samples`: a log made ready for the regression: motion of every joint, torque, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import checked
+from identifiability.logs import Log, signals
+from identifiability.logs.checks import FEWEST
+from identifiability.logs.prepare.plan import Plan, joint_log
+from identifiability.logs.prepare.preparation import Preparation, make_plan
+from identifiability.logs.prepare.survey import Survey
+from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
+
+__all__ = ["Piece", "Preparation", "Samples", "prepare_rows", "prepare_samples"]
+
+#: Samples a piece when torque is summed.
+SURVEYED = 1024
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Consecutive samples, with what the decimation filter draws on at both ends.
+
+    Attributes
+    ----------
+    motion : Motion
+    tau : (N, n) [N·m or N]
+    decimation : Decimation or None
+    """
+
+    motion: Motion
+    tau: Array
+    decimation: signals.Decimation | None
+
+    def down(self, x: Array) -> Array:
+        """Return x (N, …) low-passed and decimated, if there is any decimation."""
+        return x if self.decimation is None else self.decimation.apply(x)
+
+    @property
+    def at(self) -> slice:
+        """The input samples at which the outputs are."""
+        d = self.decimation
+        return slice(None) if d is None else slice(d.reach, len(self.tau) - d.reach, d.factor)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A prepared log.
+
+    Attributes
+    ----------
+    name : str
+    motion : Motion
+        Of every joint, at the samples whose loops close.
+    tau : (N, n) [N·m or N]
+        Measured torque at the same samples.
+    decimation : Decimation or None
+        Applied alike to regressor and torque.
+    notes : tuple of str
+        How the derivatives were made and what was dropped, for the report.
+    sha256 : str
+    own : (int, int) or None
+        Rows of the log at which outputs are wanted, where the others are only what the filter
+        draws on; None for all.
+    cutoff : float or None [Hz]
+        Low-pass of computed derivatives; None where there is none.
+    """
+
+    name: str
+    motion: Motion
+    tau: Array
+    decimation: signals.Decimation | None
+    notes: tuple[str, ...]
+    sha256: str
+    own: tuple[int, int] | None = None
+    cutoff: float | None = None
+
+    @cached_property
+    def runs(self) -> list[tuple[int, int]]:
+        """Stretches of samples that make outputs without a gap, as (start, stop)."""
+        return [(start, stop) for start, stop, _ in self._stretches]
+
+    @cached_property
+    def run_outputs(self) -> list[int]:
+        """Number of samples after decimation of each of `runs`."""
+        return [count for *_, count in self._stretches]
+
+    @cached_property
+    def outputs(self) -> int:
+        """Number of samples after decimation."""
+        return sum(self.run_outputs)
+
+    @cached_property
+    def _stretches(self) -> list[tuple[int, int, int]]:
+        """First sample and last (exclusive) that outputs draw on, and how many there are."""
+        d = self.decimation
+        if d is None:
+            return [(0, len(self.tau), len(self.tau))]
+        kept = self.motion.kept
+        breaks = np.flatnonzero(np.diff(kept) > 1) + 1
+        out = []
+        for start, stop in pairwise([0, *breaks.tolist(), len(kept)]):
+            if stop == start:
+                continue
+            row = int(kept[start])
+            centres = d.centres(row, row + stop - start)
+            if self.own is not None:
+                low, high = self.own
+                centres = range(
+                    max(centres.start, -(-low // d.factor) * d.factor),
+                    min(centres.stop, high), d.factor,
+                )  # fmt: skip
+            if centres:
+                first = start + centres[0] - row - d.reach
+                out.append((first, start + centres[-1] - row + d.reach + 1, len(centres)))
+        return out
+
+    @cached_property
+    def survey(self) -> Survey:
+        """What there is to know of the whole log."""
+        n = self.tau.shape[1]
+        torque, low, high = np.zeros(n), np.full(n, np.inf), np.full(n, -np.inf)
+        for piece in self.pieces(SURVEYED):
+            tau = piece.down(piece.tau)
+            torque += tau.sum(0)
+            low = np.minimum(low, tau.min(0, initial=np.inf))
+            high = np.maximum(high, tau.max(0, initial=-np.inf))
+        return Survey.of(self.motion, self.own, self.outputs, torque, np.stack([low, high]))
+
+    def pieces(self, size: int) -> Iterator[Piece]:
+        """Yield pieces of about `size` input samples."""
+        d = self.decimation
+        if d is None:
+            for start in range(0, len(self.tau), size):
+                rows = slice(start, start + size)
+                yield Piece(self.motion[rows], self.tau[rows], None)
+            return
+        step = max(1, size // d.factor)
+        for start, _, count in self._stretches:
+            for first in range(0, count, step):
+                last = min(first + step, count)
+                begin = start + first * d.factor
+                rows = slice(begin, begin + (last - 1 - first) * d.factor + 2 * d.reach + 1)
+                yield Piece(self.motion[rows], self.tau[rows], d)
+
+    def thin(self, step: int) -> Samples:
+        """Return every `step`-th sample, without decimation filter."""
+        rows = slice(None, None, step)
+        return replace(self, motion=self.motion[rows], tau=self.tau[rows], decimation=None)
+
+    def output_times(self) -> Array:
+        """Return the times of the samples after decimation, (outputs,) [s]."""
+        if self.decimation is None:
+            return self.motion.t
+        d = self.decimation
+        at = [start + d.reach + d.factor * np.arange(n) for start, _, n in self._stretches]
+        times: Array = self.motion.t[np.concatenate(at)] if at else np.empty(0)
+        return times
+
+
+@checked
+def prepare_samples(robot: KnownRobot, log: Log, how: Preparation | None = None) -> Samples:
+    """Turn a log into samples: pick the joints, make derivatives, close the loops.
+
+    Raises
+    ------
+    LogError, ClosureError
+    """
+    how = how or Preparation()
+    plan = make_plan(robot, log, how)
+    samples = prepare_rows(robot, log, 0, plan, (0, len(log)))
+    notes = [*plan.notes, *samples.survey.notes(len(log))]
+    check_left(log.name, len(samples.motion), len(log), notes)
+    notes += plan.remarks
+    samples = replace(samples, decimation=_settle_decimation(samples, plan, how, len(log)))
+    return replace(samples, notes=(*notes, *decimation_note(samples.decimation, plan)), own=None)
+
+
+def prepare_rows(robot: Robot, log: Log, origin: int, plan: Plan, own: tuple[int, int]) -> Samples:
+    """Prepare some rows of a log by a plan.
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+        The rows and what the filters draw on at both ends.
+    origin : int
+        Row of its first sample in the whole log.
+    plan : Plan
+    own : (int, int)
+        Rows of the whole log at which outputs are wanted.
+
+    Raises
+    ------
+    LogError, ClosureError
+    """
+    log = joint_log(robot, log)
+    q, dq, ddq = plan.derive(log)
+    reach = 0 if plan.decimation is None else plan.decimation.reach
+    low = max(0, own[0] - reach - origin)
+    high = min(len(log), own[1] + reach - origin)
+    rest = np.zeros(len(log), bool) if plan.rest is None else plan.rest.find(dq)
+    part = slice(low, high)
+    motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part])
+    tau = log.tau[part][motion.kept]
+    still = rest[part][motion.kept]
+    if still.any():
+        motion, tau = motion[~still], tau[~still]
+    first = origin + low
+    motion = replace(
+        motion, kept=motion.kept + first, dropped=motion.dropped + first,
+        near_singular=motion.near_singular + first,
+    )  # fmt: skip
+    return Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
+
+
+def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
+    """Refuse a log of which next to nothing is left.
+
+    Raises
+    ------
+    LogError
+    """
+    if left < FEWEST:
+        raise LogError(
+            f"{name}: only {left} of {total} samples are left, too few to say anything: "
+            f"{'; '.join(notes[1:])}."
+        )
+
+
+def _settle_decimation(
+    samples: Samples, plan: Plan, how: Preparation, total: int
+) -> signals.Decimation | None:
+    """Return the planned decimation, or a smaller one that leaves enough samples."""
+    factor = plan.factor
+    if how.decimate is not None:
+        if factor > 1 and samples.outputs < FEWEST:
+            raise LogError(too_short(samples.name, factor, total))
+        return plan.decimation
+    while factor > 1:
+        chosen = signals.Decimation(factor)
+        if replace(samples, decimation=chosen).outputs >= FEWEST:
+            return chosen
+        factor -= 1
+    return None
+
+
+def too_short(name: str, factor: int, total: int) -> str:
+    """Return the sentence on a log that a decimation leaves nothing of."""
+    return (
+        f"{name} is too short to be decimated by {factor}: of its {total} samples fewer than "
+        f"{FEWEST} are left; give a longer log or a smaller decimation."
+    )
+
+
+def decimation_note(decimation: signals.Decimation | None, plan: Plan) -> list[str]:
+    """Return what was done about the band, for the report."""
+    if decimation is None:
+        return []
+    rate = 1.0 / (plan.step * decimation.factor)
+    return [
+        f"torque and every column of the regressor were low-passed alike and decimated by "
+        f"{decimation.factor} to {rate:.4g} Hz"
+    ]

@@ -1,0 +1,164 @@
+"""`Survey`: what there is to know of a prepared log as a whole; parts of a log add up.
+
+Here it is said once whether logs have anything to explain (`find_signal`, `explain_silence`):
+ε_RA has no denominator where they have not, and nothing is fitted to them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+from identifiability.logs.signals import is_constant, never_moves
+from identifiability.robot import Motion
+
+#: Rows that a note lists.
+LISTED = 5
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Counts, ranges and sums over a log.
+
+    Attributes
+    ----------
+    kept, outputs : int
+        Samples that were prepared, and left after decimation.
+    dropped : int
+        Samples at which the loops do not close.
+    first_dropped : tuple of int
+        The first of their rows.
+    singular : int
+        Samples near a singular configuration.
+    first_singular : tuple of int
+        The first of their rows, if any.
+    condition : float
+        Largest condition number of the closure (1 for an open chain).
+    start, stop : float [s]
+        Times of the first and the last sample; NaN without any.
+    low, high : (3, n)
+        Ranges of position, velocity and acceleration of the actuated joints.
+    torque : (n,) [N·m or N]
+        Sum of the measured torque over the outputs.
+    torque_range : (2, n) [N·m or N]
+        Its smallest and its largest value.
+    """
+
+    kept: int
+    outputs: int
+    dropped: int
+    first_dropped: tuple[int, ...]
+    singular: int
+    first_singular: tuple[int, ...]
+    condition: float
+    start: float
+    stop: float
+    low: Array
+    high: Array
+    torque: Array
+    torque_range: Array
+
+    @staticmethod
+    def of(
+        motion: Motion, own: tuple[int, int] | None, outputs: int, torque: Array,
+        torque_range: Array,
+    ) -> Survey:  # fmt: skip
+        """Return the survey of a motion, or of those of its rows that are its own."""
+        inside = slice(None) if own is None else slice(*np.searchsorted(motion.kept, own))
+        dropped, near = _inside(motion.dropped, own), _inside(motion.near_singular, own)
+        t = motion.t[inside]
+        parts = np.stack([motion.actuated_q, motion.actuated_v, motion.actuated_a])[:, inside]
+        n = parts.shape[2]
+        low = parts.min(1, initial=np.inf) if len(t) else np.full((3, n), np.inf)
+        high = parts.max(1, initial=-np.inf) if len(t) else np.full((3, n), -np.inf)
+        ends = (float(t[0]), float(t[-1])) if len(t) else (np.nan, np.nan)
+        return Survey(
+            len(t), outputs, len(dropped), tuple(int(k) for k in dropped[:LISTED]), len(near),
+            tuple(int(k) for k in near[:1]), motion.condition, *ends, low, high, torque,
+            torque_range,
+        )  # fmt: skip
+
+    def __add__(self, later: Survey) -> Survey:
+        """Return the survey of both, this one first in time."""
+        return Survey(
+            self.kept + later.kept,
+            self.outputs + later.outputs,
+            self.dropped + later.dropped,
+            (*self.first_dropped, *later.first_dropped)[:LISTED],
+            self.singular + later.singular,
+            (*self.first_singular, *later.first_singular)[:1],
+            max(self.condition, later.condition),
+            later.start if np.isnan(self.start) else self.start,
+            self.stop if np.isnan(later.stop) else later.stop,
+            np.minimum(self.low, later.low),
+            np.maximum(self.high, later.high),
+            self.torque + later.torque,
+            np.stack(
+                [
+                    np.minimum(self.torque_range[0], later.torque_range[0]),
+                    np.maximum(self.torque_range[1], later.torque_range[1]),
+                ]
+            ),
+        )
+
+    def notes(self, total: int) -> list[str]:
+        """Return what happened to the samples of a log with `total` of them, for the report."""
+        notes = []
+        if self.dropped:
+            first = ", ".join(str(k + 1) for k in self.first_dropped)
+            more = " …" if self.dropped > LISTED else ""
+            notes.append(
+                f"{self.dropped} of {total} samples were dropped because the loops do not close "
+                f"there (data rows {first}{more})"
+            )
+        if self.singular:
+            notes.append(
+                f"{self.singular} samples lie near a singular configuration (first in data row "
+                f"{self.first_singular[0] + 1}, condition number up to {self.condition:.1e}); "
+                "torques there are amplified errors"
+            )
+        rests = total - self.dropped - self.kept
+        if rests:
+            notes.append(
+                f"{rests} of {total} samples were left out because all joints stand still there "
+                "and friction may be anything up to its Coulomb level"
+            )
+        return notes
+
+
+def robot_moves(surveys: Sequence[Survey]) -> bool:
+    """Return whether any actuated joint is at two places in these logs."""
+    low, high = (f([getattr(s, k)[0] for s in surveys], axis=0)
+                 for f, k in ((np.min, "low"), (np.max, "high")))  # fmt: skip
+    return not never_moves(low, high).all()
+
+
+def torque_varies(surveys: Sequence[Survey]) -> np.ndarray:
+    """Return at which actuated joints the measured torque changes in these logs, (n,) bool."""
+    low = np.min([s.torque_range[0] for s in surveys], axis=0)
+    high = np.max([s.torque_range[1] for s in surveys], axis=0)
+    return ~is_constant(low, high)
+
+
+def find_signal(surveys: Sequence[Survey]) -> np.ndarray:
+    """Return at which actuated joints logs have something to explain, (n,) bool.
+
+    The robot moves, and the torque of that joint changes.
+    """
+    return torque_varies(surveys) & robot_moves(surveys)
+
+
+def explain_silence(surveys: Sequence[Survey]) -> str:
+    """Return why logs have nothing to explain, for after "because"; nothing if they have."""
+    if not robot_moves(surveys):
+        return "the robot does not move in these logs"
+    if not torque_varies(surveys).any():
+        return "the measured torque never changes in these logs"
+    return ""
+
+
+def _inside(rows: np.ndarray, own: tuple[int, int] | None) -> np.ndarray:
+    return rows if own is None else rows[(rows >= own[0]) & (rows < own[1])]

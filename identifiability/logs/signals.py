@@ -1,0 +1,272 @@
+"""Filter, differentiate, fit and decimate sampled motion (arrays in, arrays out).
+
+What to use when: `fit_fourier` for periodic motion (derivatives are then analytic);
+`differentiate` for everything else (zero-phase Butterworth, then central differences);
+`Decimation` whenever torque is low-passed: it must act on every column of the regressor as it
+acts on the torque (parallel filtering [Gautier 1997]), or sharp friction steps are smoothed on
+one side of the equation only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from identifiability.foundation.names import Array
+
+#: No computed derivatives are low-passed below this: however slow the program, friction and
+#: flexibility make joints move at some hertz, and inertia is seen nowhere but there [Hz].
+LOWEST_CUTOFF = 5.0
+
+#: Decisions about a long log are made on this many windows of so many samples.
+WINDOWS, WINDOW = 8, 16_384
+
+#: What is left of a filter's transient where it is called over; twice differentiated it must
+#: still be small beside 1e-8.
+FORGOTTEN = 1e-14
+
+#: What spans less than this share of its size is constant: sensors resolve nothing below it, and
+#: conversions of units leave less.
+CONSTANT = 1e-9
+
+
+def sampling_step(t: Array) -> float:
+    """Return the sampling step of uniform times, their median difference [s]."""
+    return float(np.median(np.diff(t)))
+
+
+def is_constant(low: Array, high: Array, size: float = 0.0) -> np.ndarray:
+    """Return which columns never change, from their ranges.
+
+    Parameters
+    ----------
+    low, high : (n,)
+    size : float
+        Added to the size that the range is compared with: 1 for positions, whose zero is anywhere.
+
+    Returns
+    -------
+    (n,) bool
+    """
+    never: np.ndarray = high - low <= CONSTANT * (size + np.maximum(np.abs(low), np.abs(high)))
+    return never
+
+
+def never_moves(low: Array, high: Array) -> np.ndarray:
+    """Return which joints stand still, from the range of their positions [rad or m], (n,) bool."""
+    return is_constant(low, high, 1.0)
+
+
+def motion_bandwidth(t: Array, q: Array, share: float = 0.99) -> float:
+    """Return the frequency below which `share` of the velocity's energy lies, over all joints [Hz].
+
+    Parameters
+    ----------
+    t : (N,) [s]
+    q : (N, n)
+    """
+    return bandwidth_of_windows([q], sampling_step(t), share)
+
+
+def bandwidth_of_windows(windows: Sequence[Array], dt: float, share: float = 0.99) -> float:
+    """Return the same of windows of equal length, each (N, n); their spectra are averaged [Hz]."""
+    length = len(windows[0])
+    taper = (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length))[:, None]  # Hann
+    spectrum = np.mean(
+        [np.abs(np.fft.rfft(taper * (q - q.mean(0)), axis=0)) ** 2 for q in windows], axis=0
+    )
+    f = np.fft.rfftfreq(length, dt)
+    energy = spectrum * f[:, None] ** 2
+    # White noise on q grows with f² here and would own the total; its level is seen at the top
+    # tenth of the band and taken off.
+    floor = np.median(spectrum[int(0.9 * len(f)) :], axis=0) / np.log(2)
+    energy = np.maximum(energy - 3 * floor * f[:, None] ** 2, 0.0)
+    total = energy.sum(0)
+    cumulative = np.cumsum(energy, 0)
+    reach = [
+        f[np.searchsorted(cumulative[:, k], share * total[k])]
+        for k in range(spectrum.shape[1])
+        if total[k] > 0
+    ]
+    return float(max(reach, default=0.0))
+
+
+def spread_windows(samples: int) -> list[tuple[int, int]]:
+    """Return the rows (start, stop) that decisions about a whole log are made on.
+
+    All of them in logs of up to `WINDOWS` times `WINDOW` samples, else so many windows, evenly
+    spaced from the first sample to the last.
+    """
+    if samples <= WINDOWS * WINDOW:
+        return [(0, samples)]
+    starts = np.linspace(0, samples - WINDOW, WINDOWS).astype(int)
+    return [(int(s), int(s) + WINDOW) for s in starts]
+
+
+def choose_cutoff(t: Array, q: Array) -> float:
+    """Return a low-pass cut-off: 10 × the motion's bandwidth, at least 5 Hz, at most fs/5 [Hz].
+
+    Filtering q must not touch the motion itself: the literature takes 5 to 10 times its bandwidth
+    [Gautier 1997].
+    """
+    return cutoff_of_windows([q], sampling_step(t))
+
+
+def cutoff_of_windows(windows: Sequence[Array], dt: float) -> float:
+    """Return the same for windows of equal length, each (N, n) [Hz]."""
+    return float(min(max(10.0 * bandwidth_of_windows(windows, dt), LOWEST_CUTOFF), 0.2 / dt))
+
+
+def lowpass(x: Array, dt: float, cutoff: float, order: int = 4) -> Array:
+    """Return x (N, …) filtered forwards and backwards by a Butterworth low-pass (no phase)."""
+    sos = scipy.signal.butter(order, cutoff, fs=1.0 / dt, output="sos")
+    pad = min(len(x) - 1, int(3 / (cutoff * dt)))
+    filtered: Array = scipy.signal.sosfiltfilt(sos, x, axis=0, padlen=pad)
+    return filtered
+
+
+def settling_rows(dt: float, cutoff: float, order: int = 4) -> int:
+    """Return after how many samples `lowpass` has forgotten where its input began.
+
+    The slowest pole has decayed to `FORGOTTEN` of what it was.
+    """
+    poles = scipy.signal.butter(order, cutoff, fs=1.0 / dt, output="zpk")[1]
+    return int(np.ceil(np.log(FORGOTTEN) / np.log(np.abs(poles).max())))
+
+
+def differentiate(x: Array, dt: float) -> Array:
+    """Return the time derivative of x (N, …) by central differences of second order."""
+    slope: Array = np.gradient(x, dt, axis=0, edge_order=2)
+    return slope
+
+
+@dataclass(frozen=True)
+class FourierFit:
+    """A finite Fourier series per joint: ``q = c0 + Σ a_k sin(kωt) + b_k cos(kωt)``.
+
+    Attributes
+    ----------
+    period : float [s]
+    coefficients : (2 H + 1, n)
+        Constant, sines, cosines.
+    """
+
+    period: float
+    coefficients: Array
+
+    @property
+    def harmonics(self) -> int:
+        """Number of harmonics H."""
+        return (len(self.coefficients) - 1) // 2
+
+    def motion(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return q, dq, ddq (N, n) at times t, differentiated analytically."""
+        H = self.harmonics
+        w = 2 * np.pi / self.period * np.arange(1, H + 1)
+        S, C = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+        c0, a, b = np.split(self.coefficients, [1, H + 1])
+        q = c0 + S @ a + C @ b
+        dq = (C * w) @ a - (S * w) @ b
+        ddq = -(S * w**2) @ a - (C * w**2) @ b
+        return q, dq, ddq
+
+
+def fit_fourier(t: Array, q: Array, period: float, harmonics: int) -> FourierFit:
+    """Fit a finite Fourier series to q (N, n) by least squares [Swevers 1997]."""
+    w = 2 * np.pi / period * np.arange(1, harmonics + 1)
+    basis = np.hstack([np.ones((len(t), 1)), np.sin(np.outer(t, w)), np.cos(np.outer(t, w))])
+    return FourierFit(period, np.linalg.lstsq(basis, q, rcond=None)[0])
+
+
+def fit_fourier_pieces(
+    pieces: Iterable[tuple[Array, Array]], period: float, harmonics: int
+) -> tuple[FourierFit, float]:
+    """Fit a finite Fourier series to a log that comes in pieces; return also its rms residual.
+
+    Parameters
+    ----------
+    pieces : iterable of (t (N,), q (N, n))
+        Used once; sums of products are kept, which the nearly orthogonal functions allow.
+    period : float [s]
+    harmonics : int
+    """
+    w = 2 * np.pi / period * np.arange(1, harmonics + 1)
+    gram: Array | float = 0.0
+    right: Array | float = 0.0
+    squares, count = 0.0, 0
+    origin: Array | None = None
+    for t, q in pieces:
+        origin = q.mean(0) if origin is None else origin  # small numbers, small rounding
+        basis = np.hstack([np.ones((len(t), 1)), np.sin(np.outer(t, w)), np.cos(np.outer(t, w))])
+        y = q - origin
+        gram, right = gram + basis.T @ basis, right + basis.T @ y
+        squares, count = squares + float((y**2).sum()), count + y.size
+    values = np.linalg.lstsq(gram, right, rcond=None)[0]
+    rest = max(squares - float((values * right).sum()), 0.0)
+    values[0] += origin
+    return FourierFit(period, values), float(np.sqrt(rest / count))
+
+
+def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
+    """Return the period, a whole fraction of the duration, whose Fourier series fits q best [s]."""
+    duration = t[-1] - t[0] + sampling_step(t)
+    best, chosen = np.inf, duration
+    spread = np.sum((q - q.mean(0)) ** 2)
+    for k in range(1, most + 1):
+        if 4 * harmonics * k > len(t):
+            break
+        fitted = fit_fourier(t, q, duration / k, harmonics).motion(t)[0]
+        error = np.sum((q - fitted) ** 2) / max(spread, 1e-300)
+        if error < 0.5 * best:  # a longer period with k× the harmonics always fits a little better
+            best, chosen = error, duration / k
+    return float(chosen)
+
+
+@dataclass(frozen=True)
+class Decimation:
+    """Zero-phase FIR low-pass and decimation that torque and regressor columns share.
+
+    Attributes
+    ----------
+    factor : int
+        Every `factor`-th sample is kept.
+    """
+
+    factor: int
+
+    @cached_property
+    def taps(self) -> Array:
+        """The symmetric filter, 20 taps a kept sample, cut-off at the new Nyquist frequency."""
+        h: Array = scipy.signal.firwin(2 * self.reach + 1, 1.0 / self.factor, window="hamming")
+        return h
+
+    @property
+    def reach(self) -> int:
+        """Samples on each side that an output draws on."""
+        return 10 * self.factor
+
+    def outputs(self, samples: int) -> int:
+        """Return the number of outputs of a run of samples; its ends are not extrapolated."""
+        return max(0, (samples - (2 * self.reach + 1)) // self.factor + 1)
+
+    def centres(self, start: int, stop: int) -> range:
+        """Return the rows of a log at which a run of its rows [start, stop) has outputs.
+
+        They are multiples of the factor, wherever the run begins, so that it does not matter in
+        which parts a log is read.
+        """
+        first = -(-(start + self.reach) // self.factor) * self.factor
+        return range(first, max(first, stop - self.reach), self.factor)
+
+    def apply(self, x: Array) -> Array:
+        """Return x (N, …) low-passed and decimated, (outputs, …)."""
+        count = self.outputs(len(x))
+        band = np.zeros((count, len(x)))
+        for k in range(count):
+            band[k, k * self.factor : k * self.factor + len(self.taps)] = self.taps
+        out: Array = (band @ x.reshape(len(x), -1)).reshape(count, *x.shape[1:])
+        return out

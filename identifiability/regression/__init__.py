@@ -1,0 +1,1 @@
+"""Robot and model against motion: columns, `Information`, base parameters, reductions."""

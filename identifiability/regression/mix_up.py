@@ -1,0 +1,145 @@
+"""Torque columns that are exchanged or have the wrong sign: would the log fit far better otherwise?
+
+Other orders and signs of the torque columns are fitted to some of the samples, all from the same
+Gram matrices. A sign often changes no error, only the sign of a joint's own parameters; there
+friction and rotor inertia decide, which cannot be negative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
+from identifiability.regression.regression import Regression
+
+#: Samples that are looked at, spread over all logs.
+ENOUGH = 2000
+
+#: The sum of squared errors must fall below this share of that of the log as it is.
+FAR = 0.4
+
+#: Joints beyond which signs are flipped one at a time only.
+MOST_SIGNS = 8
+
+#: A sign is certain at this many white-noise standard deviations, generous for autocorrelation.
+CERTAIN = 10.0
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Relative error of a fit to torque columns in another order or with other signs.
+
+    `error` is the root of squared errors over squared deviations from the mean, joints alike;
+    `negative` says at which joints friction and rotor inertia come out negative.
+    """
+
+    order: tuple[int, ...]
+    signs: tuple[int, ...]
+    error: float
+    negative: tuple[bool, ...]
+
+
+def find_mix_up(regression: Regression, nonnegative: np.ndarray) -> str:
+    """Return one sentence on how the torque columns seem to be mixed up, or nothing.
+
+    Parameters
+    ----------
+    regression : Regression
+        The unpruned model on the logs.
+    nonnegative : (p,) bool
+        Which of its columns belong to parameters that cannot be negative.
+    """
+    joints = regression.robot.joints
+    owners = np.array([p.name.rpartition(".")[0] for p in regression.parameters])
+    own = np.stack([nonnegative & (owners == j) for j in joints])
+    W, tau = _thinned(regression)
+    spread = np.sum((tau - tau.mean(0)) ** 2, 0)
+    if len(tau) * len(spread) <= 2 * W.shape[2] or not (spread > 0).all():
+        return ""
+    length = np.sqrt(np.einsum("kap,kap->p", W, W))
+    W = W / np.where(length > 0, length, 1.0)
+    gram = np.einsum("kap,kaq->apq", W, W)
+    cross = np.einsum("kap,kb->abp", W, tau)
+    square = np.sum(tau**2, 0)
+
+    def fit(order: tuple[int, ...], signs: tuple[int, ...]) -> _Fit:
+        weight = 1.0 / spread[list(order)]
+        g = sum(s * w * cross[a, b] for a, (b, s, w) in
+                enumerate(zip(order, signs, weight, strict=True)))  # fmt: skip
+        G = np.tensordot(weight, gram, 1)
+        inverse = np.linalg.pinv(G, rcond=1e-10, hermitian=True)
+        x = inverse @ g
+        whole = float(weight @ square[list(order)])
+        left = max(float(whole - g @ x), 1e-12 * whole)  # a perfect fit is one to rounding
+        sigma = np.sqrt(np.diag(inverse) * left / (tau.size - len(x)))
+        sure = own & (np.abs(x) > CERTAIN * sigma) & (sigma > 0)
+        wrong, right = (sure & (x < 0)).sum(1), (sure & (x > 0)).sum(1)
+        negative = (wrong >= 2) & (right == 0)
+        if wrong.sum() >= 2 and not right.any():
+            negative[:] = True
+        negative = tuple(negative.tolist())
+        return _Fit(order, signs, (left / len(spread)) ** 0.5, negative)
+
+    n = len(spread)
+    given = fit(tuple(range(n)), (1,) * n)
+    best = min((fit(*c) for c in _candidates(n)), key=lambda f: f.error, default=given)
+    if best.error**2 >= FAR * given.error**2:
+        best = given
+    return _describe(joints, given, best)
+
+
+def _thinned(regression: Regression) -> tuple[Array, Array]:
+    """Return regressor (N, n, p) and torque (N, n) of some samples."""
+    each = max(1, ENOUGH // len(regression.samples))
+    few = tuple(s.thin(max(1, s.survey.kept // each)) for s in regression.samples)
+    thin = Regression(regression.robot, regression.model, few, regression.columns)
+    W, tau = zip(*((W.copy(), tau) for _, _, W, tau in thin.chunks()), strict=True)
+    return np.concatenate(W), np.concatenate(tau)
+
+
+def _candidates(n: int) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Yield orders and signs: signs up to that of all, two exchanged, all turned or moved on."""
+    plain, same = tuple(range(n)), (1,) * n
+    most = n // 2 if n <= MOST_SIGNS else 1
+    for count in range(1, most + 1):
+        for flipped in combinations(plain, count):
+            yield plain, tuple(-1 if k in flipped else 1 for k in plain)
+    for i, j in combinations(plain, 2):
+        order = list(plain)
+        order[i], order[j] = j, i
+        yield tuple(order), same
+    if n > 2:
+        yield plain[::-1], same
+        for shift in range(1, n):
+            yield plain[shift:] + plain[:shift], same
+
+
+def _describe(joints: tuple[str, ...], given: _Fit, best: _Fit) -> str:
+    turned = [(s < 0) != n for s, n in zip(best.signs, best.negative, strict=True)]
+    flipped = [j for j, turn in zip(joints, turned, strict=True) if turn]
+    which = "all joints" if all(turned) else listing(flipped, 6)
+    moved = [f"'{joints[a]}.tau' from '{joints[b]}.tau'"
+             for a, b in enumerate(best.order) if a != b]  # fmt: skip
+    sizes = f"would err by {100 * best.error:.2g} % instead of {100 * given.error:.2g} %"
+    if moved:
+        also = f", and the sign of {which}" if flipped else ""
+        return (
+            f"The torque columns seem to be exchanged: with {listing(moved, 6)} the unpruned model "
+            f"{sizes}. Check which column is which joint's{also}."
+        )
+    if not flipped:
+        return ""
+    why = (
+        "friction and rotor inertia come out negative, which no joint can have"
+        if best is given
+        else f"with the other one the unpruned model {sizes}"
+    )
+    return (
+        f"The torque of {which} seems to have the wrong sign: {why}. Check the sign convention: "
+        "torque is positive where it drives the joint towards larger positions."
+    )

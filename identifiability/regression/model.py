@@ -1,0 +1,126 @@
+"""`Model`: effects that add up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from identifiability.effects import FAMILIES, Effect, Part, Placed, find_effect
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.options import Expected, checked
+from identifiability.robot import Motion, Robot
+
+EffectName = Annotated[str, Expected("the name of an effect, such as 'rigid_body'")]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A sum of effects; ``model + effect`` adds one.
+
+    Example
+    -------
+    >>> model = Model.of("rigid_body", "viscous_friction")
+    >>> [e.name for e in (model + find_effect("coulomb_friction")).effects]
+    ['rigid_body', 'viscous_friction', 'coulomb_friction']
+    """
+
+    effects: tuple[Effect, ...]
+
+    @staticmethod
+    @checked
+    def of(*names: EffectName) -> Model:
+        """Return the model of some effects by name.
+
+        ``NAME@PLACE+PLACE`` is an effect at some joints, motors or bodies only, and
+        ``NAME@PLACE:SHAPE`` has a shape of its own there, such as the Stribeck velocity [SI].
+
+        Raises
+        ------
+        ModelError
+            If there is no such effect, or none with a shape.
+        """
+        return Model(()).with_effects(_read_effects(names))
+
+    def with_effects(self, effects: Iterable[Effect]) -> Model:
+        """Return the model with more effects; what they supersede is left out."""
+        chosen = list(self.effects)
+        for effect in effects:
+            if any(e.name == effect.name for e in chosen):
+                continue
+            if any(effect.name in e.supersedes for e in chosen):
+                continue
+            chosen = [e for e in chosen if e.name not in effect.supersedes] + [effect]
+        return Model(tuple(chosen))
+
+    def __add__(self, effect: Effect) -> Model:
+        """Return the model with one more effect."""
+        return self.with_effects([effect])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(e.name for e in self.effects)
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The effects as a ladder file writes them, and `of` reads them."""
+        return tuple(text for e in self.effects for text in e.texts)
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return the standard parameters of all effects, in column order."""
+        return tuple(p for e in self.effects for p in e.parameters(robot))
+
+    def shapes(self, robot: Robot) -> dict[str, float]:
+        """Return the shapes behind the columns, by ``<joint>.<effect>``."""
+        return {name: at for e in self.effects for name, at in e.shapes(robot).items()}
+
+    def regressor(self, robot: Robot, motion: Motion, out: Array | None = None) -> Array:
+        """Return the regressor W (N, n, p): ``W[k] @ phi`` is the torque at sample k."""
+        widths = [len(e.parameters(robot)) for e in self.effects]
+        if not sum(widths):
+            raise ModelError("The model has no effects; name at least one, such as rigid_body.")
+        shape = (len(motion), len(robot.actuated), sum(widths))
+        W = np.zeros(shape) if out is None else out[: len(motion)]
+        W[:] = 0.0
+        start = 0
+        for effect, width in zip(self.effects, widths, strict=True):
+            effect.fill(robot, motion, W[:, :, start : start + width])
+            start += width
+        return W
+
+
+def _read_effects(texts: Iterable[str]) -> list[Effect]:
+    """Return effects as a ladder file writes them; all places of one are one effect."""
+    by_name: dict[str, list[str]] = {}
+    for text in texts:
+        by_name.setdefault(text.partition("@")[0], []).append(text)
+    return [_read_effect(name, dict.fromkeys(written)) for name, written in by_name.items()]
+
+
+def _read_effect(name: str, written: Iterable[str]) -> Effect:
+    effect = find_effect(name)
+    parts: list[Part] = []
+    for text in written:
+        if "@" not in text:
+            return effect
+        places, shape = _split_shape(text.partition("@")[2])
+        family = FAMILIES.get(name)
+        if shape is not None and (family is None or family.shapes is None):
+            raise ModelError(f"'{text}': {name} has no shape; leave out the number behind the ':'.")
+        for place in places.split("+"):
+            built = effect if shape is None or family is None else family.build(shape, place)
+            parts.append(Part(built, place))
+    return Placed(parts, tuple(written))
+
+
+def _split_shape(text: str) -> tuple[str, float | None]:
+    """Return the places and the shape of ``PLACE+PLACE:SHAPE``; names may have colons too."""
+    places, colon, number = text.rpartition(":")
+    try:
+        return (places, float(number)) if colon else (text, None)
+    except ValueError:
+        return text, None

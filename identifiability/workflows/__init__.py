@@ -1,0 +1,1 @@
+"""What users ask for, one folder or file a verb; none imports one above it."""

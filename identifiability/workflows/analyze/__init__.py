@@ -1,0 +1,1 @@
+"""The main job: one verdict a parameter, and the model to use."""

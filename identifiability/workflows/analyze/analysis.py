@@ -1,0 +1,158 @@
+"""The main job: robot and logs in, one verdict per parameter and a model to use out."""
+
+from __future__ import annotations
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from identifiability.estimation.estimate import Method
+from identifiability.estimation.evaluation import Task, predict, predict_all
+from identifiability.estimation.verdict import Thresholds
+from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.options import NotNegative, Replicates, Seed, checked
+from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.survey import explain_silence
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.information import gather_information
+from identifiability.regression.mix_up import find_mix_up
+from identifiability.regression.reduction import (
+    LadderLike,
+    build_comparison,
+    find_ladder,
+    ladder_model,
+    nominal_base,
+)
+from identifiability.regression.regression import Regression
+from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.analyze.answer import Analysis
+from identifiability.workflows.analyze.assessment import assess_ladder, select_model
+from identifiability.workflows.analyze.cutoff_check import check_cutoff
+from identifiability.workflows.analyze.stages import (
+    Logs,
+    Progress,
+    believe,
+    find_hints,
+    fit_ladder,
+    open_logs,
+    plan_cross_validation,
+    prepare_logs,
+    require_signal,
+    running,
+    share,
+)
+from identifiability.workflows.analyze.statement import doubt
+
+__all__ = ["Analysis", "analyze"]
+
+
+@checked
+def analyze(
+    robot: RobotLike,
+    logs: Logs,
+    validate: Logs = (),
+    ladder: LadderLike | None = None,
+    *,
+    preparation: Preparation | None = None,
+    method: Method = "wls",
+    replicates: Replicates = 2000,
+    posterior: bool = False,
+    cad_weight: NotNegative = 0.0,
+    seed: Seed = 0,
+    progress: Progress | None = None,
+    engine: Engine | None = None,
+) -> Analysis:
+    """Say which parameters the logs determine, and which model of a ladder to use.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+    logs : log, path, DataFrame, or several
+        Fitted to.
+    validate : the same, optional
+        Held out; without them errors come from blocked cross-validation.
+    ladder : path, LadderEntry or result of `prune`, optional
+        Models to compare, each also with the unpruned one; by default the ladder beside the robot
+        file, else asymmetric and symmetric friction.
+    preparation : Preparation, optional
+        How derivatives are made.
+    method : {"wls", "ols"}
+    replicates : int
+        Refits of the block bootstrap; 0 for none.
+    posterior : bool
+        Also sample the posteriors of the selected model; takes some seconds.
+    cad_weight : float
+        Weight of a log-det prior around the bodies of the robot file when the nearest real robot
+        is sought [σ²]; 0 for none.
+    seed : int
+        Of every random choice.
+    progress : callable(str, float), optional
+        Called with what is being done and the share that is done.
+    engine : Engine, optional
+        Where stretches of logs that are too long for memory are worked on; by default in several
+        processes.
+
+    Raises
+    ------
+    IdentifiabilityError
+        With one sentence on what to do.
+    """
+    say = progress or (lambda _text, _share: None)
+    streams = np.random.default_rng(seed).spawn(3)
+    with threadpool_limits(1, "blas"):
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        source = find_ladder(robot, ladder, beside=True)
+        model = ladder_model(source.entry)
+        with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
+            say("reading logs", 0.0)
+            reading = share(say, "reading logs", 0.0, 0.2)
+            raw, raw_held, hints = open_logs(logs, validate)
+            train = prepare_logs(robot, raw, preparation, runner, reading)
+            held = prepare_logs(robot, raw_held, preparation, runner)
+            silence = explain_silence([s.survey for s in train])
+            require_signal(held, "verified")
+            held = () if silence else held
+            say("finding base parameters", 0.2)
+            base = find_base_parameters(robot, model, streams[0])
+            rungs = build_comparison(source.entry, robot, base)
+            say("building the regression", 0.3)
+            regression = Regression(robot, model, train, base.kept)
+            building = share(say, "building the regression", 0.3, 0.6)
+            information = gather_information(regression, engine=runner, progress=building)
+            mixed = "" if silence else find_mix_up(regression, base.nonnegative)
+            say("fitting models", 0.6)
+            fits, physical, values = fit_ladder(
+                robot, base, rungs, information, method, cad_weight, silence
+            )
+            in_file = np.stack([p.in_file for p in physical], 1)
+            tasks = [Task(np.hstack([values, in_file])[None])]
+            if not held and not silence:
+                tasks.append(plan_cross_validation(regression, base, information, rungs, method))
+            predicting = share(say, "predicting torque", 0.65, 0.9)
+            fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
+            crossed = [fitted] if silence else crossed
+            if held:
+                unseen = Regression(robot, model, held, base.kept)
+                crossed = [predict(unseen, values, engine=runner)]
+        say("judging parameters", 0.9)
+        thresholds = Thresholds()
+        out = crossed[0]
+        results = assess_ladder(
+            rungs, fits, information, physical, fitted, out, nominal_base(robot, base),
+            thresholds, streams[1], replicates,
+        )  # fmt: skip
+        at = select_model(results)
+        results, nothing = doubt(train, results, at, out)
+        bands = check_cutoff(regression, held, raw, results[at], method, preparation)
+        belief = None
+        if posterior:
+            results, belief = believe(robot, base, information, results, at, streams[2], say, train)
+        return Analysis(
+            robot, base, train, held, information, results, at,
+            fitted.first(len(rungs)), out.first(len(rungs)), model.texts, method, seed, belief,
+            thresholds, (*find_hints(robot, train, mixed), *hints, *bands), source,
+            {
+                "replicates": replicates, "posterior": posterior, "cad_weight": cad_weight,
+                "preparation": preparation or Preparation(),
+            },
+            model.shapes(robot), nothing,
+        )  # fmt: skip

@@ -1,0 +1,271 @@
+"""Assess the models of a ladder: uncertainty, verdicts, errors, feasibility; select one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from identifiability.estimation.estimate import MIXED, Estimate, dependence
+from identifiability.estimation.evaluation import Prediction
+from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty, recurrence
+from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, judge, withdraw
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
+from identifiability.physical.feasibility import PhysicalResult
+from identifiability.physical.mass import real_robot_dict
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import Rung
+from identifiability.robot import Robot
+
+
+@dataclass(frozen=True)
+class RungResult:
+    """One model of the ladder, fitted.
+
+    Attributes
+    ----------
+    rung : Rung
+    estimate : Estimate
+    uncertainty : Uncertainty
+    verdicts : tuple of Verdict
+    error_ra : float
+        ε_RA on the logs it was fitted to.
+    error_ra_validation : float
+        ε_RA on the validation logs, or by blocked cross-validation where there are none.
+    error_se : float
+        Standard error of the difference of the latter to the best model's.
+    error_ra_physical : float
+        ε_RA of the nearest real robot, on the same samples as `error_ra_validation`.
+    error_ra_real, error_ra_file : float
+        ε_RA of the nearest real robot on the logs that were fitted, and of what a robot file
+        holds of it without a sidecar.
+    infeasible : tuple of str
+        Parameters with a sign that physics forbids, the paper's test.
+    physical : PhysicalResult
+        Whether a real robot has these parameters, and the nearest that has.
+    """
+
+    rung: Rung
+    estimate: Estimate
+    uncertainty: Uncertainty
+    verdicts: tuple[Verdict, ...]
+    error_ra: float
+    error_ra_validation: float
+    error_se: float
+    error_ra_physical: float
+    error_ra_real: float
+    error_ra_file: float
+    infeasible: tuple[str, ...]
+    physical: PhysicalResult
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.rung.name
+
+    @property
+    def feasible(self) -> bool:
+        """Whether a real robot has these parameters: bodies with mass, friction that brakes."""
+        return self.physical.feasible and self.signs_possible
+
+    @property
+    def signs_possible(self) -> bool:
+        """Whether no parameter has a sign that physics forbids, the paper's test."""
+        return not self.infeasible
+
+    @property
+    def possible(self) -> str:
+        """Whether a real robot has these parameters, in a word."""
+        if self.feasible:
+            return "possible"
+        open_ = self.physical.certificate is None and self.signs_possible
+        return "open" if open_ else "impossible"
+
+    @property
+    def autocorrelation_time(self) -> Array:
+        """Autocorrelation time of each actuator's residual, (n,) [samples]."""
+        return self.uncertainty.times
+
+    @property
+    def paper_identified(self) -> int:
+        """How many parameters pass the 10× rule."""
+        return int(self.estimate.paper_rule.sum())
+
+    def count(self, kind: Class) -> int:
+        """Return how many parameters got a verdict."""
+        return sum(v.verdict is kind for v in self.verdicts)
+
+    def withdraw(self, why: str) -> RungResult:
+        """Return the model with no parameter believed, for one reason."""
+        return replace(self, verdicts=withdraw(self.verdicts, why))
+
+    @property
+    def unjudged(self) -> str:
+        """Why its parameters are not judged; nothing if they are."""
+        return next((v.reason for v in self.verdicts if v.verdict is Class.NOT_JUDGED), "")
+
+    @property
+    def margin(self) -> float:
+        """Margin of the physical certificate; negative when no real robot has the parameters."""
+        return self.physical.margin
+
+    def row(self) -> dict[str, Any]:
+        """Return the model as one row of the ladder."""
+        return {
+            "name": self.name,
+            "description": self.rung.description,
+            "parameters": len(self.rung),
+            "paper_identified": self.paper_identified,
+            "identifiable": self.count(Class.IDENTIFIABLE),
+            "not_judged": self.count(Class.NOT_JUDGED),
+            "error_ra": self.error_ra,
+            "error_ra_validation": self.error_ra_validation,
+            "error_ra_validation_se": self.error_se,
+            "feasible": self.feasible,
+            "signs_possible": self.signs_possible,
+            "infeasible": list(self.infeasible),
+            "physical_margin": self.margin,
+            "error_ra_physical": self.error_ra_physical,
+            "condition": self.estimate.condition,
+        }
+
+
+def assess_ladder(
+    rungs: Sequence[Rung],
+    fits: Sequence[Estimate],
+    information: Information,
+    physical: Sequence[PhysicalResult],
+    fitted: Prediction,
+    held_out: Prediction,
+    nominal: Array,
+    thresholds: Thresholds,
+    rng: np.random.Generator,
+    replicates: int,
+) -> tuple[RungResult, ...]:
+    """Return the results of all models.
+
+    Parameters
+    ----------
+    rungs, fits : sequences
+        Models and their estimates.
+    information : Information
+        About all base parameters.
+    physical : sequence of PhysicalResult
+        Of each model.
+    fitted, held_out : Prediction
+        By all estimates, then by all nearest real robots, on the logs they were fitted to and on
+        others; of the former also by what robot files hold of the latter.
+    nominal : (b,)
+        Base parameters that the robot file states.
+    thresholds : Thresholds
+    rng : numpy.random.Generator
+    replicates : int
+        Of the bootstrap.
+    """
+    error, held_error = fitted.relative_error(), held_out.relative_error()
+    ladder = held_error[: len(rungs)]
+    best = int(np.nanargmin(ladder)) if np.isfinite(ladder).any() else 0
+    spread = held_out.standard_error(best)
+    results = []
+    for k, (rung, fit) in enumerate(zip(rungs, fits, strict=True)):
+        residual = fitted.residual[:, :, k]
+        reduced = rung.reduce(information)
+        uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
+        evidence = Evidence(
+            fit,
+            uncertainty.robust,
+            recurrence(fit, uncertainty, thresholds),
+            column_rms(reduced),
+            column_noise(reduced, fit),
+            float(np.sqrt(np.mean(fitted.rms**2))),
+            _aliases(reduced, fit, rung),
+            uncertainty.why_unjudged(len(fit.kept), thresholds),
+        )
+        stated = np.linalg.lstsq(rung.M, nominal - rung.held, rcond=None)[0]
+        verdicts = judge(rung.labels, rung.units, evidence, stated, thresholds)
+        forbidden = rung.nonnegative & fit.determined & (fit.value < 0)
+        infeasible = tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad)
+        results.append(
+            RungResult(
+                rung,
+                fit,
+                uncertainty,
+                verdicts,
+                float(error[k]),
+                float(held_error[k]),
+                float(spread[k]),
+                float(held_error[len(rungs) + k]),
+                float(error[len(rungs) + k]),
+                float(error[2 * len(rungs) + k]),
+                infeasible,
+                physical[k],
+            )
+        )
+    return tuple(results)
+
+
+def physical_dict(robot: Robot, result: RungResult, shapes: Mapping[str, float]) -> dict[str, Any]:
+    """Return the nearest real robot of a model as plain values, as `export` reads them."""
+    return real_robot_dict(
+        robot, result.physical.parameters(), (result.error_ra_real, result.error_ra_file), shapes,
+        result.physical.cad_weight,
+    )  # fmt: skip
+
+
+def column_rms(information: Information) -> Array:
+    """Return the root mean square of each column over all rows, (k,)."""
+    root = information.factor()[:, :-1]
+    rms: Array = np.linalg.norm(root, axis=0) / np.sqrt(max(information.rows, 1))
+    return rms
+
+
+def column_noise(information: Information, fit: Estimate) -> Array:
+    """Return the largest over joints of column rms over residual rms, per unit, (k,)."""
+    S, k = information.basis, information.size
+    squares = np.einsum("ki,akl,li->ai", S, information.per_actuator, S)[:, :k]
+    floor = 1e-18 * float(np.max(fit.rss, initial=0.0)) + 1e-300
+    ratio: Array = np.sqrt(np.maximum(squares, 0.0) / np.maximum(fit.rss, floor)[:, None]).max(0)
+    return ratio
+
+
+def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, ...]:
+    """Return, for each undetermined parameter, what this motion cannot tell it from."""
+    out = [""] * len(rung)
+    dropped = [c for c in range(len(rung)) if c not in set(fit.kept)]
+    leans = dependence(information, fit.kept, fit.weights)
+    for k in np.flatnonzero(~fit.determined):
+        if k in fit.kept:
+            row = np.abs(leans[fit.kept.index(int(k))])
+            others = [rung.columns[dropped[i]] for i in np.argsort(-row)]
+        else:
+            row = np.abs(leans[:, dropped.index(int(k))])
+            others = [rung.columns[fit.kept[i]] for i in np.argsort(-row)]
+        count = int((row > MIXED).sum())
+        out[k] = (
+            f"This motion determines only its combination with {listing(others[:count], 4)}."
+            if count
+            else "This motion never makes it act on the torque."
+        )
+    return tuple(out)
+
+
+def select_model(results: Sequence[RungResult]) -> int:
+    """Return the smallest model within one standard error of the best.
+
+    Among those that predict as well as the best, models that a real robot can have come first,
+    then those without forbidden signs.
+    """
+    error = np.array([r.error_ra_validation for r in results])
+    if not np.isfinite(error).any():
+        return len(results) - 1
+    best = float(np.nanmin(error))
+    good = [k for k, r in enumerate(results) if error[k] <= best + np.nan_to_num(r.error_se)]
+
+    def rank(k: int) -> tuple[bool, bool, int, float]:
+        r = results[k]
+        return not r.feasible, not r.signs_possible, len(r.rung), float(error[k])
+
+    return min(good, key=rank)

@@ -1,0 +1,224 @@
+"""Sample what is believed: two posteriors of one model, and where each parameter comes from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.estimation.estimate import Estimate
+from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
+from identifiability.foundation.names import Array
+from identifiability.foundation.shares import ENDS
+from identifiability.physical.feasibility import (
+    PhysicalResult,
+    body_index,
+    check_nominal,
+    full_problem,
+    nominal_vector,
+)
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.project import project
+from identifiability.posterior.diagnostics import Convergence, diagnose_convergence
+from identifiability.posterior.ensemble import Posterior, sample_posterior
+from identifiability.posterior.exact import Progress
+from identifiability.posterior.prior import Prior
+from identifiability.posterior.target import Target, make_proper
+from identifiability.regression.base_parameters import BaseParameters
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import Rung
+from identifiability.robot import Robot
+from identifiability.workflows.analyze.belief import (
+    LEARNED,
+    SHOWN,
+    START_MARGIN,
+    WIDE,
+    Belief,
+    Effort,
+    Source,
+    StandardBelief,
+    Summary,
+)
+
+
+def form_belief(
+    robot: Robot,
+    base: BaseParameters,
+    rung: Rung,
+    information: Information,
+    estimate: Estimate,
+    physical: PhysicalResult,
+    iact: float,
+    rng: np.random.Generator,
+    effort: Effort | None = None,
+    progress: Progress | None = None,
+) -> Belief:
+    """Sample both posteriors of a model.
+
+    Parameters
+    ----------
+    robot, base, rung, information, estimate
+        The model, the information about its columns and the estimate.
+    physical : PhysicalResult
+    iact : float
+        Autocorrelation time of the residual [samples].
+    rng : numpy.random.Generator
+    effort : Effort, optional
+    progress : callable, optional
+        Called with the number of steps done and to do.
+    """
+    effort = effort or Effort()
+    first, second = rng.spawn(2)
+    signs, notes = None, []
+    if len(estimate.kept) == len(rung) and len(rung):
+        signs = _sample_signs(rung, information, estimate, iact, first, effort)
+    else:
+        notes.append("the motion leaves parameters of the model undetermined")
+    try:
+        prior = state_prior(robot, base, rung, information, estimate)
+        whole = _sample_physical(
+            robot, base, rung, information, estimate, physical.region, prior, iact, second,
+            effort, progress,
+        )  # fmt: skip
+    except (ValueError, IdentifiabilityError) as error:
+        return Belief(signs, None, None, "; ".join([*notes, str(error)]))
+    to_x = np.linalg.pinv(rung.M) @ base.G
+    prior_sd = np.sqrt(to_x**2 @ np.where(np.isfinite(prior.sd), prior.sd, 0.0) ** 2)
+    data_sd = np.linalg.norm(to_x @ whole[1].root, axis=1)
+    return Belief(signs, *whole, "; ".join(notes), prior_sd, data_sd)
+
+
+def state_prior(
+    robot: Robot, base: BaseParameters, rung: Rung, information: Information, estimate: Estimate
+) -> Prior:
+    """Return the prior: around the robot file, widened or narrowed by the sidecar's ``[prior]``.
+
+    Raises
+    ------
+    RobotError
+        If the sidecar states a prior for a parameter that is not there, or one that is impossible.
+    IdentifiabilityError
+        If the robot file states a body that cannot exist, with its name.
+    """
+    check_nominal(robot)
+    nominal = nominal_vector(robot, base)
+    data = full_problem(information, estimate, rung, base.G)
+    reach = np.linalg.norm(data.R, axis=0)
+    size = float(np.linalg.norm(data.z))
+    floor = np.where(reach > 0, WIDE * size / np.where(reach > 0, reach, 1.0), 1.0)
+    prior = Prior.around(nominal, body_index(robot, base), robot.prior_relative, floor)
+    mean, sd = np.array(prior.mean), np.array(prior.sd)
+    names = [p.name for p in base.parameters]
+    for name, (m, s) in robot.prior.items():
+        if name not in names:
+            raise RobotError(
+                f"The sidecar of {robot.path} states a prior for '{name}', which the model does "
+                f"not have{near_match(name, names)}"
+            )
+        k = names.index(name)
+        if base.parameters[k].nonnegative and m + 4 * s < 0:
+            raise RobotError(
+                f"The sidecar of {robot.path} states the prior {m:g} ± {s:g} for '{name}', which "
+                "cannot be negative; give a prior with room above zero."
+            )
+        mean[k], sd[k] = m, s
+    return Prior(mean, sd)
+
+
+def _sample_signs(
+    rung: Rung,
+    information: Information,
+    estimate: Estimate,
+    iact: float,
+    rng: np.random.Generator,
+    effort: Effort,
+) -> Summary:
+    """Sample the model's own parameters under their signs, flat prior."""
+    R = information.factor(estimate.weights)
+    m = len(rung)
+    data = LeastSquares(R[:m, :m], R[:m, m], _rss(estimate, R), float(max(estimate.dof, 1)))
+    region = PhysicalSet(np.empty((0, 10), int), rung.nonnegative, columns=rung.columns)
+    target = Target(data, Prior.flat(m), region, max(iact, 1.0))
+    start = np.array(estimate.value)
+    low = rung.nonnegative & (start <= 0)
+    start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
+    # The start must lie inside; a step of 1 % of σ off the edge is nothing to the sampler.
+    posterior = sample_posterior(
+        target, start, rng, draws=effort.draws, walkers=max(32, effort.walkers),
+        warmup=effort.warmup,
+    )  # fmt: skip
+    return _summarise(posterior.draws, rung, rng, diagnose_convergence(posterior, rung.columns))
+
+
+def _rss(estimate: Estimate, R: Array) -> float:
+    tau = float(np.linalg.norm(R[:, -1]))
+    return max(float(estimate.weights @ estimate.rss), (1e-9 * tau) ** 2)
+
+
+def _sample_physical(
+    robot: Robot,
+    base: BaseParameters,
+    rung: Rung,
+    information: Information,
+    estimate: Estimate,
+    region: PhysicalSet,
+    prior: Prior,
+    iact: float,
+    rng: np.random.Generator,
+    effort: Effort,
+    progress: Progress | None,
+) -> tuple[Summary, StandardBelief]:
+    """Sample the standard parameters on the cone and look at them through the model."""
+    data = full_problem(information, estimate, rung, base.G)
+    data = LeastSquares(
+        data.R, data.z, _rss(estimate, information.factor(estimate.weights)), data.dof
+    )
+    target = Target(data, prior, region, max(iact, 1.0))
+    start = project(data, region, margin=START_MARGIN, reference=nominal_vector(robot, base)).phi
+    posterior = sample_posterior(
+        target, start, rng, draws=effort.draws, walkers=effort.walkers, warmup=effort.warmup,
+        progress=progress,
+    )  # fmt: skip
+    convergence = diagnose_convergence(posterior, region.columns)
+    to_x = np.linalg.pinv(rung.M) @ base.G
+    summary = _summarise(posterior.draws @ to_x.T, rung, rng, convergence)
+    return summary, _look_at_standard(base, data, prior, iact, posterior)
+
+
+def _look_at_standard(
+    base: BaseParameters, data: LeastSquares, prior: Prior, iact: float, posterior: Posterior
+) -> StandardBelief:
+    proper = make_proper(data, prior)
+    variance = data.variance * max(iact, 1.0)
+    scaled = data.R * proper.sd / np.sqrt(variance)
+    # inv(I + SᵀS) by QR: its diagonal is never negative, however exact the data are.
+    root = np.linalg.qr(np.vstack([np.eye(scaled.shape[1]), scaled]), mode="r")
+    spread = proper.sd[:, None] * np.linalg.inv(root)
+    data_sd = np.linalg.norm(spread, axis=1)
+    flat = posterior.flat()
+    sd = flat.std(0, ddof=1)
+    idle = ~np.any(base.G, axis=0)
+    sources = []
+    for k in range(len(sd)):
+        if idle[k]:
+            sources.append(Source.STRUCTURE)
+        elif data_sd[k] < LEARNED * proper.sd[k]:
+            sources.append(Source.DATA)
+        elif sd[k] < LEARNED * proper.sd[k]:
+            sources.append(Source.CONSTRAINT)
+        else:
+            sources.append(Source.PRIOR)
+    return StandardBelief(
+        tuple(p.name for p in base.parameters), np.array(proper.mean), np.array(proper.sd),
+        data_sd, flat.mean(0), sd, tuple(sources), posterior.draws, spread,
+    )  # fmt: skip
+
+
+def _summarise(
+    chains: Array, rung: Rung, rng: np.random.Generator, convergence: Convergence
+) -> Summary:
+    draws = chains.reshape(-1, chains.shape[-1])
+    interval = np.quantile(draws, ENDS, axis=0).T
+    width = interval[:, 1] - interval[:, 0]
+    edge = np.where(rung.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
+    shown = draws[rng.permutation(len(draws))[:SHOWN]]
+    return Summary(draws.mean(0), draws.std(0, ddof=1), interval, shown, chains, edge, convergence)

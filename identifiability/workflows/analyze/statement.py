@@ -1,0 +1,160 @@
+"""The answer of an analysis in plain words, and what it was made from."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+from importlib import metadata
+
+import clarabel
+
+from identifiability.estimation.evaluation import Prediction
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.engines.fingerprint import NUMERICS
+from identifiability.foundation.errors import listing
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.survey import explain_silence
+from identifiability.physical.mass import state_mass
+from identifiability.regression.base_parameters import BaseParameters
+from identifiability.regression.reduction import LadderSource
+from identifiability.robot import Robot
+from identifiability.workflows.analyze.assessment import RungResult
+
+#: Why no verdict is believed where a model would be used that is no better than no model.
+WORSE = "no model predicts motion that it has not seen better than a constant torque would"
+
+_PACKAGES = ("identifiability", *NUMERICS, "pandas")
+
+
+def state_answer(
+    base: BaseParameters,
+    full: RungResult,
+    chosen: RungResult,
+    physics: str,
+    nothing: str = "",
+) -> str:
+    """Return how many parameters the logs determine, and which model to use.
+
+    Parameters
+    ----------
+    base : BaseParameters
+    full, chosen : RungResult
+        The unpruned and the selected model.
+    physics : str
+        What `state_physics` says of the selected model.
+    nothing : str
+        Why no verdict is believed, if that is so (`doubt`).
+    """
+    total = len(base.parameters)
+    size = f"The robot has {total} parameters, {base.rank} of them independent in principle."
+    why = nothing or _why_none(base, full, chosen)
+    if why:
+        return f"Nothing is identifiable, because {why}. {size}"
+    if chosen.unjudged:
+        return f"Nothing is judged. {chosen.unjudged} {size}"
+    held = 100 * chosen.error_ra_validation
+    known = f"determine {full.count(Class.IDENTIFIABLE)} of them in the unpruned model"
+    if full.unjudged:
+        known = "do not suffice to judge the unpruned model"
+    text = (
+        f"Of {total} parameters {base.rank} can be told apart in principle; these logs {known}. "
+        f"The model to use is {chosen.name}: {chosen.count(Class.IDENTIFIABLE)} of its "
+        f"{len(chosen.rung)} parameters are identifiable, and it predicts motion that it has not "
+        f"seen with an error of {held:.3g} %."
+    )
+    why_not = f"The unpruned model is not judged. {full.unjudged}" if full.unjudged else ""
+    return " ".join(filter(None, (text, physics, why_not)))
+
+
+def state_physics(robot: Robot, chosen: RungResult) -> str:
+    """Return what physics says of a model."""
+    weight = state_mass(robot, chosen.physical.parameters(), chosen.physical.cad_weight)
+    return f"{_state_certificate(chosen)} {weight}".rstrip()
+
+
+def _state_certificate(chosen: RungResult) -> str:
+    if chosen.feasible:
+        return "A real robot can have its values."
+    if chosen.physical.nearest is None:
+        return chosen.physical.sentence
+    near = f"the nearest real robot errs by {100 * chosen.error_ra_physical:.3g} %."
+    if chosen.infeasible:
+        return (
+            f"But {len(chosen.infeasible)} of its values have a sign that physics forbids "
+            f"({listing(chosen.infeasible, 4)}); {near}"
+        )
+    if chosen.physical.certificate is None:
+        return f"The motion leaves some of its parameters open; {near}"
+    return f"No real robot has exactly its values, although each sign is possible; {near}"
+
+
+def doubt(
+    samples: Sequence[Prepared], results: tuple[RungResult, ...], at: int, held_out: Prediction
+) -> tuple[tuple[RungResult, ...], str]:
+    """Take the verdicts back where none can be believed; return them, and why not.
+
+    Parameters
+    ----------
+    samples : sequence of Samples
+        That were fitted.
+    results : tuple of RungResult
+    at : int
+        The selected model.
+    held_out : Prediction
+    """
+    why = explain_silence([s.survey for s in samples])
+    if not why and not results[at].error_ra_validation < held_out.constant_error():
+        why = WORSE
+    return (tuple(r.withdraw(why) for r in results) if why else results), why
+
+
+def _why_none(base: BaseParameters, full: RungResult, chosen: RungResult) -> str:
+    """Return why no parameter is called identifiable, or nothing if some are."""
+    if chosen.unjudged or chosen.count(Class.IDENTIFIABLE) or full.count(Class.IDENTIFIABLE):
+        return ""
+    excited = len(full.estimate.kept)
+    if excited < base.rank:
+        return (
+            f"the motion excites only {excited} independent combinations of parameters and "
+            "noise hides these"
+        )
+    return "the residual hides every parameter"
+
+
+def state_provenance(
+    robot: Robot,
+    samples: Sequence[Prepared],
+    seed: int,
+    source: LadderSource | None = None,
+    options: Mapping[str, object] | None = None,
+) -> dict[str, str]:
+    """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
+    out = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            out[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            out[package] = "not installed"
+    out["seed"] = str(seed)
+    out["solver"] = _solver_settings()
+    out.update({name: str(value) for name, value in (options or {}).items()})
+    out[f"sha256 {robot.path.name}"] = robot.sha256
+    if robot.sidecar is not None:
+        out["sidecar"] = robot.sidecar.name
+        out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
+    if source is not None:
+        out["ladder"] = source.origin
+        out["sha256 ladder"] = source.sha256
+    for s in samples:
+        out[f"sha256 {s.name}"] = s.sha256
+    return out
+
+
+def _solver_settings() -> str:
+    """Return the solver of the physical set and its tolerances, which are its own defaults."""
+    own = clarabel.DefaultSettings()
+    return (
+        f"clarabel, tol_gap_rel {own.tol_gap_rel:g}, tol_feas {own.tol_feas:g}, "
+        f"max_iter {own.max_iter}"
+    )

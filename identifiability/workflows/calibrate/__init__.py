@@ -1,0 +1,1 @@
+"""How far intervals and verdicts can be trusted on this robot and motion."""

@@ -1,0 +1,172 @@
+"""Is the posterior right on the user's own motion? Simulation-based calibration of one model.
+
+Truth is drawn from a prior around the fitted values, data from the truth, and the truth is ranked
+among draws of its posterior with signs: the ranks are uniform if the posterior is right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binom
+
+from identifiability.estimation.verdict import holm
+from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.engines.mapping import Steps
+from identifiability.foundation.names import Array
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.posterior.calibration import Calibration, calibrate_posterior
+from identifiability.posterior.prior import Prior
+from identifiability.posterior.target import Target
+from identifiability.regression.information import Information
+from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.calibrate.replicates import spawn_seeds
+
+#: Width of the prior in robust σ: data and prior both matter, and so do signs near zero.
+PRIOR_WIDTH = 3.0
+
+#: Draws of each posterior, and bins of the histogram of ranks; the bins divide the ranks.
+DRAWS, BINS = 31, 8
+
+#: Most experiments that are simulated together; the parts are the same on every engine.
+PART = 250
+
+#: Ranks count as uniform if the smallest adjusted p-value is above this.
+LEVEL = 0.01
+
+
+@dataclass(frozen=True)
+class RankCheck:
+    """Ranks of planted values among draws of their posterior.
+
+    Attributes
+    ----------
+    names : (p,) str
+    counts : (p, b)
+        Ranks in each of b equal bins.
+    p_values : (p,)
+        Chi-square test that the ranks of a parameter are uniform.
+    replicates : int
+    """
+
+    names: tuple[str, ...]
+    counts: Array
+    p_values: Array
+    replicates: int
+
+    @property
+    def adjusted(self) -> Array:
+        """p-values adjusted for their number by Holm's method, (p,)."""
+        return holm(self.p_values)
+
+    @property
+    def worst(self) -> int:
+        """The parameter with the smallest p-value."""
+        return int(np.argmin(self.p_values))
+
+    @property
+    def uniform(self) -> bool:
+        """Whether no parameter's ranks are other than uniform."""
+        return bool(self.adjusted.min(initial=1.0) > LEVEL)
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Counts between which 99 % of the bins of uniform ranks lie."""
+        low, high = binom.interval(0.99, self.replicates, 1 / self.counts.shape[1])
+        return float(low), float(high)
+
+    @property
+    def statement(self) -> str:
+        """The answer in plain words."""
+        least = f"smallest adjusted p-value {self.adjusted.min():.2g}, {self.names[self.worst]}"
+        if self.uniform:
+            return (
+                f"The posterior is calibrated on this motion: over {self.replicates} simulated "
+                f"experiments planted values rank uniformly among its draws ({least})."
+            )
+        return (
+            f"The posterior is not calibrated on this motion: over {self.replicates} simulated "
+            f"experiments planted values do not rank uniformly among its draws ({least})."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON."""
+        return {
+            "replicates": self.replicates,
+            "uniform": self.uniform,
+            "parameters": [
+                {"name": n, "p_value": float(p), "adjusted": float(a), "counts": c.tolist()}
+                for n, p, a, c in zip(
+                    self.names, self.p_values, self.adjusted, self.counts.astype(int), strict=True
+                )
+            ],
+        }
+
+
+def check_ranks(
+    result: RungResult,
+    information: Information,
+    rng: np.random.Generator,
+    *,
+    replicates: int = 1000,
+    progress: Steps | None = None,
+    engine: Engine | None = None,
+) -> RankCheck:
+    """Rank planted values among draws of the posterior of a model's parameters, with signs.
+
+    Parameters
+    ----------
+    result : RungResult
+    information : Information
+        About the model's columns.
+    rng : numpy.random.Generator
+    replicates : int
+        Simulated experiments.
+    progress : callable, optional
+        Called with the number of parts done and to do.
+    engine : Engine, optional
+        Where parts of the experiments are simulated; by default here.
+    """
+    target, start = build_target(result, information)
+    sizes = [len(part) for part in np.array_split(np.arange(replicates), -(-replicates // PART))]
+    items = list(zip(sizes, spawn_seeds(rng, len(sizes)), strict=True))
+    parts = (engine or Serial()).map(partial(_rank, target, start), items, progress=progress)
+    found = Calibration(np.concatenate(list(parts)), DRAWS)
+    edges = np.linspace(0, DRAWS + 1, BINS + 1)
+    counts = np.array([np.histogram(column, edges)[0] for column in found.ranks.T])
+    names = result.rung.columns
+    return RankCheck(names, counts.astype(float), found.p_values(BINS), replicates)
+
+
+def _rank(
+    target: Target, start: Array, item: tuple[int, np.random.SeedSequence]
+) -> NDArray[np.int64]:
+    """Return the ranks of some simulated experiments, (replicates, p)."""
+    replicates, seed = item
+    rng = np.random.default_rng(seed)
+    return calibrate_posterior(target, start, rng, replicates=replicates, draws=DRAWS).ranks
+
+
+def build_target(result: RungResult, information: Information) -> tuple[Target, Array]:
+    """Return the posterior that is checked, and a point inside it."""
+    fit, m = result.estimate, len(result.rung)
+    R = information.factor(fit.weights)
+    rss = max(float(fit.weights @ fit.rss), (1e-9 * float(np.linalg.norm(R[:, -1]))) ** 2)
+    data = LeastSquares(R[:m, :m], R[:m, m], rss, float(max(fit.dof, 1)))
+    region = PhysicalSet(
+        np.empty((0, 10), int), result.rung.nonnegative, columns=result.rung.columns
+    )
+    sd = PRIOR_WIDTH * result.uncertainty.robust
+    reach = np.linalg.norm(R[:m, :m], axis=0)
+    wide = float(np.linalg.norm(R[:m, m])) / np.where(reach > 0, reach, np.inf)
+    usable = np.isfinite(sd) & (sd > 0)
+    sd = np.where(usable, sd, np.where(wide > 0, wide, 1.0))
+    mean = np.where(fit.determined, fit.value, 0.0)
+    start = np.where(result.rung.nonnegative, np.maximum(mean, 0.01 * sd), mean)
+    iact = max(float(result.autocorrelation_time.mean()), 1.0)
+    return Target(data, Prior(mean, sd), region, iact), start

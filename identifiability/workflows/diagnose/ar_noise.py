@@ -1,0 +1,160 @@
+"""`ARNoise`: autoregressive noise of each joint, fitted beside whatever the dictionary explains.
+
+Residuals of a fit look whiter than the noise was, because slow noise is swallowed by the columns.
+The likelihood of what is left after projection (REML [Harville 1977]) has no such bias: it is
+fitted beside the base model and the whole dictionary, so that a large slow effect is not taken
+for slow noise either. Coefficients are held as partial autocorrelations, which keeps every model
+stationary [Monahan 1984].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identifiability.estimation.noise.autoregression import (
+    Runs,
+    autocovariance,
+    colour_many,
+    durbin,
+    whiten,
+)
+from identifiability.estimation.noise.restricted_likelihood import BOUND, RestrictedLikelihood
+from identifiability.foundation.names import Array
+
+#: Order of the whitening filter when misfit is added to the noise.
+MISFIT_ORDER = 8
+#: Columns that explain the noise-free part may take at most this share of a joint's rows.
+MOST_COLUMNS = 0.45
+#: Directions of unit columns below this length are left to the noise.
+THIN = 1e-3
+
+
+@dataclass(frozen=True)
+class JointNoise:
+    """Noise of one joint.
+
+    Attributes
+    ----------
+    theta : (p,)
+        Inverse hyperbolic tangents of the partial autocorrelations.
+    covariance : (p, p)
+        Of theta, from the curvature of the likelihood.
+    sigma : float [N·m or N]
+        Standard deviation of the innovations.
+    dof : float
+        Degrees of freedom that sigma was estimated with.
+    left : float [(N·m)² or N²]
+        Variance of the residual beside base model and dictionary.
+    """
+
+    theta: Array
+    covariance: Array
+    sigma: float
+    dof: float
+    left: float
+
+    @property
+    def pacf(self) -> Array:
+        """Partial autocorrelations, (p,)."""
+        partial: Array = np.tanh(self.theta)
+        return partial
+
+    def beside(self, misfit: float) -> tuple[Array, float]:
+        """Return partial autocorrelations and innovation sd of the noise plus a white misfit.
+
+        Parameters
+        ----------
+        misfit : float [(N·m)² or N²]
+            Variance of what the model does not explain yet.
+        """
+        if misfit <= 0:
+            return self.pacf, self.sigma
+        covariance = self.sigma**2 * autocovariance(self.pacf, MISFIT_ORDER)
+        covariance[0] += misfit
+        return durbin(covariance)
+
+    def draw(self, rng: np.random.Generator) -> tuple[Array, float]:
+        """Return partial autocorrelations and sigma as uncertain as the data leave them."""
+        theta = self.theta
+        if len(theta):
+            theta = np.clip(rng.multivariate_normal(theta, self.covariance), -BOUND, BOUND)
+        return np.tanh(theta), self.sigma * float(np.sqrt(self.dof / rng.chisquare(self.dof)))
+
+
+@dataclass(frozen=True)
+class ARNoise:
+    """Noise of all joints; joints are independent."""
+
+    joints: tuple[JointNoise, ...]
+
+    def whiten(self, values: Array, runs: Runs, misfit: Array | None = None) -> Array:
+        """Return values (N, n) or (N, n, k) whose noise would be white with unit variance.
+
+        `misfit` (n,) is the variance of what the model does not explain yet, taken as white: while
+        it is large the rows weigh as in ordinary least squares.
+        """
+        out = np.empty_like(values)
+        for j, noise in enumerate(self.joints):
+            pacf, sigma = noise.beside(0.0 if misfit is None else float(misfit[j]))
+            out[:, j] = whiten(values[:, j], runs, pacf) / sigma
+        return out
+
+    def simulate(self, count: int, draws: int, rng: np.random.Generator, runs: Runs) -> Array:
+        """Return noise (count, n, draws) with coefficients as uncertain as the data leave them."""
+        out = np.empty((count, len(self.joints), draws))
+        if not draws:
+            return out
+        for j, noise in enumerate(self.joints):
+            drawn = [noise.draw(rng) for _ in range(draws)]
+            pacf = np.array([p for p, _ in drawn]).T
+            e = rng.standard_normal((count, draws))
+            for start, stop in runs:
+                out[start:stop, j] = colour_many(e[start:stop], pacf)
+            out[:, j] *= np.array([sigma for _, sigma in drawn])
+        return out
+
+
+def fit_noise(tau: Array, blocks: Sequence[Array], runs: Runs) -> ARNoise:
+    """Return the noise of every joint beside columns that may explain its torque.
+
+    Parameters
+    ----------
+    tau : (N, n)
+    blocks : sequence of (N, n, k)
+        Base model, then the families of the dictionary, the ones that must not be left out first.
+    runs : sequence of (start, stop)
+        Stretches without gaps.
+    """
+    return ARNoise(
+        tuple(fit_joint(tau[:, j], [b[:, j] for b in blocks], runs) for j in range(tau.shape[1]))
+    )
+
+
+def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:
+    """Return the noise of one joint; the order is the one with the least BIC."""
+    problem = RestrictedLikelihood(y, _span(blocks, int(MOST_COLUMNS * len(y))), runs)
+    best = problem.maximise()
+    sigma = problem.sigma(best)
+    return JointNoise(best, problem.spread(best), sigma, float(problem.dof), problem.left)
+
+
+def _span(blocks: Sequence[Array], most: int) -> Array:
+    """Return an orthonormal basis (N, k) of blocks of columns, block by block while there is room.
+
+    Of a block that does not fit whole the directions that stand out most are taken.
+    """
+    basis = np.empty((len(blocks[0]), 0))
+    for block in blocks:
+        length = np.linalg.norm(block, axis=0)
+        unit = block[:, length > 0] / length[length > 0]
+        left = unit - basis @ (basis.T @ unit)
+        left -= basis @ (basis.T @ left)
+        if not left.shape[1] or basis.shape[1] >= most:
+            continue
+        U, s, _ = np.linalg.svd(left, full_matrices=False)
+        count = min(int((s > THIN).sum()), most - basis.shape[1])
+        basis = np.column_stack([basis, U[:, :count]])
+    return basis

@@ -1,0 +1,236 @@
+"""How strongly the data speak for each candidate, and how strongly noise alone would.
+
+In rows whitened by the noise and by what the model does not explain yet. Two numbers a candidate:
+its fit, the fall of the (quasi-)likelihood, decides which name is the best; its score, the fit in
+units of what simulated noise reaches for this very candidate, decides whether there is anything to
+be named. Both are negative logarithms of tail probabilities, so that candidates with one column
+and with several compare. A level that physics wants positive counts only if it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+from scipy.special import gammaln
+
+from identifiability.foundation.names import Array
+from identifiability.workflows.diagnose.ar_noise import ARNoise
+from identifiability.workflows.diagnose.rows import Candidate, Rows
+
+#: Directions of a candidate below this share of its length are not there.
+NEGLIGIBLE = 1e-4
+#: Values of χ² beyond which its tail is taken from the asymptotic series.
+FAR = 1000.0
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """Rows in units of their noise, joints one below the other.
+
+    Attributes
+    ----------
+    y : (R,)
+    X : (R, b)
+    D : (R, c)
+    scale : (R, B)
+        Simulated noise that gives every candidate its unit.
+    noise : (R, B)
+        Simulated noise that gives the limits; both whitened by the same filter.
+    """
+
+    y: Array
+    X: Array
+    D: Array
+    scale: Array
+    noise: Array
+
+    def columns(self, chosen: Sequence[Candidate]) -> Array:
+        """Return the columns of the model with some candidates."""
+        return np.column_stack([self.X, *(self.D[:, list(c.columns)] for c in chosen)])
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Rows, their noise, and simulated noise: whitened anew for every model.
+
+    Attributes
+    ----------
+    rows : Rows
+    noise : ARNoise
+    simulated : (N, n, 2 B)
+    """
+
+    rows: Rows
+    noise: ARNoise
+    simulated: Array
+
+    @staticmethod
+    def of(rows: Rows, noise: ARNoise, draws: int, rng: np.random.Generator) -> Bench:
+        """Simulate noise for some rows."""
+        return Bench(rows, noise, noise.simulate(len(rows), 2 * draws, rng, rows.runs()))
+
+    def whiten(self, misfit: Array | None = None) -> Whitened:
+        """Return whitened rows; `misfit` (n,) is variance that the model does not explain yet."""
+        runs, rows = self.rows.runs(), self.rows
+        parts = [rows.tau[:, :, None], rows.X, rows.D, self.simulated]
+        w = self.noise.whiten(np.concatenate(parts, axis=2), runs, misfit)
+        flat = w.reshape(-1, w.shape[2])
+        draws = self.simulated.shape[2] // 2
+        edges = np.cumsum([1, rows.X.shape[2], rows.D.shape[2], draws])
+        y, X, D, scale, noise = np.split(flat, edges, axis=1)
+        return Whitened(y[:, 0], X, D, scale, noise)
+
+    def misfit(self, residual: Array) -> Array:
+        """Return the variance of a residual (N, n) that noise does not explain, (n,)."""
+        left = np.array([j.left for j in self.noise.joints])
+        excess: Array = np.maximum(np.mean(residual**2, axis=0) - 2 * left, 0.0)
+        return excess
+
+
+def orthonormal(X: Array) -> Array:
+    """Return an orthonormal basis of the columns of X (R, b)."""
+    length = np.linalg.norm(X, axis=0)
+    unit = X[:, length > 0] / length[length > 0]
+    if not unit.shape[1]:
+        return np.empty((len(X), 0))
+    U, s, _ = np.linalg.svd(unit, full_matrices=False)
+    basis: Array = U[:, s > 1e-8 * s[0]]
+    return basis
+
+
+def project_out(Q: Array, A: Array) -> Array:
+    """Return A less its part in the span of Q."""
+    left: Array = A - Q @ (Q.T @ A)
+    return left
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of candidates beside a model.
+
+    Attributes
+    ----------
+    fit : (C,)
+        Fall of the negative logarithm of the (quasi-)likelihood.
+    data : (C,)
+        The same in units of simulated noise; -inf where a candidate leaves nothing.
+    null : (C, B)
+        What simulated noise reaches in these units.
+    remaining : (C,)
+        Share of a candidate's whitened columns that the model does not contain.
+    """
+
+    fit: Array
+    data: Array
+    null: Array
+    remaining: Array
+
+
+def score_candidates(
+    white: Whitened, model: Array, candidates: Sequence[Candidate], *, null: bool = True
+) -> Scores:
+    """Return the scores of candidates beside the columns of a model (R, m)."""
+    Q = orthonormal(model)
+    at = [k for c in candidates for k in c.columns]
+    D = white.D[:, at]
+    length = np.linalg.norm(D, axis=0)
+    U = project_out(Q, D / np.where(length > 0, length, 1.0))
+    left = np.linalg.norm(U, axis=0)
+    targets = np.column_stack([white.y, white.scale])
+    if null:
+        targets = np.column_stack([targets, white.noise])
+    z = U.T @ project_out(Q, targets)
+    widths = np.array([len(c.columns) for c in candidates], int)
+    first = np.cumsum([0, *widths])[:-1]
+    draws = white.scale.shape[1]
+    count = targets.shape[1] - draws
+    scores = np.full((len(candidates), count + 1), -np.inf)
+    remaining = np.zeros(len(candidates))
+    for width in np.unique(widths):
+        which = np.flatnonzero(widths == width)
+        cols = first[which][:, None] + np.arange(width)
+        remaining[which] = np.sqrt(np.mean(left[cols] ** 2, axis=1))
+        seen = which[left[cols].max(1) > NEGLIGIBLE]
+        if width == 1:
+            positive = np.array([candidates[k].family.positive for k in seen], bool)
+            w = z[first[seen]] / left[first[seen], None]
+            scores[seen] = _score_single(_in_units(w, draws), positive)
+            continue
+        for k in seen:
+            part = slice(first[k], first[k] + width)
+            positive_only = candidates[k].family.positive
+            scores[k] = _score_group(U[:, part], z[part], draws, positive=positive_only)
+    return Scores(scores[:, 0], scores[:, 1], scores[:, 2:], remaining)
+
+
+def _in_units(w: Array, draws: int) -> Array:
+    """Return w (K, 1 + draws + B) as: data, data in units of the draws, the rest in these units."""
+    unit = np.sqrt(np.mean(w[:, 1 : 1 + draws] ** 2, axis=1, keepdims=True)) if draws else 1.0
+    return np.column_stack([w[:, :1], w[:, :1] / unit, w[:, 1 + draws :] / unit])
+
+
+def _score_single(z: Array, positive: np.ndarray) -> Array:
+    """Return scores (K, T) of standardised levels; a forbidden sign scores nothing."""
+    one_sided = np.where(z > 0, -stats.norm.logsf(z), 0.0)
+    two_sided = -(np.log(2.0) + stats.norm.logsf(np.abs(z)))
+    scores: Array = np.where(positive[:, None], one_sided, two_sided)
+    return scores
+
+
+def _score_group(U: Array, z: Array, draws: int, *, positive: bool) -> Array:
+    """Return scores (2 + B,) of several columns together from ``Uᵀ targets`` (k, T)."""
+    values, vectors = np.linalg.eigh(U.T @ U)
+    used = values > NEGLIGIBLE**2
+    half = vectors[:, used] / np.sqrt(values[used])
+    units = _in_units(half.T @ z, draws)
+    if positive and used.all():
+        # Back to the columns, where a sign means something, and out with forbidden ones.
+        size = _squares_positive(np.linalg.inv(half @ half.T), np.linalg.inv(half.T) @ units)
+    else:
+        size = (units**2).sum(0)
+    return -log_tail(size, int(used.sum()))
+
+
+def _squares_positive(G: Array, z: Array) -> Array:
+    """Return the explained squares ``zᵀ G⁻¹ z`` (T,) with columns of negative level left out."""
+    k, count = z.shape
+    used = np.ones((k, count), bool)
+    size = np.zeros(count)
+    for _ in range(3):
+        patterns, which = np.unique(used, axis=1, return_inverse=True)
+        for p in range(patterns.shape[1]):
+            rows, at = np.flatnonzero(patterns[:, p]), np.flatnonzero(which.ravel() == p)
+            size[at] = 0.0
+            if len(rows):
+                level = np.linalg.solve(G[np.ix_(rows, rows)], z[np.ix_(rows, at)])
+                size[at] = (level * z[np.ix_(rows, at)]).sum(0)
+                used[np.ix_(rows, at)] = level > 0
+    return size
+
+
+def log_tail(x: Array, dof: int) -> Array:
+    """Return the logarithm of the upper tail of χ², also where the tail itself underflows."""
+    far = np.maximum(x / 2, 1.0)
+    shape = dof / 2
+    series = np.log1p(np.maximum((shape - 1) / far, -0.5))
+    asymptotic = -far + (shape - 1) * np.log(far) - gammaln(shape) + series
+    with np.errstate(divide="ignore"):
+        exact = stats.chi2.logsf(x, dof)
+    tail: Array = np.where(x > FAR, asymptotic, exact)
+    return tail
+
+
+def solve_values(white: Whitened, model: Array) -> tuple[Array, Array]:
+    """Return generalised least-squares values (m,) and their standard errors."""
+    if not model.shape[1]:
+        return np.empty(0), np.empty(0)
+    length = np.linalg.norm(model, axis=0)
+    length = np.where(length > 0, length, 1.0)
+    U, s, Vt = np.linalg.svd(model / length, full_matrices=False)
+    inverse = np.where(s > 1e-8 * s[0], 1 / np.where(s > 0, s, 1.0), 0.0)
+    value = Vt.T @ (inverse * (U.T @ white.y)) / length
+    error = np.sqrt(((Vt.T * inverse) ** 2).sum(1)) / length
+    return value, error

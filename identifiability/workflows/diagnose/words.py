@@ -1,0 +1,212 @@
+"""A diagnosis in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from identifiability.workflows.diagnose.findings import Findings
+    from identifiability.workflows.diagnose.named_effect import NamedEffect
+
+#: An error below this share of the torque is rounding.
+ROUNDING = 1e-9
+
+#: Similarity from which on a name is said to be hard to tell from another.
+NOTEWORTHY = 0.6
+#: Share of the residual from which on its dependence on something is said.
+VISIBLE = 0.05
+
+
+@dataclass(frozen=True)
+class Remark:
+    """A sentence beside the answer; `good` when it supports it."""
+
+    title: str
+    text: str
+    good: bool = False
+
+
+def join(names: Sequence[str]) -> str:
+    """Return ``a, b and c``."""
+    names = list(names)
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def state(d: Findings) -> str:
+    """Return the answer in plain words, with all that should be known with it."""
+    return " ".join([headline(d), *(r.text for r in remarks(d)), state_remainder(d)])
+
+
+def headline(d: Findings) -> str:
+    """Return what is missing, how far the gap shrinks, and what cannot be told apart."""
+    start = "the robot file's own values" if d.fixed else "the refitted model"
+    if not d.effects:
+        why = "No effect can be named" if d.steps else _state_untried(d)
+        return (
+            f"{why}: {start} predict{'' if d.fixed else 's'} unseen motion "
+            f"({d.verified_on}) with an error of {_percent(d.held_before)}.{_state_refused(d)}"
+        )
+    named = ". ".join(_state_effect(e) for e in d.effects)
+    low, high = d.interval
+    verb = "falls" if d.held_after < d.held_before else "goes"
+    change = (
+        f"On {d.verified_on}, which took no part in fitting or choosing, the error {verb} from "
+        f"{_percent(d.held_before)} to {_percent(d.held_after)} (95 %: {_points(low)} … "
+        f"{_points(high)} points)."
+    )
+    return " ".join([f"{named}.", change, *(_state_rivals(e) for e in d.effects if e.alternatives)])
+
+
+def _state_untried(d: Findings) -> str:
+    """Return why no family was tried, and the beginning of the sentence after that."""
+    reasons: dict[str, list[str]] = {}
+    for r in d.refusals:
+        reasons.setdefault(r.reason, []).append(f"{r.family} {r.place}".strip())
+    for a in d.aliases:
+        lies = f"these logs cannot tell it from {join(a.behind[:3])}"
+        reasons.setdefault(lies, []).append(f"{a.family} {a.place}".strip())
+    why = "; ".join(f"{join(names)} ({reason})" for reason, names in reasons.items())
+    return f"Nothing was left to name: {why}. Give other families, or none for all. As it is"
+
+
+def _state_refused(d: Findings) -> str:
+    """Return what stood out from the noise and was refused all the same."""
+    known = [e.name for e in d.refuted]
+    out = [
+        s for s in d.steps
+        if s.p_value <= d.rules.level and not s.accepted and s.best[0] not in known
+    ]  # fmt: skip
+    if not out:
+        return ""
+    name, place = out[0].best
+    return (
+        f" {name.replace('_', ' ').capitalize()} in {place} stands out from the noise (p = "
+        f"{out[0].p_value:.2g}) but is refused: {out[0].reason}."
+    )
+
+
+def remarks(d: Findings) -> list[Remark]:
+    """Return what else should be known of the named effects, and what was refuted."""
+    always = [Remark("Refuted", _state_contradicted(e, d.verified_on)) for e in d.refuted]
+    always += [Remark("Please note", hint) for hint in d.hints]
+    if not d.effects:
+        return always
+    out = []
+    if np.isfinite(d.real_after):
+        text = (
+            f"With bodies that can exist the error goes from {_percent(d.real_before)} to "
+            f"{_percent(d.real_after)}."
+        )
+        out.append(Remark("A real robot", text, d.real_after < d.real_before))
+    if d.forward is not None and d.forward.measured:
+        better = d.forward.interval[1] < 0
+        out.append(Remark("In simulated motion", d.forward.statement, better))
+    return [*out, *(r for e in d.effects for r in _caveats(e)), *always]
+
+
+def _state_effect(e: NamedEffect) -> str:
+    title = e.names[0].upper() + e.names[1:]
+    where = "" if e.joints == ("base",) else f" in {join(e.joints)}"
+    return f"{title}{where} (p = {e.p_value:.2g}, family-wise)"
+
+
+def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
+    low, high = e.interval
+    return (
+        f"{_state_effect(e)} stood out from the fitted motion and is refuted: on {verified_on} it "
+        f"raises the error from {_percent(e.before)} to {_percent(e.after)} (95 %: "
+        f"{_points(low)} … {_points(high)} points)."
+    )
+
+
+def _state_rivals(e: NamedEffect) -> str:
+    return (
+        f"This motion cannot tell {e.names} apart (similarity "
+        f"{max(e.similar[a] for a in e.alternatives):.2f}): {advice(e)}."
+    )
+
+
+def _caveats(e: NamedEffect) -> list[Remark]:
+    title, out = e.title[0].upper() + e.title[1:], []
+    close = [(n, s) for n, s in e.similar.items() if s > NOTEWORTHY and n not in e.alternatives]
+    if close and not e.alternatives:
+        name, similarity = close[0]
+        text = (
+            f"{title} resembles {name.replace('_', ' ')} in this motion (similarity "
+            f"{similarity:.2f}); the data prefer the former."
+        )
+        out.append(Remark("Resembles", text))
+    if not e.confirmed:
+        text = f"{title} by itself does not surely lower the error there: treat it with caution."
+        out.append(Remark("Not confirmed", text))
+    return out
+
+
+def advice(e: NamedEffect) -> str:
+    """Return the motion that would tell an effect from its alternatives."""
+    both = {e.name, *e.alternatives}
+    if both & {"stribeck_friction", "quadratic_friction", "viscous_friction"}:
+        return "run slow and fast passes through the same positions to separate them"
+    if both == {"torque_offset", "coulomb_asymmetry"}:
+        return "rest the joints, or move one joint while another stands still, to separate them"
+    if both & {"joint_stiffness", "gravity_tilt", "position_ripple"}:
+        return "move through the whole range of each joint with the others in other postures"
+    return "run other speeds, postures and loads in turn to separate them"
+
+
+def state_remainder(d: Findings) -> str:
+    """Return what is left in words."""
+    r = d.remainder
+    if max(d.held_after, d.error_after) < ROUNDING:
+        return "What is left is rounding: the logs are explained to their last digits."
+    parts = []
+    if r.detectable:
+        name, size = min(r.detectable.items(), key=lambda x: x[1])
+        parts.append(
+            f"The smallest nameable effect here is {name.replace('_', ' ')} of "
+            f"{_percent(size, 2)} of what is left"
+        )
+    parts.append(
+        f"at most {_percent(r.smooth_limit, 2)} of the remaining variance is a smooth function of "
+        "position and velocity"
+    )
+    looks = _looks(d)
+    text = "; ".join(parts) + "."
+    return text[0].upper() + text[1:] + (f" What is left looks like {looks}." if looks else "")
+
+
+def _looks(d: Findings) -> str:
+    best, where, joint = 0.0, "", ""
+    for x in d.discrepancies_after:
+        for name, share in x.explained.items():
+            if share > best:
+                best, where, joint = share, name, x.joint
+    if best < VISIBLE:
+        return "noise: it depends on none of velocity, position, acceleration, load or time"
+    kind = {
+        "time": "a drift over time",
+        "log": "a difference between the logs",
+        "load": "something that goes with the load",
+        "velocity": "a function of velocity",
+        "position": "a function of position",
+        "acceleration": "a function of acceleration",
+    }[where]
+    return f"{kind} in {joint} ({_percent(best, 2)} of its variance)"
+
+
+def _percent(x: float, digits: int = 3) -> str:
+    """Return a share in percent with so many digits, never in powers of ten."""
+    if not np.isfinite(x):
+        return "unknown size"
+    if 0 < 100 * x < 1e-3:
+        return "less than 0.001 %"
+    text = f"{100 * x:.{digits}g}"
+    return f"{100 * x:.0f} %" if "e" in text else f"{text} %"
+
+
+def _points(x: float) -> str:
+    return f"{100 * x:+.2g}".replace("-", "−")

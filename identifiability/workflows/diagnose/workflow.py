@@ -1,0 +1,164 @@
+"""`diagnose`: find, name, add, verify; each stage can be called by itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from identifiability.effects import stated_effects
+from identifiability.foundation.options import Names, Seed, at_least, checked
+from identifiability.logs import Log, checks, signals
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare import Preparation, Samples
+from identifiability.regression.reduction import ModelLike, choose_model, free_again, unused_ladder
+from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.analyze.stages import (
+    Logs,
+    Progress,
+    find_hints,
+    open_logs,
+    require_signal,
+)
+from identifiability.workflows.analyze.statement import state_provenance
+from identifiability.workflows.diagnose.conclude import conclude, stress_named
+from identifiability.workflows.diagnose.forward import simulate_forward
+from identifiability.workflows.diagnose.material import DRAWS, gather
+from identifiability.workflows.diagnose.naming import name_effects
+from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.roles import assign_roles
+from identifiability.workflows.diagnose.rules import Rules
+from identifiability.workflows.diagnose.thinning import prepare_thin
+
+#: Simulated noises without which no p-value falls below 5 %.
+FEWEST = 19
+
+#: The model that is diagnosed when none is given.
+BASE_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+
+@checked
+def diagnose(
+    robot: RobotLike,
+    logs: Logs,
+    validate: Logs = (),
+    *,
+    effects: Names | None = None,
+    model: ModelLike | None = None,
+    fixed: bool = False,
+    preparation: Preparation | None = None,
+    rules: Rules | None = None,
+    draws: Annotated[int, at_least(FEWEST)] = DRAWS,
+    seed: Seed = 0,
+    quick: bool = False,
+    forward: bool = True,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find where model and data disagree, name what is missing, add it, verify.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+    logs : log, path, DataFrame, or several
+        What the model is fitted to and effects are named from.
+    validate : the same, optional
+        Held out, neither fitted nor used to choose where several logs are fitted; with a single
+        fitted log part of it chooses. Without any, the last log (or the last quarter of the only
+        one) is set aside. `assign_roles` has the rules.
+    effects : iterable of str, optional
+        Families that may be named; all that are registered by default.
+    model : Model, sequence of str, path of a model file or result of `prune`, optional
+        Effects of the model to diagnose; by default rigid body, viscous and symmetric Coulomb
+        friction and actuator inertia. What a model file leaves out, holds or ties is free.
+    fixed : bool
+        Keep the values of the robot file instead of refitting them; then wrong masses, payloads
+        and gravity are candidates too.
+    preparation : Preparation, optional
+        How derivatives are made.
+    rules : Rules, optional
+        Thresholds.
+    draws : int
+        Simulated noises; the smallest p-value is 1 / (draws + 1).
+    seed : int
+    quick : bool
+        Half the draws.
+    forward : bool
+        Also simulate the motion that verifies, before and after what was named (half a second).
+    progress : callable(str, float), optional
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    say = progress or (lambda what, share: None)
+    rules = rules or Rules()
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
+    with threadpool_limits(1):
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        say("reading logs", 0.0)
+        train_logs, held_logs, hints = open_logs(logs, validate)
+        roles = assign_roles(train_logs, held_logs)
+        train = [prepare_rows(robot, log, preparation) for log in roles.fit]
+        require_signal(train, "diagnosed")
+        choose, verify = (
+            [prepare_rows(robot, log, preparation) for log in part]
+            for part in (roles.choose, roles.verify)
+        )
+        require_signal(verify, "verified")
+        say("building columns", 0.1)
+        material = gather(
+            robot, choose_model(model, usual_effects(robot)), train, choose,
+            streams[0], effects=effects, fixed=fixed, rules=rules, verify=verify,
+            draws=max(draws // 2, FEWEST) if quick else draws,
+        )  # fmt: skip
+        say("naming effects", 0.4)
+        naming = name_effects(
+            material.bench, material.candidates, material.held, rules, material.model.names, say
+        )
+        say("changing the preparation", 0.8)
+        naming, stress = stress_named(
+            material, naming, roles.fit, train, preparation, fixed, streams[1]
+        )
+        say("verifying", 0.9)
+        found = conclude(
+            material, naming, stress, train, verify, roles, rules, fixed, seed, streams[2]
+        )
+        options = {
+            "effects": "all" if effects is None else list(effects), "fixed": fixed, "rules": rules,
+            "draws": draws, "quick": quick, "preparation": preparation or Preparation(),
+        }  # fmt: skip
+        hints = (*find_hints(robot, train), *hints, *free_again(model))
+        found = replace(
+            found,
+            hints=(*hints, *unused_ladder(robot, model)),
+            provenance=state_provenance(robot, [*train, *choose, *verify], seed, None, options),
+        )
+        if not (forward and found.effects):
+            return found
+        say("simulating forward", 0.95)
+        return replace(found, forward=simulate_forward(found, streams[3]))
+
+
+def usual_effects(robot: Robot) -> tuple[str, ...]:
+    """Return the effects of the model that is diagnosed when none is given."""
+    return (*BASE_EFFECTS, *stated_effects(robot))
+
+
+def prepare_rows(robot: Robot, log: Log | LogFile, how: Preparation | None) -> Samples:
+    """Return a log ready for a diagnosis: decimated to its band, thinned if it is very long.
+
+    Measured derivatives do not need a filter, but questions need few rows: torque and columns are
+    low-passed alike to ten times the band of the motion.
+    """
+    windows = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
+    step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
+    even = log.clock.longest.length < 1.5 * step  # no filter reaches across a gap
+    if how is None and even and {"dq", "ddq"} <= set(log.channels):
+        factor = int(0.5 / (signals.cutoff_of_windows([w.q for w in windows], step) * step))
+        # Of a short part of a log enough must be left.
+        while factor > 1 and signals.Decimation(factor).outputs(len(log)) < checks.FEWEST:
+            factor -= 1
+        how = Preparation(decimate=max(factor, 1))
+    return prepare_thin(robot, log, how or Preparation())

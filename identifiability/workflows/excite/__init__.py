@@ -1,0 +1,18 @@
+"""Excitation: a motion that is worth measuring, within the limits of the robot.
+
+What to use when:
+
+- `excite` finds the motion: for a first log (condition number), for what to measure next about
+  some parameters (information), or to tell two effects apart;
+- `find_limits` reads limits; `Objective` is the cost of any candidate motions, many at a time.
+
+The method, in the order of the files: what must be kept (`limits`, by construction in `series`;
+`workspace`, by a cost), what is asked (`criteria`, `question`), the cost of many candidates at once
+(`objective`), the search (`search`), and the answer (`result`).
+"""
+
+from identifiability.workflows.excite.limits import Limits, find_limits
+from identifiability.workflows.excite.result import Excitation
+from identifiability.workflows.excite.workflow import excite
+
+__all__ = ["Excitation", "Limits", "excite", "find_limits"]

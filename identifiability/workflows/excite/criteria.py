@@ -1,0 +1,179 @@
+"""What an exciting motion is good for: the three criteria, on Gram matrices ``WᵀW``.
+
+What to use when: `Condition` for a first log of a robot (all parameters alike) [Gautier 1992];
+`LogDet` for what to measure next, about some parameters beside all others [Swevers 1997]
+(D_s-optimality, [Atkinson 2007, sec. 10.3]); `Separation` for two effects that a diagnosis could
+not tell apart. Each gives a cost that is to be made small, batched over candidates, and the
+figure that a reader knows it by.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+
+#: Scaled eigenvalues of a Gram matrix below this are rounding.
+FLOOR = 1e-14
+#: Columns shorter than this share of the longest never act.
+IDLE = 1e-12
+#: Share of an effect beside the model below which no motion is said to show it.
+VISIBLE = 0.03
+#: What is added to the scaled Gram matrix of what remains of an effect: directions of which less
+#: than a ten-thousandth remains have no angle.
+RIDGE = 1e-8
+
+
+class Criterion(ABC):
+    """A figure of merit of Gram matrices.
+
+    Attributes
+    ----------
+    name : str
+        Public name.
+    title, short : str
+        What the figure is, for reports and for figures.
+    """
+
+    name: str
+    title: str
+    short: str
+
+    @abstractmethod
+    def cost(self, G: Array) -> Array:
+        """Return what is made small for Gram matrices (m, k, k), (m,)."""
+
+    @abstractmethod
+    def figure(self, cost: float) -> float:
+        """Return the figure that belongs to a cost."""
+
+
+@dataclass(frozen=True)
+class Condition(Criterion):
+    """Condition number of the matrix with columns of length one."""
+
+    name = "condition"
+    title = "condition number of the column-normalised matrix"
+    short = "condition number"
+
+    def cost(self, G: Array) -> Array:
+        """Return the logarithm of the condition number."""
+        values = np.linalg.eigvalsh(scaled(G)[0])
+        cost: Array = 0.5 * np.log(values[:, -1] / np.maximum(values[:, 0], FLOOR * values[:, -1]))
+        return cost
+
+    def figure(self, cost: float) -> float:
+        """Return the condition number."""
+        return float(np.exp(min(cost, 700.0)))
+
+
+@dataclass(frozen=True)
+class LogDet(Criterion):
+    """Log-determinant of the information about some parameters, all others unknown.
+
+    Attributes
+    ----------
+    chosen : (c,) int
+        Columns.
+    """
+
+    chosen: np.ndarray
+    name = "information"
+    title = "log-det of the information"
+    short = "log-det"
+
+    def cost(self, G: Array) -> Array:
+        """Return the mean logarithm of σ along the principal axes: −log-det / 2c."""
+        unit, length = scaled(G)
+        c = self.chosen
+        others = np.setdiff1d(np.arange(G.shape[1]), c)
+        gain = _log_det(unit) - _log_det(unit[:, others][:, :, others])
+        gain = gain + 2 * np.log(length[:, c]).sum(1)
+        cost: Array = -gain / (2 * len(c))
+        return cost
+
+    def figure(self, cost: float) -> float:
+        """Return the log-determinant."""
+        return float(-2 * len(self.chosen) * cost)
+
+
+@dataclass(frozen=True)
+class Separation(Criterion):
+    """Similarity of two effects: their largest canonical correlation beside the model.
+
+    Attributes
+    ----------
+    first, second : (·,) int
+        Columns of the two effects; all others are the model.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    name = "separate"
+    title = "similarity of the two effects"
+    short = "similarity"
+
+    def cost(self, G: Array) -> Array:
+        """Return ``−log sin θ`` of the smallest angle, more where an effect is hardly visible."""
+        similarity, remaining = self.angles(G)
+        sine2 = np.maximum(1 - similarity**2, 1e-12)
+        hidden = np.maximum(np.log(2 * VISIBLE / np.maximum(remaining, 1e-9)), 0.0)
+        cost: Array = -0.5 * np.log(sine2) + hidden.sum(1)
+        return cost
+
+    def figure(self, cost: float) -> float:
+        """Return the similarity of visible effects."""
+        return float(np.sqrt(np.maximum(1 - np.exp(-2 * cost), 0.0)))
+
+    def angles(self, G: Array) -> tuple[Array, Array]:
+        """Return similarities (m,) and remaining shares of both effects (m, 2).
+
+        The share of an effect is that of its least visible column.
+        """
+        unit, _ = scaled(G)
+        a, b = self.first, self.second
+        model = np.setdiff1d(np.arange(G.shape[1]), [*a, *b])
+        both = np.concatenate([a, b])
+        S = unit[:, both][:, :, both]
+        if len(model):
+            base = unit[:, model][:, :, model] + 1e-12 * np.eye(len(model))
+            cross = unit[:, model][:, :, both]
+            S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(base, cross)
+        left = np.sqrt(np.maximum(np.diagonal(S, axis1=1, axis2=2), 0.0))
+        acts = np.diagonal(unit, axis1=1, axis2=2)[:, both] > 0
+        left = np.where(acts, left, np.inf)
+        n = len(a)
+        remaining = np.stack([left[:, :n].min(1), left[:, n:].min(1)], 1)
+        remaining = np.where(np.isfinite(remaining), remaining, 0.0)
+        C = _inverse_root(S[:, :n, :n]) @ S[:, :n, n:] @ _inverse_root(S[:, n:, n:])
+        similarity = np.minimum(np.linalg.norm(C, 2, axis=(1, 2)), 1.0)
+        return similarity, remaining
+
+
+def scaled(G: Array) -> tuple[Array, Array]:
+    """Return Gram matrices of columns of length one, and the lengths (m, k).
+
+    Columns that never act are zero, with length one.
+    """
+    length = np.sqrt(np.maximum(np.diagonal(G, axis1=1, axis2=2), 0.0))
+    acts = length > IDLE * length.max(1, keepdims=True, initial=0.0)
+    safe = np.where(acts, length, 1.0)
+    unit = np.where(acts[:, :, None] & acts[:, None, :], G, 0.0)
+    return unit / (safe[:, :, None] * safe[:, None, :]), safe
+
+
+def _log_det(G: Array) -> Array:
+    """Return log-determinants of scaled Gram matrices (m, k, k); 0 × 0 ones have 0."""
+    values = np.linalg.eigvalsh(G) if G.shape[1] else np.ones((len(G), 1))
+    total: Array = np.log(np.maximum(values, FLOOR)).sum(1)
+    return total
+
+
+def _inverse_root(S: Array) -> Array:
+    values, vectors = np.linalg.eigh(S)
+    root = 1 / np.sqrt(np.maximum(values, 0.0) + RIDGE)
+    inverse: Array = (vectors * root[:, None, :]) @ vectors.transpose(0, 2, 1)
+    return inverse

@@ -1,0 +1,283 @@
+"""`Excitation`: a motion to measure, what it is good for, and what it keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.output import write_text
+from identifiability.foundation.result import Result
+from identifiability.robot import Robot
+from identifiability.simulation.trajectory import Trajectory
+from identifiability.workflows.excite.criteria import VISIBLE, Criterion
+from identifiability.workflows.excite.limits import Limits
+from identifiability.workflows.excite.search import End, Step
+
+#: Similarity above which a diagnosis gives both names.
+CONFUSABLE = 0.9
+
+
+@dataclass(frozen=True)
+class Merit:
+    """What a motion tells, together with the logs there are.
+
+    Attributes
+    ----------
+    figure : float
+        Condition number, log-det of the information, or similarity.
+    sigma : (k,)
+        Standard deviations under white noise, up to a factor shared by all motions compared.
+    visible : (2,)
+        Share of each effect that is to be separated which is outside the model; else empty.
+    """
+
+    figure: float
+    sigma: Array
+    visible: Array
+
+
+@dataclass(frozen=True, repr=False)
+class Excitation(Result):
+    """A motion within limits that makes a criterion as good as was found.
+
+    Attributes
+    ----------
+    robot : Robot
+    trajectory : Trajectory
+    criterion : Criterion
+    effects : tuple of str
+        Of the model.
+    names, units : tuple of str
+        Of the k columns.
+    chosen : tuple of str
+        Parameters or effects that the criterion is about; empty for all.
+    logs : tuple of str
+        What was measured already.
+    before, after : Merit
+        Of the same logs measured again, or of a random motion in the middle of many within the
+        same limits; and of the trajectory.
+    limits : Limits
+    closure : float
+        Largest condition number of the closure along the motion; 1 for an open chain.
+    room : float [m]
+        Least distance of the workspace's points from the walls of their boxes; infinite without.
+    history : tuple of Step
+        Of the search.
+    evaluations : int
+        Motions looked at.
+    seconds : float
+    end : {"converged", "evaluations", "time"}
+        What ended the search.
+    seed : int
+    hints : tuple of str
+        What was not used.
+    provenance : mapping
+        Versions, seed, options, and hashes of the inputs.
+    """
+
+    schema: ClassVar[str] = "identifiability/excitation/1"
+
+    robot: Robot
+    trajectory: Trajectory
+    criterion: Criterion
+    effects: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    chosen: tuple[str, ...]
+    logs: tuple[str, ...]
+    before: Merit
+    after: Merit
+    limits: Limits
+    closure: float
+    room: float
+    history: tuple[Step, ...]
+    evaluations: int
+    seconds: float
+    end: End
+    seed: int
+    hints: tuple[str, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def reproducible(self) -> bool:
+        """Whether the same seed gives the same motion, however fast the machine is."""
+        return self.end != "time"
+
+    @property
+    def beside(self) -> str:
+        """What `before` is about."""
+        return "the logs' motion measured again" if self.logs else "a typical random motion"
+
+    @cached_property
+    def motion(self) -> tuple[Array, Array, Array, Array]:
+        """Times (N,) [s], positions, velocities and accelerations (N, n)."""
+        t = self.trajectory.times()
+        return t, *self.trajectory.motion(t)
+
+    @property
+    def gain(self) -> Array:
+        """Standard deviations relative to those of `before`, (k,)."""
+        ratio: Array = self.after.sigma / self.before.sigma
+        return ratio
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a joint: what it does, and the limits that it keeps."""
+        _, q, v, a = self.motion
+        limits = self.limits
+        return pd.DataFrame(
+            {
+                "joint": limits.joints,
+                "least": q.min(0),
+                "largest": q.max(0),
+                "lower_limit": limits.low,
+                "upper_limit": limits.high,
+                "speed": np.abs(v).max(0),
+                "speed_limit": limits.speed,
+                "acceleration": np.abs(a).max(0),
+                "acceleration_limit": limits.acceleration,
+            }
+        )
+
+    def parameters_frame(self) -> pd.DataFrame:
+        """Return one row a column: how its standard deviation changes."""
+        return pd.DataFrame({"name": self.names, "unit": self.units, "sigma_ratio": self.gain})
+
+    def to_log_frame(self) -> pd.DataFrame:
+        """Return one period of the motion as a table that `simulate` and controllers read."""
+        t, *parts = self.motion
+        columns = {"t": t}
+        for k, joint in enumerate(self.limits.joints):
+            for kind, x in zip(("q", "dq", "ddq"), parts, strict=True):
+                columns[f"{joint}.{kind}"] = x[:, k]
+        return pd.DataFrame(columns)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a trajectory file with what is known of the trajectory beside it."""
+        path = self.trajectory
+        joints = {
+            name: {"offset": path.offset[k], "sin": path.sin[k], "cos": path.cos[k]}
+            for k, name in enumerate(self.limits.joints)
+        }
+        return {
+            "comment": f"{self.statement} Coefficients are amplitudes of velocity.",
+            "period": path.period,
+            "samples": path.samples,
+            "trajectories": {path.name: joints},
+            "schema": self.schema,
+            "robot": self.robot.name,
+            "criterion": self.criterion.name,
+            "chosen": list(self.chosen),
+            "effects": list(self.effects),
+            "logs": list(self.logs),
+            "before": self.before.figure,
+            "after": self.after.figure,
+            "closure": self.closure,
+            "joints": self.to_frame().to_dict("records"),
+            "parameters": self.parameters_frame().to_dict("records"),
+            "complete": self.end == "converged",
+            "ended_by": self.end,
+            "evaluations": self.evaluations,
+            "reproducible": self.reproducible,
+            "seed": self.seed,
+            "hints": list(self.hints),
+            "provenance": dict(self.provenance),
+        }
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write a trajectory file: ``identifiability simulate ROBOT FILE.json`` follows it."""
+        return super().to_json(path)
+
+    def write_motion(self, path: str | Path) -> Path:
+        """Write one period of the motion as CSV."""
+        return write_text(path, self.to_log_frame().to_csv(index=False))
+
+    @property
+    def statement(self) -> str:
+        """The answer in plain words."""
+        said = {
+            "condition": self._condition, "information": self._information,
+            "separate": self._separation,
+        }[self.criterion.name]()  # fmt: skip
+        hurried = (
+            ""
+            if self.reproducible
+            else " The time limit ended the search, so the same seed may "
+            "give another motion; limit the evaluations instead."
+        )
+        return f"{said} {self.limits_statement}{hurried}"
+
+    @property
+    def limits_statement(self) -> str:
+        """What the motion keeps, in words."""
+        text = "It keeps the limits of every joint"
+        if self.robot.closed:
+            text += (
+                f", its loops close at all {self.trajectory.samples} samples, and the condition "
+                f"number of the closure stays below {_ceil(self.closure)} (bound "
+                f"{self.limits.closure_bound:g})"
+            )
+        if np.isfinite(self.room):
+            text += f", and stays {1000 * self.room:.3g} mm inside the workspace"
+        if self.limits.assumed:
+            text += f"; nobody stated {listing(self.limits.assumed, 4)}, so these were assumed"
+        return f"{text}."
+
+    def _condition(self) -> str:
+        together = " together with the logs" if self.logs else ""
+        return (
+            f"This motion of {self.trajectory.period:g} s gives the {len(self.names)} base columns "
+            f"a column-normalised condition number of {self.after.figure:.3g}{together}; "
+            f"{self.beside} gives {self.before.figure:.3g}."
+        )
+
+    def _information(self) -> str:
+        about = listing(self.chosen, 4) if self.chosen else f"all {len(self.names)} parameters"
+        rise = self.after.figure - self.before.figure
+        count = len(self.chosen) or len(self.names)
+        share = float(np.exp(-rise / (2 * count)))
+        if share > 0.995:
+            return (
+                f"No motion was found that says more about {about} than {self.beside}; the best "
+                f"has a log-det of {self.after.figure:.4g} against {self.before.figure:.4g}."
+            )
+        return (
+            f"Measured next, this motion of {self.trajectory.period:g} s says more about {about} "
+            f"than {self.beside}: the log-det of the information is {rise:.3g} higher, so standard "
+            f"deviations shrink to {100 * share:.2g} % (geometric mean)."
+        )
+
+    def _separation(self) -> str:
+        first, second = self.chosen
+        hidden = [
+            f"{name} leaves only {100 * share:.2g} % outside the model"
+            for name, share in zip(self.chosen, self.after.visible, strict=True)
+            if share < VISIBLE
+        ]
+        if hidden:
+            return f"No motion was found that separates {first} from {second}: {_and(hidden)}."
+        text = (
+            f"The similarity of {first} and {second} beside the model is "
+            f"{self.after.figure:.2f} with this motion of {self.trajectory.period:g} s and "
+            f"{self.before.figure:.2f} with {self.beside}."
+        )
+        if self.after.figure > CONFUSABLE:
+            text += " Within these limits a diagnosis would still give both names."
+        return text
+
+
+def _and(texts: Sequence[str]) -> str:
+    return " and ".join(texts)
+
+
+def _ceil(x: float) -> str:
+    """Return a number rounded up to two digits."""
+    power = 10.0 ** (np.floor(np.log10(x)) - 1)
+    return f"{np.ceil(x / power) * power:g}"

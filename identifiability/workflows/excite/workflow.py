@@ -1,0 +1,223 @@
+"""Find a motion that is worth measuring."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from identifiability.foundation.errors import ClosureError, LogError, listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import (
+    Names,
+    Positive,
+    Seed,
+    at_least,
+    check_option,
+    checked,
+    counted,
+    within,
+)
+from identifiability.logs.prepare import Preparation
+from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
+from identifiability.robot import Robot, RobotLike
+from identifiability.simulation.trajectory import MOST_SAMPLES
+from identifiability.workflows.analyze.stages import Logs, Progress, prepare_logs
+from identifiability.workflows.analyze.statement import state_provenance
+from identifiability.workflows.excite.criteria import Criterion, Separation, scaled
+from identifiability.workflows.excite.limits import Limits, find_limits
+from identifiability.workflows.excite.objective import OPEN, Objective
+from identifiability.workflows.excite.question import Question, gather_known, pose_question
+from identifiability.workflows.excite.result import Excitation, Merit
+from identifiability.workflows.excite.search import Search, search
+from identifiability.workflows.excite.series import Series
+from identifiability.workflows.excite.workspace import Workspace
+
+#: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
+LOOKS = 12
+
+#: Motions that a search looks at.
+EVALUATIONS = 15_000
+
+
+@checked
+def excite(
+    robot: RobotLike,
+    *,
+    harmonics: Annotated[int, counted(1, 50)] = 5,
+    duration: Annotated[float, within(1e-3, 1e6)] = 7.5,
+    samples: int = 750,
+    limits: Limits | Mapping[str, Any] | str | Path | None = None,
+    criterion: Literal["condition", "information", "separate"] | None = None,
+    parameters: Names | None = None,
+    model: ModelLike | None = None,
+    start_from: Logs | None = None,
+    separate: Names | None = None,
+    preparation: Preparation | None = None,
+    iterations: Annotated[int, at_least(1)] = 80,
+    evaluations: Annotated[int, at_least(1)] = EVALUATIONS,
+    time_limit: Positive | None = None,
+    seed: Seed = 0,
+    name: str = "excite",
+    progress: Progress | None = None,
+) -> Excitation:
+    """Find a periodic motion within limits that determines parameters well.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+    harmonics : int
+        Of the finite Fourier series [Swevers 1997].
+    duration : float [s]
+        The period.
+    samples : int
+        Samples a period; all of them are checked.
+    limits : Limits, mapping, path or None
+        Replaces limits of the robot file: ``{"joint1": {"q": [-1, 1], "v": 2, "a": 10}}``, or a
+        TOML file with the same.
+    criterion : {"condition", "information", "separate"}, optional
+        Make small the column-normalised condition number of the base columns; make large the
+        log-determinant of the information about `parameters`; or separate two effects. By
+        default what the other arguments suggest.
+    parameters : sequence of str, optional
+        Base parameters that the information is about; by default all.
+    model : Model, sequence of str, path of a model file or result of `prune`, optional
+        Its effects; what a model file leaves out, holds or ties is free. By default rigid bodies
+        alone for the condition number, else also viscous and Coulomb friction and actuator
+        inertia.
+    start_from : log, path, DataFrame, or several
+        What was measured already: the motion is the best one to measure next.
+    separate : two of str
+        Effects, everywhere (``stribeck_friction``) or at one place (``joint_stiffness@joint1``).
+    preparation : Preparation, optional
+        How derivatives of the logs are made.
+    iterations : int
+        Of the optimiser a round.
+    evaluations : int
+        Motions that are looked at, at most, after the first random ones. The same number gives the
+        same motion on every machine of a kind.
+    time_limit : float [s], optional
+        Wall-clock time after which the search stops all the same; the result is then not
+        reproducible, and says so.
+    seed : int
+    name : str
+        Of the trajectory in its file.
+    progress : callable(str, float), optional
+
+    Raises
+    ------
+    IdentifiabilityError
+        With one sentence on what to do.
+
+    Example
+    -------
+    >>> motion = excite("two-link", iterations=5, seed=1)
+    >>> motion.after.figure < motion.before.figure
+    True
+    """
+    say = progress or (lambda _text, _share: None)
+    check_option("samples", samples, Annotated[int, counted(4 * harmonics + 1, MOST_SAMPLES)])
+    begin = time.monotonic()
+    with threadpool_limits(1, "blas"):
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        rule = criterion or _suggested(parameters, start_from, separate)
+        say("reading logs", 0.0)
+        bounds = find_limits(robot, limits)
+        question = pose_question(robot, rule, model, parameters, separate)
+        logs = () if start_from is None else prepare_logs(robot, start_from, preparation)
+        if start_from is not None and not logs:
+            raise LogError("No log was given to start from; give at least one, or none at all.")
+        objective = Objective(
+            question, gather_known(question, logs, samples), Series(bounds, duration, harmonics),
+            min(samples, LOOKS * harmonics),
+        )  # fmt: skip
+        show = _teller(question.criterion, say)
+        found = search(
+            objective,
+            np.random.default_rng(seed),
+            iterations=iterations,
+            evaluations=evaluations,
+            time_limit=np.inf if time_limit is None else time_limit,
+            say=show,
+        )
+        x, G, space = _best(objective, found, samples)
+        before = _before(objective, found, samples)
+    options = {
+        "iterations": iterations, "evaluations": evaluations, "time_limit": time_limit,
+        "preparation": preparation or Preparation(),
+    }  # fmt: skip
+    return Excitation(
+        robot, objective.series.trajectory(x, samples, name), question.criterion,
+        tuple(e.name for e in question.model.effects), question.names, question.units,
+        question.chosen, objective.known.logs, _merit(question, before), _merit(question, G),
+        bounds, float(space.condition[0]), float(-space.outside[0]), found.steps, found.evaluations,
+        time.monotonic() - begin, found.end, seed,
+        (*free_again(model), *unused_ladder(robot, model)),
+        state_provenance(robot, logs, seed, None, options),
+    )  # fmt: skip
+
+
+def _suggested(parameters: object, start_from: object, separate: object) -> str:
+    """Return the criterion that the other arguments ask for."""
+    if separate:
+        return "separate"
+    return "information" if parameters or start_from is not None else "condition"
+
+
+def _teller(
+    criterion: Criterion, say: Callable[[str, float], None]
+) -> Callable[[float, float], None]:
+    def tell(cost: float, share: float) -> None:
+        say(f"{criterion.title}: {criterion.figure(cost):.4g}", min(share, 0.99))
+
+    return tell
+
+
+def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Array, Workspace]:
+    """Return the best candidate that keeps the workspace at all samples, with what it tells."""
+    order = [k for k in np.argsort(found.costs)[:10] if found.costs[k] < OPEN]
+    ends = [x for _, x in found.found]
+    for x in [*ends, *found.draws[order]]:
+        G, space = objective.look(x, samples)
+        if space.kept(objective.limits.closure_bound)[0]:
+            return x, G[0], space
+    robot, limits = objective.question.robot, objective.limits
+    demands = []
+    if robot.closed:
+        bound = f"{limits.closure_bound:g}"
+        demands.append(f"loops that close everywhere with a condition number below {bound}")
+    if limits.boxes:
+        demands.append(f"{listing([b.body for b in limits.boxes])} within the box")
+    raise ClosureError(
+        f"No motion of {robot.name} was found that stays within the workspace "
+        f"({' and '.join(demands)}); give narrower limits of the joints about its home position "
+        f"{robot.describe_home()}, or a wider workspace."
+    )
+
+
+def _before(objective: Objective, found: Search, samples: int) -> Array:
+    """Return the Gram matrix to compare with: the logs twice, or the middle of random motions."""
+    if objective.known.logs:
+        return objective.known.repeated
+    usable = np.flatnonzero(found.costs < OPEN)
+    fills = usable[usable % 2 == 0]  # those that fill the limits
+    order = sorted(fills if len(fills) else usable, key=lambda k: found.costs[k])
+    middle = order[len(order) // 2]
+    G: Array = objective.look(found.draws[middle], samples)[0][0]
+    return G
+
+
+def _merit(question: Question, G: Array) -> Merit:
+    unit, length = (part[0] for part in scaled(G[None]))
+    # A direction that nothing excites gets a large spread instead of an infinite one.
+    inverse = np.linalg.pinv(unit, rcond=1e-13, hermitian=True)
+    sigma = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / length
+    rule = question.criterion
+    if isinstance(rule, Separation):
+        similarity, visible = rule.angles(G[None])
+        return Merit(float(similarity[0]), sigma, visible[0])
+    return Merit(rule.figure(float(rule.cost(G[None])[0])), sigma, np.empty(0))

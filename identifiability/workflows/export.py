@@ -1,0 +1,168 @@
+"""Write the feasible standard parameters of a result into the robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from identifiability.effects import EFFECTS, FAMILIES
+from identifiability.effects.nominal import LOADED, reference_values
+from identifiability.foundation.documents import read_document
+from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
+from identifiability.physical.mass import state_mass
+from identifiability.physical.pseudo_inertia import INERTIAL, check_body
+from identifiability.robot import Robot
+from identifiability.robot.holding import complete_values
+from identifiability.robot.write import write_robot
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+
+
+class RobotEntry(_Entry):
+    """What the result is about."""
+
+    name: str
+
+
+class PhysicalEntry(_Entry):
+    """The nearest real robot."""
+
+    parameters: dict[str, float]
+    shapes: dict[str, float] = {}
+    error_ra: float | None
+    error_ra_file: float | None
+    cad_prior: float = 0.0
+    certificate: str = ""
+    sentence: str = ""
+    reason: str = ""
+
+
+class Result(_Entry):
+    """The part of a result that is exported."""
+
+    robot: RobotEntry
+    physical: PhysicalEntry
+    nothing: str | None = None
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was exported.
+
+    Attributes
+    ----------
+    robot : Path
+    sidecar : Path or None
+    beside : mapping
+        What the robot file cannot hold and the sidecar does: parameters by effect.
+    error_ra, error_ra_file : float or None
+        ε_RA on the fitted logs of all that was fitted, and of what the robot file alone holds;
+        None where the torque does not vary.
+    mass : str
+        What is wrong with the total mass, and the remedy; empty if nothing is.
+    """
+
+    robot: Path
+    sidecar: Path | None
+    beside: Mapping[str, tuple[str, ...]]
+    error_ra: float | None
+    error_ra_file: float | None
+    mass: str
+
+    @property
+    def statement(self) -> str:
+        """What the files hold, in words."""
+        parts = []
+        if self.beside:
+            held = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
+            stand = "it stands" if len(held) == 1 else "they stand"
+            parts.append(
+                f"{self.robot.name} cannot hold {listing(held, len(held))}: {stand} in the "
+                "sidecar, which simulators do not read."
+            )
+        if self.error_ra is not None and self.error_ra_file is not None:
+            parts.append(
+                f"On the fitted logs the real robot errs by {100 * self.error_ra:.3g} %, and what "
+                f"{self.robot.name} alone holds by {100 * self.error_ra_file:.3g} %."
+            )
+        return " ".join(parts)
+
+
+def export(robot: Robot, result: str | Path, out: str | Path) -> Exported:
+    """Write the nearest real robot of a JSON result as a robot file, and a sidecar if it needs one.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot that the result is about.
+    result : path
+        JSON of `analyze`, `prune` or `diagnose`.
+    out : path
+        ``.xml`` for MJCF, ``.urdf`` for URDF, as the robot's own file.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the file is no result, one of another robot, or has no masses.
+    """
+    content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
+    if content.nothing:
+        raise IdentifiabilityError(
+            f"Nothing can be exported, because {content.nothing} ({result}); give a result of "
+            "other logs."
+        )
+    physical = content.physical
+    effects = reversed(EFFECTS.values())  # of two with the same parameter the first has it
+    effect_of = {p.name: e.name for e in effects for p in e.parameters(robot)}
+    _check(robot, Path(result), content, {*effect_of, *robot.nominal})
+    loaded = any(physical.parameters[n] and effect_of.get(n) in LOADED for n in physical.parameters)
+    written = write_robot(
+        robot, physical.parameters, out, keep=False, shapes=physical.shapes,
+        reference=reference_values(robot) if loaded else {},
+    )  # fmt: skip
+    beside: dict[str, list[str]] = {}
+    for name in written.beside:
+        if name not in effect_of and name[:-1] in written.beside:
+            continue  # one way of a level that both have
+        title = FAMILIES[effect_of[name]].title if name in effect_of else name
+        beside.setdefault(title, []).append(name)
+    return Exported(
+        written.robot, written.sidecar, {t: tuple(n) for t, n in beside.items()},
+        physical.error_ra, physical.error_ra_file,
+        state_mass(robot, physical.parameters, physical.cad_prior),
+    )  # fmt: skip
+
+
+def _check(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
+    given = content.physical.parameters
+    for name in given:
+        if name not in known:
+            raise IdentifiabilityError(
+                f"{path} is about '{content.robot.name}' and has the parameter '{name}', which "
+                f"{robot.name} does not have{near_match(name, known)} Give the robot that the "
+                "result was made with."
+            )
+    if not given:
+        entry = content.physical
+        why = entry.reason or entry.certificate or entry.sentence
+        raise IdentifiabilityError(f"{path} holds no real robot to export. {why}".rstrip())
+    missing = [body for body in robot.bodies if f"{body}.m" not in given]
+    if missing:
+        raise IdentifiabilityError(
+            f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
+            "make a result whose model has the effect rigid_body."
+        )
+    whole = complete_values(robot, given, keep=False)
+    for body in robot.bodies:
+        check = check_body(np.array([whole[f"{body}.{kind}"] for kind in INERTIAL]), body)
+        if not check.feasible:
+            raise IdentifiabilityError(
+                f"{path}: {check.reason} It was found with the other values kept: make the result "
+                "without --fixed."
+            )

@@ -1,0 +1,19 @@
+"""Pruning: from the full base model to the reduced one worth using, without a simulated robot.
+
+What to use when:
+
+- `workflow.prune` does it all, from robot and logs to a `result.Ladder`;
+- `search.find_path` walks the path of any linear regression from its `Information`;
+- `proposals.propose_moves` says what the robot's joints suggest about the shape of its bodies.
+
+The method, in the order of the files: what a move is (`moves`), held-out errors from Gram matrices
+(`folds`), states that the logs lack (`unseen`), symmetries (`geometry`, `proposals`), the way down
+(`elimination`, `search`), which rung to use (`selection`), and what to think of it (`stability`,
+`absorption`).
+"""
+
+from identifiability.workflows.prune.result import Ladder
+from identifiability.workflows.prune.rung import PrunedRung
+from identifiability.workflows.prune.workflow import prune
+
+__all__ = ["Ladder", "PrunedRung", "prune"]

@@ -1,0 +1,177 @@
+"""What a pruning step does to the columns of a model: zero some, or make some equal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+from identifiability.regression.reduction import Rung
+
+#: Stands for "held at zero" where a column's group is named.
+ZERO = -1
+
+
+class Kind(StrEnum):
+    """The kinds of move; the value is the public word."""
+
+    UNEXCITED = "not excited"
+    FORCED = "forced"
+    MERGE = "merge Coulomb"
+    ZERO = "zero by geometry"
+    TIE = "tie by symmetry"
+    DROP = "drop"
+
+
+@dataclass(frozen=True)
+class Move:
+    """One step down the ladder.
+
+    Attributes
+    ----------
+    kind : Kind
+    zero : tuple of str
+        Columns that are held at zero from now on.
+    tie : tuple of tuple of str
+        Sets of columns that are equal from now on.
+    why : str
+        What suggests it, as the beginning of a sentence.
+    declared : bool
+        Whether the user or the robot's sidecar states it, rather than the software proposes it.
+    """
+
+    kind: Kind
+    zero: tuple[str, ...] = ()
+    tie: tuple[tuple[str, ...], ...] = ()
+    why: str = ""
+    declared: bool = False
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """All columns it touches."""
+        return (*self.zero, *(c for members in self.tie for c in members))
+
+    @property
+    def text(self) -> str:
+        """What is done, ``zero platform.mz`` or ``slider1.Fc+ = slider1.Fc-``."""
+        parts = [" = ".join(members) for members in self.tie]
+        if self.zero:
+            parts.append(f"zero {', '.join(self.zero)}")
+        return "; ".join(parts)
+
+
+@dataclass(frozen=True)
+class Partition:
+    """Which columns of the starting model are still free, equal to another, or zero.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Of the starting model.
+    group : (k,) int
+        Index of the column that each one equals (its own if it leads), or `ZERO`.
+    """
+
+    columns: tuple[str, ...]
+    group: np.ndarray
+
+    @staticmethod
+    def of(columns: Sequence[str]) -> Partition:
+        """Return the partition in which every column is free."""
+        return Partition(tuple(columns), np.arange(len(columns)))
+
+    @property
+    def leaders(self) -> list[int]:
+        """The free columns, one of each set of equal ones."""
+        return [k for k in range(len(self.columns)) if self.group[k] == k]
+
+    def __len__(self) -> int:
+        """Return the number of free parameters."""
+        return len(self.leaders)
+
+    def index(self, column: str) -> int:
+        """Return the position of a column."""
+        return self.columns.index(column)
+
+    def members(self, leader: int) -> tuple[str, ...]:
+        """Return the columns that equal a leader, itself first."""
+        return tuple(self.columns[k] for k in np.flatnonzero(self.group == leader))
+
+    def alive(self, columns: Iterable[str]) -> list[int]:
+        """Return the distinct leaders of those columns that are not zero."""
+        at = [int(self.group[self.index(c)]) for c in columns]
+        return sorted({g for g in at if g != ZERO})
+
+    def rows(self, move: Move) -> Array:
+        """Return the constraints ``L x = 0`` that a move adds, (r, k); none if it is void."""
+        k = len(self.columns)
+        unit = np.eye(k)
+        rows = [unit[g] for g in self.alive(move.zero)]
+        for members in move.tie:
+            first, *rest = self.alive(members) or [0]
+            rows += [unit[first] - unit[g] for g in rest]
+        return np.array(rows).reshape(-1, k)
+
+    def apply(self, move: Move) -> Partition:
+        """Return the partition after a move."""
+        group = self.group.copy()
+        for g in self.alive(move.zero):
+            group[group == g] = ZERO
+        after = replace(self, group=group)
+        for members in move.tie:
+            first, *rest = after.alive(members) or [0]
+            for g in rest:
+                group[group == g] = first
+        return after
+
+    def survivors(self) -> np.ndarray:
+        """Return whether each column of the starting model is not zero, (k,) bool."""
+        alive: np.ndarray = self.group != ZERO
+        return alive
+
+    def zeroed(self) -> list[str]:
+        """Return the columns that are held at zero."""
+        return [c for c, g in zip(self.columns, self.group, strict=True) if g == ZERO]
+
+    def ties(self) -> dict[str, list[str]]:
+        """Return the sets of equal columns, each by the name of its common parameter."""
+        out: dict[str, list[str]] = {}
+        for members in map(self.members, self.leaders):
+            if len(members) > 1:
+                name = common_name(members)
+                taken = name in out or (name in self.columns and name not in members)
+                out[" = ".join(members) if taken else name] = list(members)
+        return out
+
+    def rung(self, start: Rung, name: str, description: str = "") -> Rung:
+        """Return the model as a rung below the starting one."""
+        rung = replace(start, name=name, description=description).without(self.zeroed())
+        for common, members in self.ties().items():
+            rung = rung.tied(common, members)
+        return rung
+
+
+def common_name(columns: Sequence[str]) -> str:
+    """Return a name for equal columns: ``slider1.Fc`` or ``leg*_lower.my``.
+
+    Examples
+    --------
+    >>> common_name(["slider1.Fc+", "slider1.Fc-"])
+    'slider1.Fc'
+    >>> common_name(["leg1_lower.my", "leg2_lower.my"])
+    'leg*_lower.my'
+    """
+    first = columns[0]
+    if len(columns) == 2 and first[:-1] == columns[1][:-1] and {first[-1], columns[1][-1]} == {
+        "+", "-"
+    }:  # fmt: skip
+        return first[:-1]
+    size = min(map(len, columns))
+    head = next((i for i in range(size) if len({c[i] for c in columns}) > 1), size)
+    tails = [c[head:] for c in columns]
+    size = min(map(len, tails))
+    tail = next((i for i in range(size) if len({t[len(t) - 1 - i] for t in tails}) > 1), size)
+    return f"{first[:head]}*{first[len(first) - tail :] if tail else ''}"

@@ -1,0 +1,151 @@
+"""Moves that knowledge of the robot suggests, declared in its sidecar or proposed from its file.
+
+A hypothesis about bodies (their own mirror image; equal to others) confines the standard parameters
+to a subspace, and with them the base parameters ``beta = G phi``: some become zero, some equal.
+Friction and actuator inertia are left alone: equal drawings do not make equal friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
+from identifiability.physical.pseudo_inertia import INERTIAL
+from identifiability.regression.base_parameters import BaseParameters
+from identifiability.robot import Robot
+from identifiability.workflows.prune.geometry import (
+    attachments,
+    body_shapes,
+    find_equal_bodies,
+    find_mirrors,
+)
+from identifiability.workflows.prune.moves import Kind, Move
+
+#: Entries of ``G N`` below this share of their row's terms are zero.
+TINY = 1e-8
+
+
+def propose_moves(robot: Robot, base: BaseParameters, columns: Sequence[str]) -> list[Move]:
+    """Return the moves that the robot suggests about some base parameters.
+
+    Parameters
+    ----------
+    robot : Robot
+    base : BaseParameters
+    columns : sequence of str
+        The base parameters that the model has.
+    """
+    moves = merge_moves(robot, columns)
+    moves += declared_moves(robot, columns)
+    moves += zero_moves(robot, base, columns)
+    ties = {frozenset(c) for m in moves if m.kind is Kind.TIE for c in m.tie}
+    return moves + [m for m in tie_moves(robot, base, columns) if frozenset(m.tie[0]) not in ties]
+
+
+def merge_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
+    """Return the merges of a joint's two Coulomb levels."""
+    pairs = ((f"{joint}.Fc+", f"{joint}.Fc-") for joint in robot.joints)
+    why = "Friction of the same size in both directions"
+    return [Move(Kind.MERGE, tie=(p,), why=why) for p in pairs if set(p) <= set(columns)]
+
+
+def declared_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
+    """Return the ties of the robot's sidecar."""
+    known = set(columns)
+    sets = (members for tie in robot.ties for members in tie.values())
+    where = robot.sidecar.name if robot.sidecar is not None else "the sidecar"
+    return [
+        Move(Kind.TIE, tie=(tuple(s),), why=f"{where} declares them equal", declared=True)
+        for s in sets
+        if set(s) <= known and len(s) > 1
+    ]
+
+
+def zero_moves(robot: Robot, base: BaseParameters, columns: Sequence[str]) -> list[Move]:
+    """Return what vanishes if bodies are mirror images of themselves, equal bodies together."""
+    parts = attachments(robot)
+    sets = find_equal_bodies(robot)
+    single = [(k,) for k in range(len(parts)) if not any(k in s for s in sets)]
+    known, moves, seen = set(columns), [], set[str]()
+    for bodies in [*single, *sets]:
+        # One hinge says nothing of the shape of what hangs on it.
+        mirrors = find_mirrors(parts[bodies[0]]) if len(parts[bodies[0]]) > 1 else []
+        if not mirrors:
+            continue
+        N = _subspace(robot, base, {k: body_shapes(mirrors) for k in bodies})
+        vanished = _vanishing(base, N)
+        names = tuple(n for n in vanished if n in known and n not in seen)
+        seen.update(names)
+        if names:
+            which = listing([robot.bodies[k] for k in bodies], 4)
+            planes = "its plane" if len(mirrors) == 1 else f"{len(mirrors)} planes"
+            why = f"The joints of {which} are symmetric about {planes}"
+            moves.append(Move(Kind.ZERO, names, why=why))
+    return moves
+
+
+def tie_moves(robot: Robot, base: BaseParameters, columns: Sequence[str]) -> list[Move]:
+    """Return what becomes equal if bodies of equal chains are equal."""
+    sets = find_equal_bodies(robot)
+    if not sets:
+        return []
+    N = _tied(robot, base, sets)
+    reach = base.G @ N
+    size = np.linalg.norm(np.abs(base.G) @ np.abs(N), axis=1) + 1e-300
+    unit = reach / size[:, None]
+    known, left, moves = set(columns), list(range(len(base))), []
+    while left:
+        first = left.pop(0)
+        if np.linalg.norm(unit[first]) < TINY:
+            continue
+        equal = [k for k in left if np.abs(reach[k] - reach[first]).max() < TINY * size[first]]
+        left = [k for k in left if k not in equal]
+        names = tuple(base.names[k] for k in (first, *equal))
+        if equal and set(names) <= known:
+            moves.append(Move(Kind.TIE, tie=(names,), why="Their chains have equal joints"))
+    return moves
+
+
+def _columns(robot: Robot, base: BaseParameters, body: int) -> np.ndarray | None:
+    at = {p.name: k for k, p in enumerate(base.parameters)}
+    names = [f"{robot.bodies[body]}.{kind}" for kind in INERTIAL]
+    return np.array([at[n] for n in names]) if all(n in at for n in names) else None
+
+
+def _subspace(robot: Robot, base: BaseParameters, shapes: dict[int, Array]) -> Array:
+    """Return a basis of the standard parameters with some bodies confined, (p, free)."""
+    p = len(base.parameters)
+    blocks, free = [], np.ones(p, bool)
+    for body, shape in shapes.items():
+        at = _columns(robot, base, body)
+        if at is not None:
+            free[at] = False
+            block = np.zeros((p, shape.shape[1]))
+            block[at] = shape
+            blocks.append(block)
+    return np.hstack([np.eye(p)[:, free], *blocks])
+
+
+def _tied(robot: Robot, base: BaseParameters, sets: Sequence[tuple[int, ...]]) -> Array:
+    p = len(base.parameters)
+    blocks, free = [], np.ones(p, bool)
+    for bodies in sets:
+        found = [at for k in bodies if (at := _columns(robot, base, k)) is not None]
+        if len(found) > 1:
+            block = np.zeros((p, len(INERTIAL)))
+            for at in found:
+                free[at] = False
+                block[at] = np.eye(len(INERTIAL))
+            blocks.append(block)
+    return np.hstack([np.eye(p)[:, free], *blocks])
+
+
+def _vanishing(base: BaseParameters, N: Array) -> list[str]:
+    """Return the base parameters that are zero for all standard parameters ``N z``."""
+    reach = np.abs(base.G @ N).max(1, initial=0.0)
+    size = np.abs(base.G).max(1, initial=0.0)
+    gone = (size > 0) & (reach <= TINY * size)
+    return [n for n, g in zip(base.names, gone, strict=True) if g]

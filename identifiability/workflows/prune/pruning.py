@@ -1,0 +1,114 @@
+"""`Pruning`: what was found on the way down from the unpruned model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from identifiability.estimation.estimate import Method
+from identifiability.estimation.verdict import Verdict
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.regression.base_parameters import BaseParameters
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import (
+    LadderSource,
+    Rung,
+)
+from identifiability.robot import Robot
+from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.prune.absorption import Absorption
+from identifiability.workflows.prune.elimination import Refusal
+from identifiability.workflows.prune.moves import Partition
+from identifiability.workflows.prune.rung import PrunedRung
+from identifiability.workflows.prune.selection import Criterion
+from identifiability.workflows.prune.stability import Stability
+
+
+@dataclass(frozen=True, repr=False)
+class Pruning:
+    """The rungs from the unpruned model down, and which one to use.
+
+    Attributes
+    ----------
+    robot : Robot
+    base : BaseParameters
+    samples, validation : tuple of Samples
+    information : Information
+        About the base parameters.
+    start : Rung
+        The model that pruning started from.
+    rungs : tuple of PrunedRung
+        Unpruned model first.
+    selected : int
+        The rung to use.
+    result : RungResult
+        The rung to use with verdicts, uncertainties by resampling, and physical certificate.
+    refused : tuple of Refusal
+        Suggested moves that the data contradict.
+    stability : Stability
+    absorption : Absorption
+    effects : tuple of str
+    criterion, method, seed
+        As asked for.
+    least : int
+        The rung with the least held-out error.
+    source : LadderSource
+        Where the model that pruning started from came from.
+    settings : mapping
+        Other options that decided the numbers.
+    hints : tuple of str
+        What seems to be wrong with robot file and logs, for the user to check, and what was not
+        used.
+    shapes : mapping
+        Shapes of the model's effects by ``<joint>.<effect>``.
+    nothing : str
+        Why no verdict is believed, for after "because"; empty where they are.
+    """
+
+    robot: Robot
+    base: BaseParameters
+    samples: tuple[Prepared, ...]
+    validation: tuple[Prepared, ...]
+    information: Information
+    start: Rung
+    rungs: tuple[PrunedRung, ...]
+    selected: int
+    result: RungResult
+    refused: tuple[Refusal, ...]
+    stability: Stability
+    absorption: Absorption
+    effects: tuple[str, ...]
+    criterion: Criterion
+    method: Method
+    seed: int
+    least: int
+    source: LadderSource
+    settings: Mapping[str, object]
+    hints: tuple[str, ...] = ()
+    shapes: Mapping[str, float] = field(default_factory=dict)
+    nothing: str = ""
+
+    @property
+    def chosen(self) -> PrunedRung:
+        """The rung to use."""
+        return self.rungs[self.selected]
+
+    @property
+    def full(self) -> PrunedRung:
+        """The unpruned model."""
+        return self.rungs[0]
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Verdicts on the parameters of the rung to use."""
+        return self.result.verdicts
+
+    @property
+    def feasible(self) -> bool:
+        """Whether a real robot can have the values of the rung to use."""
+        return self.result.feasible
+
+    @property
+    def partition(self) -> Partition:
+        """What became of each column of the starting model."""
+        return self.chosen.step.partition

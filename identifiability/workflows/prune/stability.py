@@ -1,0 +1,164 @@
+"""How much of a pruned model is the robot, and how much the luck of one log.
+
+The whole path, from the unpruned model to the chosen rung, is walked again on resampled blocks
+of time. The selection is part of what is resampled, so the answer speaks of it, not of one fixed
+model.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.workflows.prune.elimination import walk
+from identifiability.workflows.prune.folds import Folds
+from identifiability.workflows.prune.moves import Partition
+from identifiability.workflows.prune.search import Search
+from identifiability.workflows.prune.selection import Criterion, choose_step
+
+#: Replicates that one item of an engine walks, some tenths of a second.
+BATCH = 10
+
+
+@dataclass(frozen=True)
+class Stability:
+    """What the replicates chose.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Of the starting model.
+    survives : (k,)
+        Share of replicates in which a column is not zero.
+    sizes : (replicates,) int
+        Number of parameters chosen.
+    same : float
+        Share of replicates that chose exactly the columns that the logs themselves chose.
+    models : tuple of (tuple of str, float)
+        Sets of columns chosen most often, with their shares.
+    """
+
+    columns: tuple[str, ...]
+    survives: np.ndarray
+    sizes: np.ndarray
+    same: float
+    models: tuple[tuple[tuple[str, ...], float], ...]
+
+    @property
+    def replicates(self) -> int:
+        """Number of replicates."""
+        return len(self.sizes)
+
+    @property
+    def statement(self) -> str:
+        """The answer in one sentence."""
+        if not self.replicates:
+            return "No log was resampled, so nothing is known of the stability of the choice."
+        low, high = np.quantile(self.sizes, [0.05, 0.95])
+        torn = int(((self.survives > 0.1) & (self.survives < 0.9)).sum())
+        most = "90 %" if high > low else "at least 90 %"
+        span = f"{low:.0f} to {high:.0f}" if high > low else f"{low:.0f}"
+        shaky = (
+            f"{torn} of {len(self.columns)} parameters survive in some (10 to 90 %) and not in "
+            "others"
+            if torn
+            else "no parameter survives in some and not in others (10 to 90 %)"
+        )
+        return (
+            f"Of {self.replicates} resampled logs {100 * self.same:.0f} % lead to exactly this "
+            f"model, and {most} to {span} parameters; {shaky}."
+        )
+
+
+def assess_stability(
+    search: Search,
+    chosen: Partition,
+    criterion: Criterion,
+    rng: np.random.Generator,
+    *,
+    replicates: int,
+    length: float,
+    samples: int,
+    say: Callable[[float], None] = lambda _share: None,
+    engine: Engine | None = None,
+) -> Stability:
+    """Walk the path again on resampled logs.
+
+    Parameters
+    ----------
+    search : Search
+    chosen : Partition
+        What the logs themselves chose.
+    criterion : Criterion
+    rng : numpy.random.Generator
+    replicates : int
+    length : float
+        Samples a block must have at least to be nearly independent of the next.
+    samples : int
+        Of the logs.
+    say : callable(float), optional
+        Told the share that is done.
+    engine : Engine, optional
+        Where the replicates are walked; by default here.
+    """
+    folds = search.folds
+    unit = _units(folds, max(1, round(length * len(folds.blocks) / max(samples, 1))))
+    count = int(unit.max()) + 1
+    # Drawn here, so that a replicate is the same whoever walks it.
+    draws = rng.multinomial(count, np.full(count, 1 / count), size=replicates)
+    items = [draws[k : k + BATCH] for k in range(0, replicates, BATCH)]
+    parts = (engine or Serial()).map(
+        partial(_walk_again, search, unit, criterion), items,
+        progress=lambda done, total: say(done / total),
+    )  # fmt: skip
+    drawn = [partition for part in parts for partition in part]
+    return _summarise(chosen.columns, drawn, chosen)
+
+
+def _walk_again(
+    search: Search, unit: np.ndarray, criterion: Criterion, draws: np.ndarray
+) -> list[Partition]:
+    """Return what some replicates choose; `draws` (r, units) says how often they draw a unit."""
+    chosen = []
+    for row in draws:
+        path = walk(search.folds.fit(row[unit].astype(float)), search.start, search.plan)
+        steps = search.embed(path).steps
+        chosen.append(steps[choose_step(steps, criterion)].partition)
+    return chosen
+
+
+def _units(folds: Folds, blocks: int) -> np.ndarray:
+    """Return the unit of resampling of each block: runs of `blocks` within a stretch."""
+    unit = np.empty(len(folds.blocks), int)
+    at = 0
+    for s in range(len(folds.fold)):
+        rows = np.flatnonzero(folds.stretch == s)
+        runs = max(1, len(rows) // blocks)
+        unit[rows] = at + np.arange(len(rows)) * runs // max(len(rows), 1)
+        at += runs
+    return unit
+
+
+def _summarise(
+    columns: tuple[str, ...], drawn: Sequence[Partition], chosen: Partition
+) -> Stability:
+    if not drawn:
+        return Stability(columns, np.full(len(columns), np.nan), np.empty(0, int), np.nan, ())
+    sets = Counter(_set(p) for p in drawn)
+    models = tuple((m, c / len(drawn)) for m, c in sets.most_common(5))
+    return Stability(
+        columns,
+        np.mean([p.survivors() for p in drawn], axis=0),
+        np.array([len(p) for p in drawn]),
+        sets[_set(chosen)] / len(drawn),
+        models,
+    )
+
+
+def _set(partition: Partition) -> tuple[str, ...]:
+    return tuple("=".join(partition.members(g)) for g in partition.leaders)
