@@ -4,6 +4,7 @@ What to use when:
 
 - `analyze` does the main job: robot and logs in, verdicts, models and a report out;
 - `prune` finds the reduced model that is worth using, `diagnose` what a model misses;
+- `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
 - every stage in between (`prepare_samples`, `find_base_parameters`, `gather_information`,
   `estimate`, …) can be called by itself.
@@ -28,8 +29,10 @@ if TYPE_CHECKING:
     from identifiability.robot import Motion, Robot
     from identifiability.simulation import Noise, Trajectory, simulate
     from identifiability.workflows.analyze.analysis import Analysis, analyze
+    from identifiability.workflows.calibrate.calibration import Calibration, calibrate
     from identifiability.workflows.diagnose import Diagnosis, diagnose
     from identifiability.workflows.excite import Excitation, excite
+    from identifiability.workflows.export import Exported, export
     from identifiability.workflows.prune import Ladder, prune
 
 __version__ = "0.1.0"
@@ -37,9 +40,11 @@ __version__ = "0.1.0"
 _HOMES = {
     "Analysis": "workflows.analyze.analysis",
     "BaseParameters": "regression.base_parameters",
+    "Calibration": "workflows.calibrate.calibration",
     "Diagnosis": "workflows.diagnose",
     "Estimate": "estimation.estimate",
     "Excitation": "workflows.excite",
+    "Exported": "workflows.export",
     "IdentifiabilityError": "foundation.errors",
     "Information": "regression.information",
     "Ladder": "workflows.prune",
@@ -54,9 +59,11 @@ _HOMES = {
     "Trajectory": "simulation",
     "Verdict": "estimation.verdict",
     "analyze": "workflows.analyze.analysis",
+    "calibrate": "workflows.calibrate.calibration",
     "diagnose": "workflows.diagnose",
     "estimate": "estimation.estimate",
     "excite": "workflows.excite",
+    "export": "workflows.export",
     "find_base_parameters": "regression.base_parameters",
     "gather_information": "regression.information",
     "prepare_samples": "logs.prepare",
@@ -67,9 +74,11 @@ _HOMES = {
 __all__ = [
     "Analysis",
     "BaseParameters",
+    "Calibration",
     "Diagnosis",
     "Estimate",
     "Excitation",
+    "Exported",
     "IdentifiabilityError",
     "Information",
     "Ladder",
@@ -85,9 +94,11 @@ __all__ = [
     "Verdict",
     "__version__",
     "analyze",
+    "calibrate",
     "diagnose",
     "estimate",
     "excite",
+    "export",
     "find_base_parameters",
     "gather_information",
     "prepare_samples",

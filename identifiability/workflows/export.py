@@ -13,9 +13,10 @@ from identifiability.effects import EFFECTS, FAMILIES
 from identifiability.effects.nominal import LOADED, reference_values
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
+from identifiability.foundation.options import FilePath, checked
 from identifiability.physical.mass import state_mass
 from identifiability.physical.pseudo_inertia import INERTIAL, check_body
-from identifiability.robot import Robot
+from identifiability.robot import Robot, RobotLike
 from identifiability.robot.holding import complete_values
 from identifiability.robot.write import write_robot
 
@@ -94,12 +95,13 @@ class Exported:
         return " ".join(parts)
 
 
-def export(robot: Robot, result: str | Path, out: str | Path) -> Exported:
+@checked
+def export(robot: RobotLike, result: FilePath, out: FilePath) -> Exported:
     """Write the nearest real robot of a JSON result as a robot file, and a sidecar if it needs one.
 
     Parameters
     ----------
-    robot : Robot
+    robot : Robot, path or shipped name
         The robot that the result is about.
     result : path
         JSON of `analyze`, `prune` or `diagnose`.
@@ -111,6 +113,7 @@ def export(robot: Robot, result: str | Path, out: str | Path) -> Exported:
     IdentifiabilityError
         If the file is no result, one of another robot, or has no masses.
     """
+    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
     content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
     if content.nothing:
         raise IdentifiabilityError(

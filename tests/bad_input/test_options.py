@@ -13,9 +13,11 @@ from identifiability import (
     Regression,
     Robot,
     analyze,
+    calibrate,
     diagnose,
     estimate,
     excite,
+    export,
     find_base_parameters,
     gather_information,
     prepare_samples,
@@ -26,7 +28,6 @@ from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.local import choose_engine
 from identifiability.foundation.options import checked
 from identifiability.simulation import shipped_trajectory
-from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.diagnose.rules import Rules
 
 SEED = "seed must be a whole number of at least 0, not -1"
@@ -121,6 +122,12 @@ SIMULATE = {
     "rng": ({"rng": 3}, "rng must be a random generator, such as numpy.random.default_rng(0)"),
     "derivatives": ({"derivatives": "no"}, "derivatives must be True or False, not 'no'"),
 }
+EXPORTED = {"robot": "two-link", "result": "result.json", "out": "fit.xml"}
+EXPORT = {
+    "robot": ({"robot": 3}, ROBOT),
+    "result": ({"result": 3}, "result must be the path of a file, not 3"),
+    "out": ({"out": None}, "out must be the path of a file, not None"),
+}
 OTHERS = {
     "robot file": (
         Robot.load,
@@ -208,6 +215,11 @@ def test_excite_names_what_is_valid(options, part):
 def test_simulate_names_what_is_valid(options, part):
     motion = shipped_trajectory(Robot.load("two-link"), "a")
     refuses(simulate, {"robot": "two-link", "motion": motion, **options}, part)
+
+
+@pytest.mark.parametrize(("options", "part"), EXPORT.values())
+def test_export_names_what_is_valid(options, part):
+    refuses(export, {**EXPORTED, **options}, part)
 
 
 @pytest.mark.parametrize(("function", "options", "part"), OTHERS.values())
