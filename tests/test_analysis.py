@@ -8,6 +8,8 @@ import pytest
 from identifiability import Log, Preparation, analyze
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.estimation.verdict import Class, holm
+from identifiability.foundation.engines.local import Serial
+from identifiability.physical import feasibility
 from identifiability.simulation import Noise
 from identifiability.simulation.noise import ar1
 
@@ -191,3 +193,16 @@ def test_negligible_is_judged_joint_by_joint(simulated):
     for v in out.full.verdicts:
         if v.verdict is Class.NEGLIGIBLE:
             assert abs(v.value) < 4 * v.sigma_robust, v.name
+
+
+def test_cross_validation_asks_no_certificate(monkeypatch, simulated) -> None:
+    """Whether a real robot has the values is asked of each model once, not of each fold."""
+    asked = []
+    decide = feasibility.certify
+    monkeypatch.setattr(
+        feasibility, "certify", lambda *given: asked.append(given) or decide(*given)
+    )
+    log = simulated("3-rps", "601", 0)
+    found = analyze("3-rps", log, posterior=False, replicates=20, engine=Serial())
+    assert len(asked) == len(found.models)
+    assert np.isfinite([m.error_ra_physical for m in found.models]).all()

@@ -245,19 +245,38 @@ def assess_feasibility(
     IdentifiabilityError
         If the robot file states a body that cannot be a prior, with its name.
     """
+    certificate = None
+    sentence = "The motion leaves parameters of the model undetermined."
+    try:
+        if len(estimate.kept) == len(rung) and len(rung):
+            to_x = np.linalg.pinv(rung.M) @ base.G
+            certificate = certify(to_x, estimate.value, physical_set(robot, base))
+            sentence = certificate.sentence(rung.columns)
+    except ValueError as error:
+        sentence = f"Whether a real robot has these values was not decided: {error}"
+    found = find_nearest(robot, base, rung, whole, information, estimate, cad_weight)
+    return replace(found, certificate=certificate, sentence=sentence + found.sentence)
+
+
+def find_nearest(
+    robot: Robot,
+    base: BaseParameters,
+    rung: Rung,
+    whole: Information,
+    information: Information,
+    estimate: Estimate,
+    cad_weight: float = 0.0,
+) -> PhysicalResult:
+    """Find the nearest real robot, without asking whether it is the estimate itself.
+
+    Cross-validation needs its torque alone. Parameters and errors as in `assess_feasibility`.
+    """
     region = physical_set(robot, base)
     nominal = nominal_vector(robot, base)
     data = full_problem(information, estimate, rung, base.G)
     to_x = np.linalg.pinv(rung.M) @ base.G if len(rung) else np.zeros((0, base.G.shape[1]))
-    certificate, nearest = None, None
-    sentence = "The motion leaves parameters of the model undetermined."
+    nearest, sentence = None, ""
     value, found = np.full(len(rung), np.nan), np.full((2, len(base)), np.nan)
-    try:
-        if len(estimate.kept) == len(rung) and len(rung):
-            certificate = certify(to_x, estimate.value, region)
-            sentence = certificate.sentence(rung.columns)
-    except ValueError as error:
-        sentence = f"Whether a real robot has these values was not decided: {error}"
     try:
         prior = _cad_prior(robot, region, nominal, cad_weight)
         held = find_held(region, base.G, rung.M, rung.held)
@@ -280,9 +299,7 @@ def assess_feasibility(
         sentence += _say_left_out(rows @ nearest.phi - aim, R[:, -1])
     except ValueError as error:
         sentence += f" The nearest real robot was not found: {error}"
-    return PhysicalResult(
-        region, certificate, nearest, value, found[0], found[1], sentence, cad_weight
-    )
+    return PhysicalResult(region, None, nearest, value, found[0], found[1], sentence, cad_weight)
 
 
 def _say_left_out(rest: Array, torque: Array) -> str:

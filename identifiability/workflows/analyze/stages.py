@@ -28,6 +28,7 @@ from identifiability.physical.feasibility import (
     PhysicalResult,
     assess_feasibility,
     find_impossible_bodies,
+    find_nearest,
     leave_undecided,
 )
 from identifiability.regression.base_parameters import BaseParameters
@@ -250,9 +251,7 @@ def fit_ladder(
         physical.append(
             assess_feasibility(robot, base, rung, information, reduced, fits[-1], cad_weight)
         )
-    values = [r.expand(e.value) for r, e in zip(rungs, fits, strict=True)]
-    values += [p.base for p in physical]
-    return fits, physical, np.stack(values, 1)
+    return fits, physical, _base_values(rungs, fits, physical)
 
 
 def plan_cross_validation(
@@ -267,5 +266,19 @@ def plan_cross_validation(
     values = []
     for fold in range(int(folds.max()) + 1):
         rest = leave_out(information, folds, fold)
-        values.append(fit_ladder(regression.robot, base, rungs, rest, method)[2])
+        parts = [rung.reduce(rest) for rung in rungs]
+        fits = [estimate(part, method) for part in parts]
+        real = [
+            find_nearest(regression.robot, base, rung, rest, part, fit)
+            for rung, part, fit in zip(rungs, parts, fits, strict=True)
+        ]
+        values.append(_base_values(rungs, fits, real))
     return Task(np.stack(values), take_turns(information, folds))
+
+
+def _base_values(
+    rungs: Sequence[Rung], fits: Sequence[Estimate], physical: Sequence[PhysicalResult]
+) -> Array:
+    """Return the base parameters of all fits, then of all nearest real robots, (b, 2 m)."""
+    values = [r.expand(e.value) for r, e in zip(rungs, fits, strict=True)]
+    return np.stack([*values, *(p.base for p in physical)], 1)
