@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, 
 from identifiability.effects.nominal import reference_values, rigid_torque
 from identifiability.effects.position import JointStiffness
 from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
 
 #: The torque that is delayed, as a function of the motion, (N, n).
@@ -34,7 +35,7 @@ def nominal_torque(robot: Robot, motion: Motion) -> Array:
     return tau
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class TimeDelay(Effect):
     """``τ_measured(t) = τ(t − δ) ≈ τ − δ dτ/dt``: torque and motion are not sampled together.
 

@@ -7,17 +7,17 @@ sign its level must have. A study adds its own with `register_family`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.effects.effect import Effect
 from identifiability.foundation.errors import ModelError, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
 
 
-@dataclass(frozen=True)
+@frozen
 class Span:
     """Where an axis was in the logs: shapes are chosen from it.
 
@@ -34,7 +34,7 @@ class Span:
     max_speed: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Family:
     """Effects of one kind, one for each place and shape.
 

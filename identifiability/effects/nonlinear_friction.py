@@ -6,13 +6,14 @@ shape (the Stribeck velocity) or its load (from the robot file's masses) is give
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from identifiability.effects.effect import Effect, axis_motion, put
 from identifiability.effects.nominal import rigid_torque
 from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
 from identifiability.robot.transmission import Axis
 
@@ -39,7 +40,7 @@ def _drag_unit(axis: Axis) -> str:
     return "N·s²/m²" if axis.prismatic else "N·m·s²/rad²"
 
 
-@dataclass(frozen=True)
+@frozen
 class StribeckFriction(Effect):
     """``τ = (Fs − Fc) exp(−|q̇/vs|) sign(q̇)``: friction that falls as motion begins.
 
@@ -84,7 +85,7 @@ class StribeckFriction(Effect):
         return stated or TYPICAL_SHARE * typical_speed(robot, axis)
 
 
-@dataclass(frozen=True)
+@frozen
 class QuadraticFriction(Effect):
     """``τ = Fq |q̇| q̇``: drag that grows with the square of speed (fans, oil, air).
 
@@ -111,7 +112,7 @@ class QuadraticFriction(Effect):
             put(out, k, row, np.abs(speed) * speed)
 
 
-@dataclass(frozen=True)
+@frozen
 class LoadDependentFriction(Effect):
     """``τ = Fl |τ_load| sign(q̇)``: Coulomb friction in proportion to the load of the gear.
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.effects.effect import Effect
 from identifiability.foundation.errors import ModelError, listing
 from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
 
 
-@dataclass(frozen=True)
+@frozen
 class Part:
     """An effect at one joint, motor or body.
 

@@ -6,13 +6,14 @@ teeth of a gear or the poles of a motor.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from identifiability.effects.effect import Effect, axis_motion, put
 from identifiability.effects.nonlinear_friction import chosen_axes
 from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
 from identifiability.robot.transmission import Axis
 
@@ -36,7 +37,7 @@ def stretch(robot: Robot, motion: Motion, axis: Axis) -> Array:
     return position
 
 
-@dataclass(frozen=True)
+@frozen
 class JointStiffness(Effect):
     """``τ = K (q − q_rest)``: a spring, a cable or a hose along the joint.
 
@@ -67,7 +68,7 @@ def _sprung_axes(robot: Robot) -> list[Axis]:
     return [*robot.axes, *(a for a in robot.passive_axes if a.name in robot.rest)]
 
 
-@dataclass(frozen=True)
+@frozen
 class PositionRipple(Effect):
     """``τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)``: cogging, screw pitch, gear teeth.
 

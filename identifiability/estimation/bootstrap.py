@@ -9,7 +9,6 @@ samples.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -18,6 +17,7 @@ from identifiability.estimation.estimate import Estimate
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import LEVEL
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
 #: Fewer blocks than this say nothing about the spread between blocks.
@@ -27,7 +27,7 @@ FEWEST_BLOCKS = 8
 BATCH = 1000
 
 
-@dataclass(frozen=True)
+@frozen
 class Bootstrap:
     """Parameter values of refits.
 

@@ -8,18 +8,19 @@ model, and how much the torque varies there. Means that variation is measured fr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 #: Samples of a log that are all held for figures and autocorrelations; of longer logs only so
 #: many windows of so many samples are, evenly spaced.
 EXCERPT, WINDOWS, WINDOW = 100_000, 4, 10_000
 
 
-@dataclass(frozen=True)
+@frozen
 class Layout:
     """Where stretches and windows of logs begin, and what their torque is on average.
 
@@ -108,7 +109,7 @@ def _windows(count: int) -> list[tuple[int, int]]:
     return [(s, s + WINDOW) for s in starts]
 
 
-@dataclass(frozen=True)
+@frozen
 class ErrorSums:
     """Sums over S stretches of time.
 

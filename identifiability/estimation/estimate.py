@@ -8,7 +8,6 @@ differ in size.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from scipy.linalg import solve_triangular
 from identifiability.foundation.linalg import RANK_TOLERANCE, scan_columns
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
 Method = Literal["ols", "wls"]
@@ -31,7 +31,7 @@ MIXED = 1e-6
 ROUNDING = 1e-12
 
 
-@dataclass(frozen=True)
+@frozen
 class Estimate:
     """Parameter values with their covariance under white noise.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -12,6 +11,7 @@ from identifiability.estimation.error_sums import ErrorSums, Layout, Tally
 from identifiability.estimation.prediction import STRETCHES, Prediction
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.survey import find_signal
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Part, Regression, map_parts
@@ -25,7 +25,7 @@ __all__ = [
 FOLDS = 5
 
 
-@dataclass(frozen=True)
+@frozen
 class Turns:
     """Which set of values predicts a sample: runs of consecutive samples take turns.
 
@@ -45,7 +45,7 @@ class Turns:
         return found
 
 
-@dataclass(frozen=True)
+@frozen
 class Task:
     """Models to be predicted with: base parameters, one set for each fold.
 

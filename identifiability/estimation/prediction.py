@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.estimation.error_sums import ErrorSums, Layout, Tally
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs.signals import is_constant
 
 #: Stretches of time whose errors give the standard error of ε_RA, each at least so many
@@ -17,7 +17,7 @@ from identifiability.logs.signals import is_constant
 STRETCHES, MEMORIES, FEWEST = 20, 5.0, 4
 
 
-@dataclass(frozen=True)
+@frozen
 class Prediction:
     """Measured torque and its prediction by some models along logs.
 

@@ -8,8 +8,6 @@ the correction for leverage of Bell & McCaffrey (2002). All of it is in the bloc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.stats import norm, t
@@ -18,6 +16,7 @@ from identifiability.estimation.bootstrap import merge_blocks
 from identifiability.estimation.estimate import Estimate
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
 #: A stretch is so many autocorrelation times long, as long as there are `FEWEST` of them.
@@ -30,7 +29,7 @@ SHORTER = 0.9
 ALONE = 0.05
 
 
-@dataclass(frozen=True)
+@frozen
 class ScoreScatter:
     """Standard deviations of an estimate from the scatter of its scores.
 

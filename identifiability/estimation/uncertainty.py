@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identifiability.estimation.bootstrap import FEWEST_BLOCKS, Bootstrap, bootstrap
@@ -13,10 +11,11 @@ from identifiability.estimation.scores import MEMORIES, ScoreScatter, scatter_sc
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
 
-@dataclass(frozen=True)
+@frozen
 class Uncertainty:
     """Standard deviations of one model's parameters by every road.
 

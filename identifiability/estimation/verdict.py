@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from typing import Any
 
@@ -14,6 +14,7 @@ from identifiability.estimation.estimate import PAPER_FACTOR, Estimate
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Share, check_fields
 from identifiability.foundation.shares import REACH
+from identifiability.foundation.values import frozen
 
 
 class Class(StrEnum):
@@ -28,7 +29,7 @@ class Class(StrEnum):
     NOT_JUDGED = "not judged"
 
 
-@dataclass(frozen=True)
+@frozen
 class Thresholds:
     """Thresholds of the verdicts; reports print them.
 
@@ -65,7 +66,7 @@ class Thresholds:
         check_fields(self)
 
 
-@dataclass(frozen=True)
+@frozen
 class Verdict:
     """One parameter with its evidence.
 
@@ -159,7 +160,7 @@ def _percent(sigma: float, value: float) -> float:
     return 100 * sigma / abs(value) if value else float("inf")
 
 
-@dataclass(frozen=True)
+@frozen
 class Evidence:
     """What the verdicts of one model rest on, arrays over its k parameters.
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import NDArray
+
+from identifiability.foundation.values import frozen
 
 #: Arrays of floats; NumPy types many of its results too loosely to say so to a type checker.
 Array = NDArray[Any]
@@ -29,7 +30,7 @@ BASE = "base"
 _INERTIAL_UNITS = {"m": "kg", "mx": "kg·m", "my": "kg·m", "mz": "kg·m"}
 
 
-@dataclass(frozen=True)
+@frozen
 class Parameter:
     """One parameter of a model: what a column of the regressor multiplies.
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cache, wraps
 from inspect import Parameter, signature
 from numbers import Integral, Real
@@ -23,6 +23,7 @@ from typing import get_type_hints as resolve
 import numpy as np
 
 from identifiability.foundation.errors import IdentifiabilityError, near_match
+from identifiability.foundation.values import frozen
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -32,7 +33,7 @@ class OptionError(IdentifiabilityError):
     """An argument is none of those that a function takes."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Expected:
     """What an annotation allows, in words, and a condition beyond its type."""
 

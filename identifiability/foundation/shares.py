@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.stats import beta
+
+from identifiability.foundation.values import frozen
 
 #: Level of every interval.
 LEVEL = 0.95
@@ -14,7 +14,7 @@ LEVEL = 0.95
 REACH, ENDS = 1.96, (0.025, 0.975)
 
 
-@dataclass(frozen=True)
+@frozen
 class Share:
     """A share that was counted.
 

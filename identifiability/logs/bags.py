@@ -13,7 +13,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +20,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,7 +37,7 @@ JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 FIELDS = {"q": "position", "dq": "velocity", "tau": "effort"}
 
 
-@dataclass(frozen=True)
+@frozen
 class States:
     """Joint states in the order of their time stamps.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -187,7 +187,7 @@ def read_numbers(frame: pd.DataFrame, column: str, source: str) -> Array:
     return values
 
 
-@dataclass(frozen=True)
+@frozen
 class Step:
     """One step of the clock: its length [s], and the row and time [s] it starts from."""
 

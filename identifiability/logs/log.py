@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import FilePath, check_option, checked
 from identifiability.foundation.output import write_bytes, write_text
+from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.bags import hash_bag, split_topic
 from identifiability.logs.checks import (
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True)
+@frozen
 class Log:
     """One recording.
 

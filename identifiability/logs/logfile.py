@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs.bags import is_bag, split_topic
 from identifiability.logs.checks import CHANNELS, Clock, Numbers, find_joints, wanted_columns
 from identifiability.logs.log import Log, build_log
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True)
+@frozen
 class LogFile:
     """A CSV or Parquet file with a log of any length. Make one with `LogFile.read`.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
 from identifiability.logs.table import check_separator, is_parquet, parse_csv, parsing, read_header
 
@@ -33,7 +33,7 @@ MOST_PIECES = 8
 LONG, BYTES_PER_VALUE = 2_000_000, 12
 
 
-@dataclass(frozen=True)
+@frozen
 class ParquetTable:
     """A Parquet file.
 
@@ -106,7 +106,7 @@ def _open_parquet(path: Path) -> Any:
     return ParquetFile(path, pre_buffer=False, buffer_size=1 << 18)
 
 
-@dataclass(frozen=True)
+@frozen
 class CsvTable:
     """A CSV file and where its pieces begin.
 

@@ -10,13 +10,13 @@ one side of the equation only.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 #: No computed derivatives are low-passed below this: however slow the program, friction and
 #: flexibility make joints move at some hertz, and inertia is seen nowhere but there [Hz].
@@ -144,7 +144,7 @@ def differentiate(x: Array, dt: float) -> Array:
     return slope
 
 
-@dataclass(frozen=True)
+@frozen
 class FourierFit:
     """A finite Fourier series per joint: ``q = c0 + Σ a_k sin(kωt) + b_k cos(kωt)``.
 
@@ -226,7 +226,7 @@ def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
     return float(chosen)
 
 
-@dataclass(frozen=True)
+@frozen
 class Decimation:
     """Zero-phase FIR low-pass and decimation that torque and regressor columns share.
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
+from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.program import adjoint_inverse, body_scale, matrix
 from identifiability.physical.pseudo_inertia import BASIS, BOUNDARY, check_body, to_matrix
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 THIN = 1e-3
 
 
-@dataclass(frozen=True)
+@frozen
 class CadPrior:
     """Log-det divergence from a nominal robot [Lee 2020], in units of the noise variance.
 

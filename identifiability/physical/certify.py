@@ -9,13 +9,13 @@ does not [Boyd 2004, §5.8].
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.program import (
     ADVICE,
@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 ROOM = 1.0
 
 
-@dataclass(frozen=True)
+@frozen
 class Certificate:
     """Whether base parameters are feasible, and the proof.
 

@@ -11,13 +11,14 @@ full, and as no help in explaining the log.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from identifiability.estimation.estimate import Estimate
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, nominal_cones
 from identifiability.physical.certify import Certificate, certify
 from identifiability.physical.feasible_set import PhysicalSet, scale_from
@@ -35,7 +36,7 @@ from identifiability.robot.holding import held_by_file
 LEFT_OUT = 1e-3
 
 
-@dataclass(frozen=True)
+@frozen
 class PhysicalResult:
     """What physics says of a fitted model.
 

@@ -7,20 +7,21 @@ the posterior.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identifiability.foundation.values import frozen
 from identifiability.physical import pseudo_inertia
 from identifiability.physical.pseudo_inertia import BASIS, BodyCheck, check_body, scale_matrix
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@frozen
 class Hull:
     """A region that holds all the material of one body, as quadrics ``[r; 1]ᵀ Q [r; 1] ≥ 0``.
 
@@ -77,7 +78,7 @@ class Hull:
         return cls(body, Q[None])
 
 
-@dataclass(frozen=True)
+@frozen
 class PhysicalSet:
     """Parameter vectors of a real robot.
 

@@ -5,18 +5,17 @@ Base parameters are ``G phi``, and the model says that they are ``value + M x``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from identifiability.foundation.linalg import SPAN_TOLERANCE
+from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@frozen
 class Held:
     """Independent combinations of parameters with their values; of no inertial parameter.
 
@@ -57,7 +56,7 @@ class Held:
         return Plane(Q[:, :k], Q[:, k:], np.linalg.solve(R[:k].T, self.value))
 
 
-@dataclass(frozen=True)
+@frozen
 class Plane:
     """Scaled parameters x with ``normalᵀ x = value``.
 

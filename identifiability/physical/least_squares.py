@@ -1,14 +1,14 @@
 """What the data say about the parameters: a compressed least-squares problem."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+
+from identifiability.foundation.values import frozen
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@frozen
 class LeastSquares:
     """Residual sum of squares of a linear model, ``‖R phi − z‖² + rss_min``.
 

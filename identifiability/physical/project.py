@@ -11,7 +11,6 @@ Two things keep the optimum right: R is factored, never squared, and the columns
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import cvxpy as cp
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, divergence, prior_gap
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Held, Plane
@@ -55,7 +55,7 @@ GAP = 1e-3
 ROUNDING = 1e-12
 
 
-@dataclass(frozen=True)
+@frozen
 class FeasibleEstimate:
     """The nearest parameters of a real robot.
 
@@ -88,7 +88,7 @@ class FeasibleEstimate:
     accurate: bool
 
 
-@dataclass(frozen=True)
+@frozen
 class _Scaled:
     """A data set in scaled parameters: ``phi = scale * x``, cost ``‖factor x − target‖²`` in σ²."""
 
@@ -98,7 +98,7 @@ class _Scaled:
     plane: Plane
 
 
-@dataclass(frozen=True)
+@frozen
 class Projection:
     """A compiled program: solve it for as many data sets as there are, one at a time.
 

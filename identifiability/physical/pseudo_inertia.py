@@ -8,10 +8,10 @@ about the origin of the body frame) belong to a real mass distribution exactly w
 is positive semidefinite [Traversaro 2016; Wensing 2017].
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from identifiability.foundation.values import frozen
 
 Floats = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ def margin(theta: ArrayLike, mass: ArrayLike = 1.0, length: ArrayLike = 0.1) -> 
     return np.asarray(np.linalg.eigvalsh(J)[..., 0], float)
 
 
-@dataclass(frozen=True)
+@frozen
 class BodyCheck:
     """Whether ten numbers are a body, and in words why not.
 

@@ -7,13 +7,14 @@ reversible, so the true value is put at a random place of its own chain, which m
 uniform exactly, whatever the autocorrelation and without warm-up [Gandy 2020].
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import (
     ExactSampler,
     Progress,
@@ -31,7 +32,7 @@ NOISE_DOF = 10.0
 PRIOR_STEPS = 60
 
 
-@dataclass(frozen=True)
+@frozen
 class Calibration:
     """Ranks of true values among posterior draws.
 

@@ -9,11 +9,10 @@ Most bodies do not leave in a short stretch, and that is cheap to prove: the Ber
 of the quadratic on [0, U] are positive definite. Only the others cost an eigenvalue problem.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from identifiability.foundation.values import frozen
 from identifiability.posterior.truncated import Bools, Circles, Floats, exit_through_rows
 
 #: Roots up to here are the reflection that the path comes from.
@@ -30,7 +29,7 @@ TRIANGLE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 UPPER = np.array([0, 1, 2, 3, 5, 6, 7, 10, 11, 15])
 
 
-@dataclass(frozen=True)
+@frozen
 class Cone:
     """Rows ``y ≥ 0`` followed by ten entries a body of matrices that must stay positive definite.
 

@@ -6,18 +6,18 @@ sizes [Vehtari 2021] and the autocorrelation time say whether there are enough d
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identifiability.foundation.values import frozen
 from identifiability.posterior.ensemble import ENSEMBLES, Posterior
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@frozen
 class Thresholds:
     """What a posterior must satisfy to be shown.
 
@@ -40,7 +40,7 @@ class Thresholds:
     acceptance: float = 0.1
 
 
-@dataclass(frozen=True)
+@frozen
 class Convergence:
     """Whether a posterior may be shown.
 

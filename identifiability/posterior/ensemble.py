@@ -11,7 +11,6 @@ dimensions its standard deviations are 27 % too small in emcee 3.1.6.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import emcee
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import ExactSampler, Progress, build_sampler, interior
 from identifiability.posterior.target import Target
 
@@ -33,7 +33,7 @@ ENSEMBLES = 4
 STEP = 0.1
 
 
-@dataclass(frozen=True)
+@frozen
 class Posterior:
     """Draws of the parameters.
 

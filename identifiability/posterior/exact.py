@@ -7,12 +7,12 @@ the diagnostics.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.values import frozen
 from identifiability.posterior.cone import UPPER, Cone
 from identifiability.posterior.target import Diagonal, Target
 from identifiability.posterior.truncated import Bools, Floats, HalfSpaces, Region, travel
@@ -21,7 +21,7 @@ from identifiability.posterior.truncated import Bools, Floats, HalfSpaces, Regio
 Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True)
+@frozen
 class ExactSampler:
     """A transition that leaves the posterior unchanged, for K chains at once.
 

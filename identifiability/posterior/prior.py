@@ -1,15 +1,16 @@
 """What the user knew before the data: a normal distribution per parameter."""
 
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identifiability.foundation.values import frozen
+
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@frozen
 class Prior:
     """Independent normal priors; an infinite sd is a flat one.
 

@@ -10,12 +10,13 @@ correlated samples weigh as n/κ independent ones. With ``v = κ σ²``:
 At κ = 1 this is the textbook posterior under the prior 1/σ² [Gelman 2013, §14.2].
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.posterior.prior import Prior
@@ -29,7 +30,7 @@ RANK = 1e-9
 FLAT = 1e4
 
 
-@dataclass(frozen=True)
+@frozen
 class Diagonal:
     """The posterior without its constraints: a standard normal prior seen through diagonal data.
 
@@ -98,7 +99,7 @@ class Diagonal:
         return total
 
 
-@dataclass(frozen=True)
+@frozen
 class Target:
     """The posterior: what the data say, what was known, what is possible.
 

@@ -11,11 +11,12 @@ Many chains run at once, as rows of the arrays. The region enters only through l
 through linear inequalities in closed form, `cone` adds matrix inequalities.
 """
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from identifiability.foundation.values import frozen
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -27,7 +28,7 @@ TURN = (np.pi / 4, 3 * np.pi / 4)
 BOUNCES = 2000
 
 
-@dataclass(frozen=True)
+@frozen
 class Circles:
     """Trajectories ``y(t) = centre + sine sin t + cosine cos t`` of K chains, in the coordinates y.
 
@@ -78,7 +79,7 @@ class Region(Protocol):
         """Whether points (K, M) are inside."""
 
 
-@dataclass(frozen=True)
+@frozen
 class HalfSpaces:
     """``offset + map @ eta ≥ 0``.
 

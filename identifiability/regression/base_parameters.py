@@ -8,7 +8,6 @@ in the span of those kept before it; the others are regrouped into the kept ones
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +21,7 @@ from identifiability.foundation.linalg import (
 )
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, Rng, checked
+from identifiability.foundation.values import frozen
 from identifiability.regression.regression import Model
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True)
+@frozen
 class BaseParameters:
     """Groupings ``beta = G phi`` of standard parameters phi, with ``W phi = W[:, kept] beta``.
 
@@ -45,13 +45,16 @@ class BaseParameters:
         Of the column-scaled regressor, descending.
     ambiguous : bool
         Whether the number of kept columns and the numerical rank disagree.
+    order : tuple of int
+        In which labels list the members of a group.
     """
 
     parameters: tuple[Parameter, ...]
     kept: np.ndarray
     G: Array
     singular_values: Array
-    ambiguous: bool = False
+    ambiguous: bool
+    order: tuple[int, ...]
 
     def __len__(self) -> int:
         """Return the number of base parameters, the rank."""
@@ -87,7 +90,7 @@ class BaseParameters:
 
     def terms(self, row: int) -> list[tuple[float, Parameter]]:
         """Return the members of a group with their coefficients, the kept one first."""
-        order = [self.kept[row], *[k for k in self._order if k != self.kept[row]]]
+        order = [self.kept[row], *[k for k in self.order if k != self.kept[row]]]
         return [
             (float(self.G[row, k]), self.parameters[k])
             for k in order
@@ -120,10 +123,6 @@ class BaseParameters:
         return np.array(
             [all(c > 0 and p.nonnegative for c, p in self.terms(r)) for r in range(len(self))], bool
         )
-
-    @cached_property
-    def _order(self) -> list[int]:
-        return list(range(len(self.parameters)))
 
     def to_frame(self) -> pd.DataFrame:
         """Return name, unit and grouping of every base parameter."""
@@ -163,9 +162,9 @@ def group_columns(
         G[:, kept] = np.eye(len(kept))
         G[:, ~used] = 0.0
         G[np.abs(solved) < SPAN_TOLERANCE] = 0.0
-    base = BaseParameters(tuple(parameters), np.array(kept, int), G, s, rank != len(kept))
-    base._order[:] = preference  # labels list their members in the order of preference
-    return base
+    return BaseParameters(
+        tuple(parameters), np.array(kept, int), G, s, rank != len(kept), tuple(preference)
+    )
 
 
 def random_motion(robot: Robot, rng: np.random.Generator, count: int = 400) -> Motion:

@@ -10,7 +10,7 @@ times as much). Adding is concatenation of blocks, so chunks, files and processe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Annotated
 
@@ -21,6 +21,7 @@ from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
+from identifiability.foundation.values import frozen
 from identifiability.regression.regression import Part, Regression, map_parts
 
 #: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
@@ -33,7 +34,7 @@ BASIS_ROWS = 4096
 FLOOR = 1e-6
 
 
-@dataclass(frozen=True)
+@frozen
 class Information:
     """Gram matrices of ``[W τ]`` in a basis.
 

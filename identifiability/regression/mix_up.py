@@ -8,13 +8,13 @@ friction and rotor inertia decide, which cannot be negative.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.regression.regression import Regression
 
 #: Samples that are looked at, spread over all logs.
@@ -30,7 +30,7 @@ MOST_SIGNS = 8
 CERTAIN = 10.0
 
 
-@dataclass(frozen=True)
+@frozen
 class _Fit:
     """Relative error of a fit to torque columns in another order or with other signs.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -12,12 +11,13 @@ from identifiability.effects import FAMILIES, Effect, Part, Placed, find_effect
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, checked
+from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
 
 EffectName = Annotated[str, Expected("the name of an effect, such as 'rigid_body'")]
 
 
-@dataclass(frozen=True)
+@frozen
 class Model:
     """A sum of effects; ``model + effect`` adds one.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import numpy as np
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine, Result, Steps
 from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared, Stretch
 from identifiability.regression.model import Model
@@ -29,7 +30,7 @@ CHUNK = 1024
 KEEP_BYTES = 200e6
 
 
-@dataclass(frozen=True)
+@frozen
 class Chunk:
     """Consecutive rows of a regression.
 
@@ -54,7 +55,7 @@ class Chunk:
     velocity: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class Regression:
     """Named columns W and torque of one or more logs, computed chunk by chunk on demand.
 
@@ -158,7 +159,7 @@ class Regression:
         return pd.concat(parts, ignore_index=True)
 
 
-@dataclass(frozen=True)
+@frozen
 class StretchRegression:
     """The regression of a stretch of a long log: small to send, large to compute.
 
@@ -180,7 +181,7 @@ class StretchRegression:
         yield from _chunks(self, self.stretch, log, size)
 
 
-@dataclass(frozen=True)
+@frozen
 class Part:
     """A part of a regression that is worked on by itself.
 

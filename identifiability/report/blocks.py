@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal, TypeAlias
 
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from identifiability.foundation.values import frozen
 from identifiability.report.drawing import svg
 from identifiability.report.tables import Table
 
 
-@dataclass(frozen=True)
+@frozen
 class Prose:
     """Paragraphs."""
 
@@ -21,7 +21,7 @@ class Prose:
     kind: ClassVar[str] = "prose"
 
 
-@dataclass(frozen=True)
+@frozen
 class Note:
     """A caveat, or the absence of one.
 
@@ -41,7 +41,7 @@ class Note:
         return {"warning": "▲", "note": "●", "good": "✓"}[self.level]
 
 
-@dataclass(frozen=True)
+@frozen
 class Notes:
     """Several notes."""
 
@@ -49,7 +49,7 @@ class Notes:
     kind: ClassVar[str] = "notes"
 
 
-@dataclass(frozen=True)
+@frozen
 class Term:
     """A word and what is said of it; `badge` gives it the mark of a verdict."""
 
@@ -59,7 +59,7 @@ class Term:
     formula: str = ""
 
 
-@dataclass(frozen=True)
+@frozen
 class Terms:
     """A list of terms."""
 
@@ -67,7 +67,7 @@ class Terms:
     kind: ClassVar[str] = "terms"
 
 
-@dataclass(frozen=True)
+@frozen
 class Tile:
     """A headline number: large value, what it is, small print."""
 
@@ -77,7 +77,7 @@ class Tile:
     tone: str = ""
 
 
-@dataclass(frozen=True)
+@frozen
 class Picture:
     """A figure with its caption.
 
@@ -107,7 +107,7 @@ class Picture:
         return round(self.figure.get_figwidth() * 72)
 
 
-@dataclass(frozen=True)
+@frozen
 class Gallery:
     """Pictures side by side as far as there is room, with one caption."""
 
@@ -121,7 +121,7 @@ class Gallery:
         return max((p.width for p in self.pictures), default=0)
 
 
-@dataclass(frozen=True)
+@frozen
 class Fold:
     """Blocks that open on demand; in print they are open."""
 
@@ -133,7 +133,7 @@ class Fold:
 Block: TypeAlias = Prose | Notes | Terms | Table | Picture | Gallery | Fold
 
 
-@dataclass(frozen=True)
+@frozen
 class Section:
     """A headed part of a page.
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from identifiability.foundation.values import frozen
 
 Tone = Literal["blue", "green", "amber", "vermilion", "purple", "sky", "grey"]
 
 
-@dataclass(frozen=True)
+@frozen
 class Mark:
     """The look of a class.
 

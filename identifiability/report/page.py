@@ -6,7 +6,6 @@ import base64
 import hashlib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -14,13 +13,14 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from identifiability.foundation.output import write_text
+from identifiability.foundation.values import frozen
 from identifiability.report.blocks import Block, Section, Tile
 from identifiability.report.marks import mark_of
 
 TEMPLATES = Path(__file__).with_name("templates")
 
 
-@dataclass(frozen=True)
+@frozen
 class Page:
     """A page before it is text.
 

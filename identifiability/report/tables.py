@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pandas as pd
 
+from identifiability.foundation.values import frozen
 from identifiability.report.marks import MARKS
 from identifiability.report.numbers import NONE, format_number
 
 Kind = Literal["text", "number", "error", "bar", "badge", "code"]
 
 
-@dataclass(frozen=True)
+@frozen
 class Column:
     """A column of a table.
 
@@ -34,7 +34,7 @@ class Column:
     hint: str = ""
 
 
-@dataclass(frozen=True)
+@frozen
 class Cell:
     """What stands in a row and a column.
 
@@ -67,7 +67,7 @@ class Cell:
         return f"{self.key:.6g}".replace("inf", "Infinity")
 
 
-@dataclass(frozen=True)
+@frozen
 class Table:
     """A table that sorts by click and, where asked for, filters by the words of one column.
 
@@ -102,7 +102,7 @@ class Table:
         return [(w, words.count(w)) for w in sorted(set(words), key=_rank)]
 
 
-@dataclass(frozen=True)
+@frozen
 class Check:
     """A number beside what it should be; a cell of a DataFrame given to `frame_table`.
 

@@ -9,13 +9,14 @@ Which of its assemblies a closed chain has, and how its loops are closed, is in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from scipy.linalg import qr
 
 from identifiability.foundation.errors import ClosureError, listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
 from identifiability.robot.loop_equations import loop_bias, loop_equations, loop_jacobian
 from identifiability.robot.newton import ACCEPTED, HOPELESS, close_loops, invert, newton
@@ -25,7 +26,7 @@ from identifiability.robot.newton import ACCEPTED, HOPELESS, close_loops, invert
 SINGULAR = 1e3
 
 
-@dataclass(frozen=True)
+@frozen
 class Motion:
     """The motion of every joint at N samples.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, near_match
 from identifiability.foundation.names import INERTIAL_PREFERENCE, Array
+from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Tree
 from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.markup import included_files
@@ -21,7 +22,7 @@ from identifiability.robot.mjcf import weighing_files
 from identifiability.robot.transmission import Axis, Transmission
 
 
-@dataclass(frozen=True)
+@frozen
 class Description:
     """What is known of a robot; read from a file it is a `Robot`.
 

@@ -10,7 +10,6 @@ never from the robot file again.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -18,6 +17,7 @@ import numpy as np
 import scipy
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 JointType = Literal["revolute", "prismatic", "ball", "free"]
 WORLD = -1
@@ -32,7 +32,7 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
-@dataclass(frozen=True)
+@frozen
 class Joint:
     """One joint of the tree: an axis or a ball, with its place on the joint before it.
 
@@ -71,7 +71,7 @@ class Joint:
         return len(self.dofs)
 
 
-@dataclass(frozen=True)
+@frozen
 class Frames:
     """World frames of joints at N configurations, samples last; N is 1 where they never move.
 
@@ -87,7 +87,7 @@ class Frames:
     origin: dict[int, Array]
 
 
-@dataclass(frozen=True)
+@frozen
 class Point:
     """A point fixed to the body behind a joint, in that joint's frame [m]."""
 
@@ -95,7 +95,7 @@ class Point:
     position: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class _Aligned:
     """Constants of a joint when every frame is turned so that its third axis is the joint's.
 
@@ -114,7 +114,7 @@ class _Aligned:
     shift: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class Tree:
     """The joints of a tree, parents before children."""
 

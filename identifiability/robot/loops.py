@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Point
 
 
-@dataclass(frozen=True)
+@frozen
 class Loop:
     """A point closure: a point of one body coincides with a point of another.
 
@@ -22,7 +21,7 @@ class Loop:
     stated: tuple[tuple[str, tuple[float, ...]], tuple[str, tuple[float, ...]]] | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class Coupling:
     """A joint coupling ``q_joint = Σ c_k (q_of)^k`` (MJCF ``<joint>`` equality, URDF mimic)."""
 

@@ -7,12 +7,11 @@ starts from the nearest seed, so the result does not depend on the order or the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
 from identifiability.robot.loop_equations import loop_equations
 
@@ -35,7 +34,7 @@ MOST_TRIED = 2000
 BATCH = 2048
 
 
-@dataclass(frozen=True)
+@frozen
 class Closed:
     """Result of Newton steps.
 
@@ -78,9 +77,9 @@ def close_loops(robot: Description, q: Array) -> Closed:
     doubtful = np.flatnonzero((closed.error > ACCEPTED) | (moved > LEAP))
     if len(doubtful):
         again = follow_from_home(robot, q[doubtful], 2 * _HOMOTOPY_STEPS)
-        closed.q[doubtful] = again.q
-        closed.error[doubtful] = again.error
-        closed.A[doubtful] = again.A
+        q_full, error, A = closed.q.copy(), closed.error.copy(), closed.A.copy()
+        q_full[doubtful], error[doubtful], A[doubtful] = again.q, again.error, again.A
+        return Closed(q_full, error, A)
     return closed
 
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated
 
 from identifiability.foundation.options import Expected, FilePath, checked
+from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
 from identifiability.robot.files import read_robot
 
 RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
 
 
-@dataclass(frozen=True)
+@frozen
 class Robot(Description):
     """A robot read from a standard file; make one with `Robot.load`."""
 

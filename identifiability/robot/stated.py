@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot.loops import Coupling, Loop
 
 
-@dataclass(frozen=True)
+@frozen
 class Stated:
     """What a robot file states.
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 
-@dataclass(frozen=True)
+@frozen
 class Transmission:
     """Motors that mix joints: ``motor = ratio ∘ (coupling · (q - offset))``.
 
@@ -38,7 +37,7 @@ class Transmission:
         return np.linalg.solve(R, q.T).T + self.offset, tau @ R
 
 
-@dataclass(frozen=True)
+@frozen
 class Axis:
     """A line along which friction and rotor inertia act: a joint's, or a coupled motor's.
 

@@ -11,7 +11,6 @@ import json
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ import pinocchio as pin
 from identifiability.foundation.errors import OutputError, RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.output import write_together
+from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
 from identifiability.robot.holding import complete_values, file_joints, read_back, rotor_inertia
 from identifiability.robot.markup import read_markup
@@ -27,7 +27,7 @@ from identifiability.robot.mjcf_text import clear_mjcf, in_radians, numbers, wri
 from identifiability.robot.sidecar import read_sidecar
 
 
-@dataclass(frozen=True)
+@frozen
 class Written:
     """What was written.
 

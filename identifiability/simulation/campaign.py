@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.simulation import forces
@@ -22,7 +22,7 @@ from identifiability.simulation.trajectory import Trajectory
 PAUSE = 10.0
 
 
-@dataclass(frozen=True)
+@frozen
 class Campaign:
     """Motions that share one robot; a hidden effect has one size in all of them.
 

@@ -6,12 +6,12 @@ Written out as force laws of speed, position and load; the columns in `effects` 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 #: Law of a hidden effect at one axis: (speed, position from home, load) -> force, up to a factor.
 Law = Callable[[Array, Array, Array], Array]
@@ -102,7 +102,7 @@ HIDDEN_WHOLE = ("time_delay", "torque_leak", "thermal_drift", "gravity_tilt", "p
 DEFAULT_SHARE = 0.05
 
 
-@dataclass(frozen=True)
+@frozen
 class Hidden:
     """An effect that is in the data and not in the robot file.
 

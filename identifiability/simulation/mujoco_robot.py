@@ -9,7 +9,6 @@ test.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -17,6 +16,7 @@ import numpy as np
 
 from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.markup import read_markup
 from identifiability.robot.mjcf import compile_mjcf, quiet
@@ -25,7 +25,7 @@ TOLERANCE = 1e-12
 _MAX_STEPS = 30
 
 
-@dataclass(frozen=True)
+@frozen
 class RigidTorque:
     """Inverse dynamics along a motion.
 
@@ -46,7 +46,7 @@ class RigidTorque:
     X: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class _Closure:
     """A point closure in MuJoCo's terms: two bodies and a point in each frame."""
 
@@ -105,10 +105,8 @@ class MujocoRobot:
         """
         single = [(k, int(self._joint(d).qposadr[0]), self._dof(d)) for k, d in self._named()]
         n, m = q.shape[1], len(self.robot.dependent)
-        out = RigidTorque(
-            np.zeros_like(q), np.zeros((len(q), m)), np.zeros((len(q), m)), np.zeros((len(q), m)),
-            np.zeros((len(q), m, n)),
-        )  # fmt: skip
+        tau, slope = np.zeros_like(q), np.zeros((len(q), m, n))
+        passive = np.zeros((3, len(q), m))
         full = self.home()
         for k in range(len(q)):
             full = self.walk(full, q[k], k)
@@ -121,13 +119,11 @@ class MujocoRobot:
             self.data.qvel[:], self.data.qacc[:] = v, a
             mujoco.mj_inverse(self.model, self.data)
             force = self.data.qfrc_inverse
-            out.tau[k] = force[self.actuated] - X.T @ force[self.passive]
+            tau[k] = force[self.actuated] - X.T @ force[self.passive]
             for column, qadr, dof in single:
-                out.passive_q[k, column] = full[qadr]
-                out.passive_v[k, column] = v[dof]
-                out.passive_a[k, column] = a[dof]
-                out.X[k, column] = X[np.flatnonzero(self.passive == dof)[0]]
-        return out
+                passive[:, k, column] = full[qadr], v[dof], a[dof]
+                slope[k, column] = X[np.flatnonzero(self.passive == dof)[0]]
+        return RigidTorque(tau, passive[0], passive[1], passive[2], slope)
 
     def _named(self) -> list[tuple[int, str]]:
         """Return the passive one-dof joints with their place among the robot's passive ones."""

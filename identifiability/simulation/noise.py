@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -11,6 +10,7 @@ import scipy
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, check_fields
+from identifiability.foundation.values import frozen
 
 #: A hundred times the signal is no measurement any more.
 LOUDEST = 100.0
@@ -24,7 +24,7 @@ def _below(most: float) -> Expected:
 Level = Annotated[float, _below(LOUDEST)]
 
 
-@dataclass(frozen=True)
+@frozen
 class Noise:
     """Measurement noise.
 

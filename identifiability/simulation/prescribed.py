@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.simulation.trajectory import Trajectory
 
 
-@dataclass(frozen=True)
+@frozen
 class PrescribedMotion:
     """Motion of the actuated joints that the simulated robot follows exactly.
 

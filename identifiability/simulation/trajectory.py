@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 
 #: Longer simulated logs are refused; the simulator takes one sample at a time.
@@ -43,7 +43,7 @@ class TrajectoryFile(BaseModel):
     trajectories: dict[str, dict[str, SeriesEntry]]
 
 
-@dataclass(frozen=True)
+@frozen
 class Trajectory:
     """Motion of the actuated joints as Fourier series.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from identifiability.effects.nominal import LOADED, reference_values
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 from identifiability.foundation.options import FilePath, checked
+from identifiability.foundation.values import frozen
 from identifiability.physical.mass import state_mass
 from identifiability.physical.pseudo_inertia import INERTIAL, check_body
 from identifiability.robot import Robot, RobotLike
@@ -52,7 +52,7 @@ class Result(_Entry):
     nothing: str | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class Exported:
     """What was exported.
 

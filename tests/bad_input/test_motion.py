@@ -1,6 +1,7 @@
 """Motion that says little is a result with a reason; motion that cannot be is an error."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -90,7 +91,9 @@ def test_torque_that_has_nothing_to_do_with_the_motion_identifies_nothing(arm, r
 def test_a_joint_that_never_moves_is_not_identifiable_and_says_why():
     robot = Robot.load("six-dof-arm")
     motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
-    motion.q[:, 2], motion.dq[:, 2], motion.ddq[:, 2] = 0.2, 0.0, 0.0
+    q, dq, ddq = (np.array(x) for x in (motion.q, motion.dq, motion.ddq))
+    q[:, 2], dq[:, 2], ddq[:, 2] = 0.2, 0.0, 0.0
+    motion = replace(motion, q=q, dq=dq, ddq=ddq)
     out = analyze(robot, simulate(robot, motion), replicates=20)
     verdicts = {v.name: v for v in out.full.verdicts}
     for name in ("joint_3.Fv", "joint_3.Fc+", "joint_3.Fc-"):
@@ -175,8 +178,9 @@ def test_exactly_singular_samples_are_dropped(monkeypatch):
 
     def flat(robot, q, *most, **more):
         out = plain(robot, q, *most, **more)
-        out.A[:, :, robot.dependent] *= np.arange(len(q))[:, None, None] > 2
-        return out
+        A = np.array(out.A)
+        A[:, :, robot.dependent] *= np.arange(len(q))[:, None, None] > 2
+        return replace(out, A=A)
 
     assert len(complete_motion(robot, t, q, 0 * q, 0 * q)) == 401
     monkeypatch.setattr(newton, "newton", flat)

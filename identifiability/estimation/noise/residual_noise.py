@@ -8,7 +8,6 @@ like 0.75. So the noise is fitted beside these columns by restricted likelihood 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from identifiability.estimation.noise.autoregression import Runs, autocovariance, colour, levinson
 from identifiability.estimation.noise.restricted_likelihood import RestrictedLikelihood
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 
 #: Rows that are fitted; more tell nothing new of the noise.
@@ -30,7 +30,7 @@ ROUNDING = 1e-8
 GAP = 1.5
 
 
-@dataclass(frozen=True)
+@frozen
 class ResidualNoise:
     """Stationary autoregressive noise; actuators are independent.
 

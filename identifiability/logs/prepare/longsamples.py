@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import reduce
 from itertools import pairwise
 from operator import add
@@ -13,6 +13,7 @@ import numpy as np
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.checks import FEWEST
 from identifiability.logs.logfile import LogFile
@@ -44,7 +45,7 @@ TRIED = 64
 SKETCH = 4096
 
 
-@dataclass(frozen=True)
+@frozen
 class Stretch:
     """Consecutive rows of a long log and all that it takes to prepare them: one task of a pass.
 
@@ -98,7 +99,7 @@ class Stretch:
             return Samples(log.name, motion, empty, self.plan.decimation, (), log.sha256, own)
 
 
-@dataclass(frozen=True)
+@frozen
 class LongSamples:
     """A prepared log that is read and prepared again whenever it is gone through.
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare.rests import RestRule
 from identifiability.robot import Robot
 
 
-@dataclass(frozen=True)
+@frozen
 class Plan:
     """What was decided about a log once, for all its samples.
 

@@ -8,7 +8,7 @@ any parts with the result that it would have as a whole.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, at_least, check_fields
+from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.log import Log, even_step, join_logs
 from identifiability.logs.logfile import LogFile
@@ -31,7 +32,7 @@ Derivatives = Literal["auto", "given", "butterworth", "fourier"]
 PIECE = 65_536
 
 
-@dataclass(frozen=True)
+@frozen
 class Preparation:
     """How a log is turned into motion.
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs.signals import WINDOW, bandwidth_of_windows, never_moves, sampling_step
 
 #: A joint slower than this share of its largest speed stands still.
 REST_SPEED = 0.01
 
 
-@dataclass(frozen=True)
+@frozen
 class RestRule:
     """When all joints stand still.
 

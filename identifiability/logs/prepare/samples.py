@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -12,6 +12,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare.plan import Plan, joint_log
@@ -25,7 +26,7 @@ __all__ = ["Piece", "Preparation", "Samples", "prepare_rows", "prepare_samples"]
 SURVEYED = 1024
 
 
-@dataclass(frozen=True)
+@frozen
 class Piece:
     """Consecutive samples, with what the decimation filter draws on at both ends.
 
@@ -51,7 +52,7 @@ class Piece:
         return slice(None) if d is None else slice(d.reach, len(self.tau) - d.reach, d.factor)
 
 
-@dataclass(frozen=True)
+@frozen
 class Samples:
     """A prepared log.
 

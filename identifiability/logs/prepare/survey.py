@@ -7,11 +7,11 @@ Here it is said once whether logs have anything to explain (`find_signal`, `expl
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs.signals import is_constant, never_moves
 from identifiability.robot import Motion
 
@@ -19,7 +19,7 @@ from identifiability.robot import Motion
 LISTED = 5
 
 
-@dataclass(frozen=True)
+@frozen
 class Survey:
     """Counts, ranges and sums over a log.
 

@@ -25,7 +25,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
@@ -35,6 +34,7 @@ from identifiability.effects import stated_effects
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.options import Expected
+from identifiability.foundation.values import frozen
 from identifiability.logs.checks import LARGEST
 from identifiability.regression.model import Model
 from identifiability.robot import Robot
@@ -98,7 +98,7 @@ ModelLike = Annotated[
 ]
 
 
-@dataclass(frozen=True)
+@frozen
 class LadderSource:
     """A ladder and where it came from.
 

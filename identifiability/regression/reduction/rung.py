@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
 from identifiability.regression.reduction.file import LadderEntry, RungEntry
 from identifiability.robot import Robot
 
 
-@dataclass(frozen=True)
+@frozen
 class Rung:
     """One model of a ladder: columns ``W_base M`` and torque ``τ - W_base held``.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
@@ -15,6 +15,7 @@ from identifiability.estimation.evaluation import Prediction
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 
-@dataclass(frozen=True, repr=False)
+@frozen
 class Analysis(Result):
     """The answer. `to_frame`, `to_json` and `write_report` give it away.
 

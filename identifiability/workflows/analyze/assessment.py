@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from identifiability.estimation.uncertainty import Uncertainty, assess_uncertain
 from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, judge, withdraw
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.mass import real_robot_dict
 from identifiability.regression.information import Information
@@ -21,7 +22,7 @@ from identifiability.regression.reduction import Rung
 from identifiability.robot import Robot
 
 
-@dataclass(frozen=True)
+@frozen
 class RungResult:
     """One model of the ladder, fitted.
 

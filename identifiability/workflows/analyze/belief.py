@@ -8,7 +8,7 @@ Residuals are correlated, so the likelihood counts as many samples as are indepe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.posterior.diagnostics import Convergence
 from identifiability.workflows.analyze.assessment import RungResult
 
@@ -41,7 +42,7 @@ class Source(StrEnum):
     STRUCTURE = "structure"
 
 
-@dataclass(frozen=True)
+@frozen
 class Effort:
     """How much is sampled: walkers of each of four ensembles, draws of each walker."""
 
@@ -50,7 +51,7 @@ class Effort:
     warmup: int = 20
 
 
-@dataclass(frozen=True)
+@frozen
 class Summary:
     """A posterior of m parameters, or why there is none.
 
@@ -91,7 +92,7 @@ class Summary:
         return whole
 
 
-@dataclass(frozen=True)
+@frozen
 class StandardBelief:
     """What is known of the standard parameters, (p,) each.
 
@@ -127,7 +128,7 @@ class StandardBelief:
         return learned
 
 
-@dataclass(frozen=True)
+@frozen
 class Belief:
     """Posteriors of one model.
 

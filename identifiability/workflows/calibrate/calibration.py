@@ -8,7 +8,7 @@ values, noise has the size and the correlation of the residual, of any order at 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from itertools import islice
 from typing import Annotated, Any, ClassVar
@@ -32,6 +32,7 @@ from identifiability.foundation.options import (
     checked,
 )
 from identifiability.foundation.result import Result
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Model, Regression
 from identifiability.workflows.analyze.analysis import Analysis
@@ -51,7 +52,7 @@ from identifiability.workflows.diagnose import FalseNames, measure_false_names
 FIRST = 4
 
 
-@dataclass(frozen=True, repr=False)
+@frozen
 class Calibration(Result):
     """Operating characteristics of the verdicts on one motion.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from identifiability.estimation.uncertainty import assess_uncertainty, recurrenc
 from identifiability.estimation.verdict import Class, Evidence, Thresholds, judge
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import LEVEL, REACH, Share, clustered_share, each_share
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.workflows.analyze.assessment import column_noise, column_rms
@@ -22,7 +22,7 @@ from identifiability.workflows.calibrate.replicates import Experiment
 WRONG = 0.5
 
 
-@dataclass(frozen=True)
+@frozen
 class Cell:
     """What was counted at one noise level and correlation.
 
@@ -95,7 +95,7 @@ class Cell:
         return self.to_row() | {"each": each, "below": list(self.below)}
 
 
-@dataclass(frozen=True)
+@frozen
 class Outcome:
     """One simulated experiment, fitted and judged as `analyze` would: arrays over k parameters.
 

@@ -6,7 +6,6 @@ among draws of its posterior with signs: the ranks are uniform if the posterior 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -18,6 +17,7 @@ from identifiability.estimation.verdict import holm
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.posterior.calibration import Calibration, calibrate_posterior
@@ -40,7 +40,7 @@ PART = 250
 LEVEL = 0.01
 
 
-@dataclass(frozen=True)
+@frozen
 class RankCheck:
     """Ranks of planted values among draws of their posterior.
 

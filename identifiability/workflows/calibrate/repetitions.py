@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identifiability.estimation.estimate import Method
@@ -11,6 +9,7 @@ from identifiability.estimation.noise.autoregression import Runs
 from identifiability.estimation.noise.residual_noise import ResidualNoise
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import Rung
 from identifiability.workflows.calibrate.outcome import Outcome, judge_outcome
 from identifiability.workflows.calibrate.replicates import Experiment
@@ -19,7 +18,7 @@ from identifiability.workflows.calibrate.replicates import Experiment
 BATCH = 10
 
 
-@dataclass(frozen=True)
+@frozen
 class Judged:
     """What every repetition has in common."""
 
@@ -32,7 +31,7 @@ class Judged:
     thresholds: Thresholds
 
 
-@dataclass(frozen=True)
+@frozen
 class Repetitions:
     """The noise, and the seed of each repetition."""
 

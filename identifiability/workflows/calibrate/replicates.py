@@ -6,19 +6,18 @@ on the motion itself, with planted parameters and noise that we made.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.signal import lfilter
 
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
 
 
-@dataclass(frozen=True)
+@frozen
 class Experiment:
     """A regressor held in memory, block by block.
 

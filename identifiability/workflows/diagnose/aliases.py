@@ -7,15 +7,15 @@ along this motion, exactly like parameters that the model has already.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 
-@dataclass(frozen=True)
+@frozen
 class Alias:
     """How much of a candidate the base model does not contain.
 

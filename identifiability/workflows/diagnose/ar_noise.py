@@ -10,7 +10,6 @@ stationary [Monahan 1984].
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from identifiability.estimation.noise.autoregression import (
 )
 from identifiability.estimation.noise.restricted_likelihood import BOUND, RestrictedLikelihood
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 #: Order of the whitening filter when misfit is added to the noise.
 MISFIT_ORDER = 8
@@ -32,7 +32,7 @@ MOST_COLUMNS = 0.45
 THIN = 1e-3
 
 
-@dataclass(frozen=True)
+@frozen
 class JointNoise:
     """Noise of one joint.
 
@@ -84,7 +84,7 @@ class JointNoise:
         return np.tanh(theta), self.sigma * float(np.sqrt(self.dof / rng.chisquare(self.dof)))
 
 
-@dataclass(frozen=True)
+@frozen
 class ARNoise:
     """Noise of all joints; joints are independent."""
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from identifiability.effects import Placed
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.preparation import Preparation, make_plan
@@ -116,7 +117,7 @@ def conclude(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
+@frozen
 class _Verified:
     """What adding each family does, on fitted motion and on the motion that verifies.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
     Whitened,
@@ -21,7 +21,7 @@ from identifiability.workflows.diagnose.rows import Candidate
 DECISIVE = 4.0
 
 
-@dataclass(frozen=True)
+@frozen
 class Rival:
     """Another name for the same rows.
 

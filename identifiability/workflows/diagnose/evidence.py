@@ -10,13 +10,13 @@ and with several compare. A level that physics wants positive counts only if it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 from scipy.special import gammaln
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.ar_noise import ARNoise
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
@@ -26,7 +26,7 @@ NEGLIGIBLE = 1e-4
 FAR = 1000.0
 
 
-@dataclass(frozen=True)
+@frozen
 class Whitened:
     """Rows in units of their noise, joints one below the other.
 
@@ -52,7 +52,7 @@ class Whitened:
         return np.column_stack([self.X, *(self.D[:, list(c.columns)] for c in chosen)])
 
 
-@dataclass(frozen=True)
+@frozen
 class Bench:
     """Rows, their noise, and simulated noise: whitened anew for every model.
 
@@ -107,7 +107,7 @@ def project_out(Q: Array, A: Array) -> Array:
     return left
 
 
-@dataclass(frozen=True)
+@frozen
 class Scores:
     """Scores of candidates beside a model.
 

@@ -8,7 +8,7 @@ the false names that filters make.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -20,6 +20,7 @@ from identifiability.effects import FAMILIES, Effect
 from identifiability.estimation.noise.autoregression import colour, durbin
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
@@ -32,7 +33,7 @@ from identifiability.workflows.diagnose.workflow import diagnose
 ORDER = 8
 
 
-@dataclass(frozen=True)
+@frozen
 class FalseNames:
     """Names given to simulated logs in which nothing is missing.
 
@@ -170,7 +171,7 @@ def _diagnose_null(
     return name, dict(d.remainder.detectable)
 
 
-@dataclass(frozen=True)
+@frozen
 class NullMaker:
     """Makes logs of the same motion with base torque and like noise.
 

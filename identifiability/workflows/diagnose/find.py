@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.rows import Rows
 
 #: Bins in which the residual is averaged.
@@ -20,7 +20,7 @@ NEAR = 0.15
 AGAINST = ("velocity", "position", "acceleration", "load", "time", "log")
 
 
-@dataclass(frozen=True)
+@frozen
 class Discrepancy:
     """Where the residual of a joint sits.
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from identifiability.effects import Effect
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
@@ -19,7 +20,7 @@ from identifiability.workflows.diagnose.rows import Refusal
 from identifiability.workflows.diagnose.rules import Rules, Step
 
 
-@dataclass(frozen=True, repr=False)
+@frozen
 class Findings:
     """Where model and data disagree, what is missing, and what adding it does.
 

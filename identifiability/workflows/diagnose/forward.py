@@ -8,7 +8,7 @@ driven by the measured torque, with the nearest real robot of either model.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.shares import ENDS
+from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
 from identifiability.physical.feasibility import assess_feasibility
@@ -57,7 +58,7 @@ def _change(gap: ForwardGap, rng: np.random.Generator) -> tuple[float, float]:
     return float(low), float(high)
 
 
-@dataclass(frozen=True)
+@frozen
 class Physical:
     """A model with the values of a real robot.
 

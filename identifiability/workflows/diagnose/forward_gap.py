@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 #: Length of a simulated stretch [s].
 HORIZON = 0.25
 
 
-@dataclass(frozen=True)
+@frozen
 class ForwardGap:
     """Position errors of simulated stretches of motion that was not fitted.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.real_robot import RealRobot
 from identifiability.workflows.diagnose.rows import Candidate, Rows, fit_weighted
 
@@ -19,7 +19,7 @@ FOLDS = 5
 STRETCHES = 24
 
 
-@dataclass(frozen=True)
+@frozen
 class Gap:
     """Prediction errors of several models on the same unseen rows.
 
@@ -62,7 +62,7 @@ class Gap:
         return float(np.abs(self.tau - self.tau.mean()).sum()) or float("nan")
 
 
-@dataclass(frozen=True)
+@frozen
 class HeldOut:
     """Fits on some rows, judges on others, verifies on yet others.
 
@@ -159,7 +159,7 @@ class HeldOut:
         return Gap(self.train.measured, np.stack(parts, axis=2), self.train)
 
 
-@dataclass(frozen=True)
+@frozen
 class Gain:
     """Relative fall of the error while choosing.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.effects import find_families
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
 from identifiability.regression.reduction import nominal_base
@@ -32,7 +32,7 @@ from identifiability.workflows.diagnose.rules import Rules
 DRAWS = 199
 
 
-@dataclass(frozen=True)
+@frozen
 class Material:
     """Everything that naming reads: rows, candidates, noise.
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 from identifiability.effects import FAMILIES
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.confusable import Rival
 from identifiability.workflows.diagnose.stress import Survival
 
 
-@dataclass(frozen=True)
+@frozen
 class Placement:
     """A named effect at one place.
 
@@ -48,7 +48,7 @@ class Placement:
         return tuple(s.variation for s in self.stress if not s.survived)
 
 
-@dataclass(frozen=True)
+@frozen
 class Curve:
     """What an effect was learned to be, along the fitted motion.
 
@@ -71,7 +71,7 @@ class Curve:
     data: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class NamedEffect:
     """An effect that was found missing and added.
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import Bench, Whitened, score_candidates
 from identifiability.workflows.diagnose.gates import keep_possible, keep_useful
 from identifiability.workflows.diagnose.held_out import HeldOut
@@ -30,7 +31,7 @@ EVERYWHERE = "all joints"
 Say = Callable[[str, float], None]
 
 
-@dataclass(frozen=True)
+@frozen
 class Naming:
     """The outcome: candidates in order of addition, their p-values, and every step."""
 
@@ -39,7 +40,7 @@ class Naming:
     steps: tuple[Step, ...]
 
 
-@dataclass(frozen=True)
+@frozen
 class Option:
     """What a step can add: one candidate, or a family in all its places.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import legendre
 from scipy import stats
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.ar_noise import ARNoise
 from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
@@ -25,7 +25,7 @@ POWER = 0.8416
 DEGREE = 3
 
 
-@dataclass(frozen=True)
+@frozen
 class Remainder:
     """What no effect explains.
 

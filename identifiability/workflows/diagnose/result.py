@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -10,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.result import Result
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.find import discrepancy_frame
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.named_effect import NamedEffect
@@ -17,8 +17,8 @@ from identifiability.workflows.diagnose.nearest import nearest_dict
 from identifiability.workflows.diagnose.words import state, state_remainder
 
 
-@dataclass(frozen=True, repr=False)
-class Diagnosis(Findings, Result):
+@frozen
+class Diagnosis(Result, Findings):
     """What is missing, with the evidence. `to_frame`, `to_json`, `write_report` give it away."""
 
     schema: ClassVar[str] = "identifiability/diagnosis/1"

@@ -8,12 +8,12 @@ enough; else a log is divided into stretches of time, with a pause between that 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
 
@@ -29,7 +29,7 @@ PAUSE = 0.05
 LEAST = 100
 
 
-@dataclass(frozen=True)
+@frozen
 class Roles:
     """Logs by what they are for.
 

@@ -7,7 +7,7 @@ columns of the base model, then one or more columns for every candidate (family,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from identifiability.effects import Effect, Family, Part, Placed, Span
 from identifiability.effects.family import measure_spans
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import (
     Samples,
 )
@@ -22,7 +23,7 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Motion, Robot
 
 
-@dataclass(frozen=True)
+@frozen
 class Candidate:
     """One effect that could be missing: a family at a place with a shape.
 
@@ -58,7 +59,7 @@ class Candidate:
         return Part(self.effect, self.place, self.kinds)
 
 
-@dataclass(frozen=True)
+@frozen
 class Refusal:
     """A family that makes no sense at a place, and why."""
 
@@ -67,7 +68,7 @@ class Refusal:
     reason: str
 
 
-@dataclass(frozen=True)
+@frozen
 class Rows:
     """Decimated rows of one or more logs.
 

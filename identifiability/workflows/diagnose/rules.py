@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
 from identifiability.foundation.options import Share, at_least, check_fields
+from identifiability.foundation.values import frozen
 
 
-@dataclass(frozen=True)
+@frozen
 class Rules:
     """Thresholds of naming.
 
@@ -39,7 +39,7 @@ class Rules:
         check_fields(self)
 
 
-@dataclass(frozen=True)
+@frozen
 class Step:
     """One step of the selection.
 

@@ -7,13 +7,14 @@ filter or of the clock changes its sign or goes away when these change a little.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import comb
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.ar_noise import ARNoise
@@ -27,7 +28,7 @@ Prepare = Callable[[Recording, float | None, Callable[[Log], Log]], Samples]
 SURVIVES = 4.6
 
 
-@dataclass(frozen=True)
+@frozen
 class Survival:
     """How an effect fares when the motion is made anew.
 
@@ -60,7 +61,7 @@ CLOCK = ("torque one sample earlier", "torque one sample later")
 ORDER = 8
 
 
-@dataclass(frozen=True)
+@frozen
 class Variation:
     """A way in which the motion is made anew.
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from identifiability.foundation.values import frozen
 
 if TYPE_CHECKING:
     from identifiability.workflows.diagnose.findings import Findings
@@ -21,7 +22,7 @@ NOTEWORTHY = 0.6
 VISIBLE = 0.05
 
 
-@dataclass(frozen=True)
+@frozen
 class Remark:
     """A sentence beside the answer; `good` when it supports it."""
 

@@ -10,11 +10,11 @@ figure that a reader knows it by.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 
 #: Scaled eigenvalues of a Gram matrix below this are rounding.
 FLOOR = 1e-14
@@ -51,7 +51,7 @@ class Criterion(ABC):
         """Return the figure that belongs to a cost."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Condition(Criterion):
     """Condition number of the matrix with columns of length one."""
 
@@ -70,7 +70,7 @@ class Condition(Criterion):
         return float(np.exp(min(cost, 700.0)))
 
 
-@dataclass(frozen=True)
+@frozen
 class LogDet(Criterion):
     """Log-determinant of the information about some parameters, all others unknown.
 
@@ -100,7 +100,7 @@ class LogDet(Criterion):
         return float(-2 * len(self.chosen) * cost)
 
 
-@dataclass(frozen=True)
+@frozen
 class Separation(Criterion):
     """Similarity of two effects: their largest canonical correlation beside the model.
 

@@ -12,7 +12,6 @@ A limits file is TOML; every key is optional and replaces what the robot says::
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.kinematics import Point
 from identifiability.robot.sidecar import LimitEntry, Span
@@ -64,7 +64,7 @@ class LimitsFile(BaseModel):
         return out | ({"workspace": content["workspace"]} if "workspace" in content else {})
 
 
-@dataclass(frozen=True)
+@frozen
 class Box:
     """Where a point of a body may be: world coordinates between `low` and `high`, (3,) [m]."""
 
@@ -74,7 +74,7 @@ class Box:
     high: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class Limits:
     """Limits of the actuated joints and of the workspace.
 

@@ -6,12 +6,11 @@ finite differences are one batch: candidate and all its neighbours.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot import complete_motion
 from identifiability.workflows.excite.limits import Limits
 from identifiability.workflows.excite.question import Known, Question
@@ -24,7 +23,7 @@ BATCH = 2400
 OPEN = 50.0
 
 
-@dataclass(frozen=True)
+@frozen
 class Objective:
     """Cost of candidates of a `Series`.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from identifiability.effects import Effect, Part, Placed, find_effect, stated_ef
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
 from identifiability.regression.information import gather_information
@@ -27,7 +27,7 @@ EFFECTS = {
 }
 
 
-@dataclass(frozen=True)
+@frozen
 class Question:
     """Columns of a model, and the criterion.
 
@@ -57,7 +57,7 @@ class Question:
     criterion: Criterion
 
 
-@dataclass(frozen=True)
+@frozen
 class Known:
     """What logs say already.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,6 +15,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
+from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.simulation.trajectory import Trajectory
 from identifiability.workflows.excite.criteria import VISIBLE, Criterion
@@ -25,7 +26,7 @@ from identifiability.workflows.excite.search import End, Step
 CONFUSABLE = 0.9
 
 
-@dataclass(frozen=True)
+@frozen
 class Merit:
     """What a motion tells, together with the logs there are.
 
@@ -44,7 +45,7 @@ class Merit:
     visible: Array
 
 
-@dataclass(frozen=True, repr=False)
+@frozen
 class Excitation(Result):
     """A motion within limits that makes a criterion as good as was found.
 

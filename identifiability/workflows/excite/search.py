@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.workflows.excite.objective import OPEN, Objective
 
 End = Literal["converged", "evaluations", "time"]
@@ -30,7 +31,7 @@ SETTLED = 2e-3
 ROUNDS = 4
 
 
-@dataclass(frozen=True)
+@frozen
 class Step:
     """One iteration: which start, how many iterations before it, and the cost so far."""
 
@@ -39,7 +40,7 @@ class Step:
     cost: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Search:
     """What was found.
 

@@ -8,11 +8,10 @@ constraints [Swevers 1997].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.simulation.trajectory import Trajectory
 from identifiability.workflows.excite.limits import Limits
 
@@ -22,7 +21,7 @@ FINENESS = 40
 OVERSHOOT = float(1 / np.cos(np.pi / FINENESS))
 
 
-@dataclass(frozen=True)
+@frozen
 class Series:
     """All finite Fourier series of one period within limits.
 

@@ -6,11 +6,10 @@ punished while searching and refused at the end.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
 from identifiability.robot.loop_equations import loop_jacobian
 from identifiability.robot.newton import LEAP, invert
@@ -20,7 +19,7 @@ from identifiability.workflows.excite.limits import Box, Limits
 INNER = 0.9
 
 
-@dataclass(frozen=True)
+@frozen
 class Workspace:
     """What candidates do outside their joints' limits.
 

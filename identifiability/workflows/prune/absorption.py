@@ -7,18 +7,17 @@ take it over as far as their columns can, ``A = (W_kᵀ W_k)⁻¹ W_kᵀ W_r``, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 
 from identifiability.estimation.estimate import Estimate
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.workflows.prune.moves import ZERO, Partition
 
 
-@dataclass(frozen=True)
+@frozen
 class Absorption:
     """What survivors took over.
 

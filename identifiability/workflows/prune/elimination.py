@@ -13,12 +13,13 @@ The path ends where nothing is left; which rung of it to use is `selection`'s to
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from scipy.stats import f as f_distribution
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.workflows.prune.folds import Errors, Fit
 from identifiability.workflows.prune.moves import Kind, Move, Partition
 
@@ -29,7 +30,7 @@ LEVEL = 0.01
 EITHER = 0.95
 
 
-@dataclass(frozen=True)
+@frozen
 class Plan:
     """What may be done.
 
@@ -51,7 +52,7 @@ class Plan:
     kept: frozenset[str] = field(default_factory=frozenset)
 
 
-@dataclass(frozen=True)
+@frozen
 class Evidence:
     """What the data say of a move.
 
@@ -86,7 +87,7 @@ class Evidence:
         return f"the held-out squares {mood}{change} by {size}"
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Step:
     """A model on the path.
 
@@ -111,7 +112,7 @@ class Step:
     evidence: Evidence | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class Refusal:
     """A suggested move that was not made."""
 
@@ -120,7 +121,7 @@ class Refusal:
     reason: str
 
 
-@dataclass(frozen=True)
+@frozen
 class Path:
     """The steps, most parameters first, and what was refused on the way."""
 

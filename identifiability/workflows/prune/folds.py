@@ -13,11 +13,10 @@ joints take positions, velocities and accelerations within the ranges of the log
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
 #: Stretches of time that errors are counted over; with one log also the folds.
@@ -37,7 +36,7 @@ HELD = 1e-10
 FEWEST_LOGS = 4
 
 
-@dataclass(frozen=True)
+@frozen
 class Folds:
     """Blocks of a regression in coordinates ``y = R x`` in which the full information is I.
 
@@ -107,7 +106,7 @@ class Folds:
         return Fit(self, parts, delta, 0.5 * (C + C.transpose(0, 2, 1)))
 
 
-@dataclass(frozen=True)
+@frozen
 class Fit:
     """Fits of one model to everything (first) and to the rest of each fold.
 
@@ -185,7 +184,7 @@ class Fit:
         return int((self.folds.nonnegative & (x < -tiny)).sum())
 
 
-@dataclass(frozen=True)
+@frozen
 class Errors:
     """Sums of squares on motion that the fits have not seen.
 

@@ -9,7 +9,6 @@ inertias that the robot file states are not looked at.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 from typing import Literal
@@ -18,6 +17,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.robot import Robot
 from identifiability.robot.kinematics import WORLD, Joint
@@ -26,7 +26,7 @@ from identifiability.robot.kinematics import WORLD, Joint
 CLOSE = 1e-5
 
 
-@dataclass(frozen=True)
+@frozen
 class Attachment:
     """What fixes a body to another: a point, a hinge line, or a slide that goes one way.
 
@@ -62,7 +62,7 @@ class Attachment:
         return Attachment(self.kind, p, self.axis - 2 * (self.axis @ n) * n)
 
 
-@dataclass(frozen=True)
+@frozen
 class Mirror:
     """The plane ``normal · x = offset`` in a body's frame."""
 
@@ -78,7 +78,7 @@ class Mirror:
         return moved.reshape(10, 16).T
 
 
-@dataclass(frozen=True)
+@frozen
 class Link:
     """A body and the joint that carries it, which may turn about several axes at one point.
 

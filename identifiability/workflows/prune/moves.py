@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import Rung
 
 #: Stands for "held at zero" where a column's group is named.
@@ -26,7 +27,7 @@ class Kind(StrEnum):
     DROP = "drop"
 
 
-@dataclass(frozen=True)
+@frozen
 class Move:
     """One step down the ladder.
 
@@ -63,7 +64,7 @@ class Move:
         return "; ".join(parts)
 
 
-@dataclass(frozen=True)
+@frozen
 class Partition:
     """Which columns of the starting model are still free, equal to another, or zero.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from identifiability.estimation.evaluation import Prediction, Task, predict_all,
 from identifiability.estimation.prediction import standard_error
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
@@ -19,7 +19,7 @@ from identifiability.regression.regression import Regression
 from identifiability.workflows.prune.search import Search
 
 
-@dataclass(frozen=True)
+@frozen
 class RungErrors:
     """Relative torque errors of m rungs.
 
@@ -50,7 +50,7 @@ class RungErrors:
         return RungErrors(prediction.relative_error(), spread)
 
 
-@dataclass(frozen=True)
+@frozen
 class Predictions:
     """What the rungs predict.
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from identifiability.estimation.estimate import Method
 from identifiability.estimation.verdict import Verdict
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
@@ -24,7 +25,7 @@ from identifiability.workflows.prune.selection import Criterion
 from identifiability.workflows.prune.stability import Stability
 
 
-@dataclass(frozen=True, repr=False)
+@frozen
 class Pruning:
     """The rungs from the unpruned model down, and which one to use.
 

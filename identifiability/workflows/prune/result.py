@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -11,6 +10,7 @@ import pandas as pd
 
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
+from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
     LadderEntry,
     ladder_text,
@@ -22,8 +22,8 @@ from identifiability.workflows.prune.pruning import Pruning
 from identifiability.workflows.prune.words import statement
 
 
-@dataclass(frozen=True, repr=False)
-class Ladder(Pruning, Result):
+@frozen
+class Ladder(Result, Pruning):
     """The answer of `prune`. `to_frame`, `to_json`, `write_report`, `write_model` give it away."""
 
     schema: ClassVar[str] = "identifiability/pruning/1"

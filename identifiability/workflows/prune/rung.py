@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from identifiability.estimation.estimate import Estimate
 from identifiability.estimation.uncertainty import Uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, judge
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.workflows.analyze.assessment import column_noise, column_rms
@@ -17,7 +17,7 @@ from identifiability.workflows.prune.elimination import Step
 from identifiability.workflows.prune.reasons import explain
 
 
-@dataclass(frozen=True)
+@frozen
 class PrunedRung:
     """One model on the way down.
 

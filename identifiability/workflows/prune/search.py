@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from identifiability.estimation.estimate import MIXED, Estimate, Method, dependence, estimate
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.workflows.prune.elimination import Path, Plan, walk
 from identifiability.workflows.prune.folds import Folds, gather_folds
@@ -17,7 +18,7 @@ from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
 from identifiability.workflows.prune.selection import Criterion, choose_step
 
 
-@dataclass(frozen=True)
+@frozen
 class Wishes:
     """What the user wants of the search.
 
@@ -33,7 +34,7 @@ class Wishes:
     force: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@frozen
 class Search:
     """A path and what it was walked with.
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.values import frozen
 from identifiability.workflows.prune.elimination import walk
 from identifiability.workflows.prune.folds import Folds
 from identifiability.workflows.prune.moves import Partition
@@ -25,7 +25,7 @@ from identifiability.workflows.prune.selection import Criterion, choose_step
 BATCH = 10
 
 
-@dataclass(frozen=True)
+@frozen
 class Stability:
     """What the replicates chose.
 

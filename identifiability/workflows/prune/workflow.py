@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -21,6 +21,7 @@ from identifiability.foundation.options import (
     Seed,
     checked,
 )
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.physical.feasibility import PhysicalResult, assess_feasibility
@@ -181,7 +182,7 @@ def prune(
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
+@frozen
 class _Task:
     """What is pruned."""
 

@@ -1,0 +1,76 @@
+"""What passes between stages is frozen in fact, equal by identity where arrays are, and short."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+
+
+@frozen
+class Plain:
+    """No arrays."""
+
+    name: str
+    size: int = 0
+
+
+@frozen
+class Held:
+    """An array, and a check of its own."""
+
+    name: str
+    x: Array
+    maybe: Array | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.x) == 0:
+            raise ValueError("empty")
+
+
+@frozen
+class Deeper(Held):
+    """Inherits the array."""
+
+    depth: int = 1
+
+
+def test_arrays_are_read_only_and_the_givers_own_stays_writable():
+    mine = np.zeros(3)
+    held = Held("a", mine)
+    with pytest.raises(ValueError, match="read-only"):
+        held.x[0] = 1.0
+    mine[0] = 2.0
+    assert held.x[0] == 2.0
+    with pytest.raises(FrozenInstanceError):
+        held.x = mine
+    with pytest.raises(ValueError, match="read-only"):
+        Deeper("a", mine).x[0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        Held("a", mine, mine).maybe[0] = 1.0
+
+
+def test_a_check_of_the_class_itself_still_runs():
+    for kind in (Held, Deeper):
+        with pytest.raises(ValueError, match="empty"):
+            kind("a", np.zeros(0))
+
+
+def test_with_arrays_equality_is_identity_without_it_is_by_value():
+    a, b = Held("a", np.zeros(2)), Held("a", np.zeros(2))
+    assert a != b
+    assert a == a
+    assert len({a, b}) == 2
+    assert Deeper("a", np.zeros(2)) != Deeper("a", np.zeros(2))
+    assert Plain("a", 1) == Plain("a", 1)
+    assert len({Plain("a"), Plain("a")}) == 1
+
+
+def test_a_repr_is_short_whatever_is_held():
+    held = Held("a" * 5000, np.zeros((256, 3, 38, 38)))
+    assert len(repr(held)) < 200
+    assert "256×3×38×38" in repr(held)
