@@ -88,7 +88,6 @@ def print_diagnosis(result: Diagnosis, written: list[Path]) -> None:
                 f"{e.p_value:.2g}", f"{100 * e.before:.2f} %", f"{100 * e.after:.2f} %",
             )  # fmt: skip
         console.print(table)
-    for text in (result.statement, *result.hints):
-        console.print(escaped(text), highlight=False, soft_wrap=not console.is_terminal)
+    console.print(escaped(result.statement), highlight=False, soft_wrap=not console.is_terminal)
     for path in written:
         sys.stdout.write(f"{path}\n")

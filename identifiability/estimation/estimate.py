@@ -30,6 +30,9 @@ MIXED = 1e-6
 #: A residual below this share of the torque is rounding, which must weigh no actuator.
 ROUNDING = 1e-12
 
+#: A value that makes less than this share of the torque is zero up to rounding.
+NOTHING = 1e-9
+
 
 @frozen
 class Estimate:
@@ -122,6 +125,24 @@ def _mean_square(information: Information) -> float:
     """Return the mean square of the torque over all rows."""
     root = information.factor()[:, -1]
     return float(root @ root) / max(information.rows, 1)
+
+
+def settle_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
+    """Return the values (k,) with those at zero that only rounding took below it.
+
+    Parameters
+    ----------
+    information : Information
+        About the columns that were fitted.
+    fit : Estimate
+    nonnegative : (k,) bool
+        Parameters that physics does not allow below zero.
+    """
+    root = information.factor()
+    reach = NOTHING * np.linalg.norm(root[:, -1])
+    rounded = nonnegative & (fit.value < 0)
+    rounded &= -fit.value * np.linalg.norm(root[:, :-1], axis=0) <= reach
+    return np.where(rounded, 0.0, fit.value)
 
 
 def leave_open(information: Information) -> Estimate:

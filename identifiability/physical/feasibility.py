@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.estimate import Estimate
+from identifiability.estimation.estimate import Estimate, settle_signs
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -251,7 +251,8 @@ def assess_feasibility(
     try:
         if len(estimate.kept) == len(rung) and len(rung):
             to_x = np.linalg.pinv(rung.M) @ base.G
-            certificate = certify(to_x, estimate.value, physical_set(robot, base))
+            settled = settle_signs(information, estimate, rung.nonnegative)
+            certificate = certify(to_x, settled, physical_set(robot, base))
             sentence = certificate.sentence(rung.columns)
     except ValueError as error:
         sentence = f"Whether a real robot has these values was not decided: {error}"
@@ -285,7 +286,7 @@ def find_nearest(
         rows, aim = left_out(R[:-1, :-1], base.G, rung.M, rung.held)
         program = build_projection(
             replace(region, nonnegative=region.nonnegative & ~held.fixed),
-            reference=nominal, prior=prior, held=held,
+            reference=_possible(nominal, region), prior=prior, held=held,
         )  # fmt: skip
         nearest = program.solve(
             LeastSquares(
@@ -301,6 +302,15 @@ def find_nearest(
     except ValueError as error:
         sentence += f" The nearest real robot was not found: {error}"
     return PhysicalResult(region, None, nearest, value, found[0], found[1], sentence, cad_weight)
+
+
+def _possible(nominal: Array, region: PhysicalSet) -> Array:
+    """Return nominal parameters (p,) without the bodies that cannot exist."""
+    out = nominal.copy()
+    for columns, check in zip(region.bodies, region.check(nominal), strict=True):
+        if not check.feasible:
+            out[columns] = 0.0
+    return out
 
 
 def _say_left_out(rest: Array, torque: Array) -> str:

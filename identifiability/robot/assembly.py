@@ -77,9 +77,10 @@ def _shell(
     model = stated.model
     bodies = _body_names(model)
     named = tuple(extra.base_parameters.bodies)
+    name = path.parent.name if path.stem == "robot" else path.stem
     return Description(
-        name=path.parent.name if path.stem == "robot" else path.stem,
-        title=extra.name or model.name,
+        name=name,
+        title=extra.name or model.name or name,
         path=path,
         sidecar=sidecar,
         model=model,

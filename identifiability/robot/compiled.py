@@ -26,6 +26,9 @@ BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
 #: Where a body is: the Pinocchio joint that it hangs on, and its place in the frame of that joint.
 Place = tuple[int, Any]
 
+#: What MuJoCo calls a model without a name.
+_UNNAMED = "MuJoCo Model"
+
 _ALIGNED = {
     HINGE: (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelRevoluteUnaligned),
     SLIDE: (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ, pin.JointModelPrismaticUnaligned),
@@ -75,6 +78,8 @@ def state_robot(path: Path, m: Any) -> Stated:
 def _build_tree(m: Any) -> tuple[Any, list[Place], dict[int, tuple[str, ...]]]:
     """Return the Pinocchio model, where every body is, and the file's joints in each joint."""
     model = pin.Model()
+    title = m.names.partition(b"\0")[0].decode()
+    model.name = "" if title == _UNNAMED else title
     model.addBodyFrame(m.body(0).name, 0, pin.SE3.Identity(), 0)
     places: list[Place] = [(0, pin.SE3.Identity())]
     names: dict[int, tuple[str, ...]] = {}

@@ -14,6 +14,9 @@ from identifiability.robot.description import Description
 #: Kinds of Coulomb friction: one level for both directions, and one for each.
 COULOMB = ("Fc", "Fc+", "Fc-")
 
+#: Levels of both directions that differ by less, as a share, are one: a solver rounded them.
+ROUNDING = 1e-9
+
 
 def file_joints(robot: Description) -> Iterator[str]:
     """Yield the joints of one degree of freedom: those with parameters in a robot file."""
@@ -72,6 +75,8 @@ def complete_values(
         for way in ways:
             values[way] = level if alone else values.get(way, level)
         values[both] = 0.5 * sum(values[way] for way in ways)
+        if all(abs(values[way] - values[both]) <= ROUNDING * abs(values[both]) for way in ways):
+            values |= dict.fromkeys(ways, values[both])
     return values
 
 

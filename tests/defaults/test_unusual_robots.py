@@ -1,12 +1,23 @@
 """Every verb runs with its defaults on robots that are a little unusual, and finds the truth."""
 
+import re
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import analyze, diagnose, prune
+from identifiability import (
+    IdentifiabilityError,
+    Robot,
+    analyze,
+    calibrate,
+    diagnose,
+    export,
+    prune,
+    simulate,
+)
 from identifiability.cli import app
-from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.simulation import shipped_trajectory
 
 NOISE = 0.01
 
@@ -52,6 +63,36 @@ def test_the_exported_robot_moves_as_the_measured_one(case, which, error, reques
     run = CliRunner().invoke(app, ["export", str(case.path), str(result), "--out", str(out)])
     assert run.exit_code == 0, run.output
     np.testing.assert_allclose(case.torque(out), case.torque(), rtol=0, atol=error * case.scale)
+
+
+def test_levels_that_were_tied_come_back_as_one(case, fitted, tmp_path):
+    assert fitted.chosen.name == "symmetric friction"
+    assert fitted.robot.title == "arm"
+    out = export(case.path, fitted.to_json(tmp_path / "a.json"), tmp_path / f"b{case.path.suffix}")
+    assert "asymmetric Coulomb friction" not in out.statement
+
+
+def test_a_negative_mass_in_the_file_is_told_by_every_verb(case, logs, tmp_path):
+    path = tmp_path / case.path.name
+    text = case.path.read_text()
+    path.write_text(re.sub(r'(mass(?: value)?)="2.5"', r'\1="-2.5"', text))
+    assert path.read_text() != text
+    if case.path.suffix == ".xml":  # MuJoCo does not compile it
+        for verb in (analyze, prune, diagnose):
+            with pytest.raises(IdentifiabilityError, match=r"mass and inertia.*'link2'"):
+                verb(path, logs[0])
+        return
+    told = "link2: mass -2.5 kg must be positive."
+    analysis = analyze(path, logs[0], validate=logs[1], replicates=0)
+    others = [prune(path, logs[0], replicates=2), diagnose(path, logs[0], quick=True)]
+    trust = calibrate(analysis, trials=2, replicates=0, noise=(1.0,), rho=(0.0,))
+    for k, found in enumerate((analysis, *others, trust)):
+        assert told in found.statement
+        assert "nan" not in found.statement
+        if found is not trust:  # a real robot is found all the same
+            export(path, found.to_json(tmp_path / f"{k}.json"), tmp_path / f"{k}-fit.urdf")
+    with pytest.raises(IdentifiabilityError, match=r"mass and inertia.*'link2'"):
+        simulate(path, shipped_trajectory(Robot.load("two-link"), "a"))
 
 
 def test_noisy_logs_leave_a_model_that_predicts(case, fitted):

@@ -231,7 +231,7 @@ class Analysis(Result):
     def statement(self) -> str:
         """The answer in plain words."""
         text = state_answer(
-            self.base, self.full, self.chosen, self.physical_statement, self.nothing
+            self.base, self.models, self.chosen, self.physical_statement, self.nothing
         )
         return " ".join((text, *self.hints))
 

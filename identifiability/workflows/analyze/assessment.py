@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.estimate import MIXED, Estimate, dependence
+from identifiability.estimation.estimate import MIXED, Estimate, dependence, settle_signs
 from identifiability.estimation.evaluation import Prediction
 from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, judge, withdraw
@@ -187,7 +187,8 @@ def assess_ladder(
         )
         stated = np.linalg.lstsq(rung.M, nominal - rung.held, rcond=None)[0]
         verdicts = judge(rung.labels, rung.units, evidence, stated, thresholds)
-        forbidden = rung.nonnegative & fit.determined & (fit.value < 0)
+        settled = settle_signs(reduced, fit, rung.nonnegative)
+        forbidden = rung.nonnegative & fit.determined & (settled < 0)
         infeasible = tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad)
         results.append(
             RungResult(

@@ -172,8 +172,8 @@ def find_hints(robot: Robot, samples: Sequence[Prepared], mixed: str = "") -> tu
     if dead and varies.any():
         columns = listing([f"'{j}.tau'" for j in dead], 6)
         found.append(
-            f"The torque in {columns} never changes: if it was not measured, every number here is "
-            "wrong; check the column."
+            f"The torque in {columns} never changes: if it was not measured, every number and "
+            "verdict here is wrong; check the column."
         )
     return tuple(text for text in found if text)
 

@@ -29,7 +29,7 @@ _PACKAGES = ("identifiability", *NUMERICS, "pandas")
 
 def state_answer(
     base: BaseParameters,
-    full: RungResult,
+    models: Sequence[RungResult],
     chosen: RungResult,
     physics: str,
     nothing: str = "",
@@ -39,16 +39,18 @@ def state_answer(
     Parameters
     ----------
     base : BaseParameters
-    full, chosen : RungResult
-        The unpruned and the selected model.
+    models : sequence of RungResult
+        The unpruned one first.
+    chosen : RungResult
+        The selected one.
     physics : str
         What `state_physics` says of the selected model.
     nothing : str
         Why no verdict is believed, if that is so (`doubt`).
     """
-    total = len(base.parameters)
+    total, full = len(base.parameters), models[0]
     size = f"The robot has {total} parameters, {base.rank} of them independent in principle."
-    why = nothing or _why_none(base, full, chosen)
+    why = nothing or _why_none(base, models, chosen)
     if why:
         return f"Nothing is identifiable, because {why}. {size}"
     if chosen.unjudged:
@@ -63,6 +65,10 @@ def state_answer(
         f"{len(chosen.rung)} parameters are identifiable, and it predicts motion that it has not "
         f"seen with an error of {held:.3g} %."
     )
+    if not (full.count(Class.IDENTIFIABLE) or chosen.count(Class.IDENTIFIABLE)):
+        most = max(models, key=lambda m: m.count(Class.IDENTIFIABLE))
+        count = most.count(Class.IDENTIFIABLE)
+        text += f" In {most.name} {count} of {len(most.rung)} parameters are identifiable."
     why_not = f"The unpruned model is not judged. {full.unjudged}" if full.unjudged else ""
     return " ".join(filter(None, (text, physics, why_not)))
 
@@ -109,11 +115,11 @@ def doubt(
     return (tuple(r.withdraw(why) for r in results) if why else results), why
 
 
-def _why_none(base: BaseParameters, full: RungResult, chosen: RungResult) -> str:
+def _why_none(base: BaseParameters, models: Sequence[RungResult], chosen: RungResult) -> str:
     """Return why no parameter is called identifiable, or nothing if some are."""
-    if chosen.unjudged or chosen.count(Class.IDENTIFIABLE) or full.count(Class.IDENTIFIABLE):
+    if chosen.unjudged or any(m.count(Class.IDENTIFIABLE) for m in models):
         return ""
-    excited = len(full.estimate.kept)
+    excited = len(models[0].estimate.kept)
     if excited < base.rank:
         return (
             f"the motion excites only {excited} independent combinations of parameters and "

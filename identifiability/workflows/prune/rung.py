@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.estimate import Estimate
+from identifiability.estimation.estimate import Estimate, settle_signs
 from identifiability.estimation.uncertainty import Uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, judge
 from identifiability.foundation.values import frozen
@@ -172,7 +172,8 @@ def build_rung(
     )  # fmt: skip
     verdicts = judge(rung.labels, rung.units, evidence, None, rules)
     percent = np.array([v.sigma_robust_percent for v in verdicts])
-    forbidden = rung.nonnegative & fit.determined & (fit.value < 0)
+    settled = settle_signs(information, fit, rung.nonnegative)
+    forbidden = rung.nonnegative & fit.determined & (settled < 0)
     return PrunedRung(
         step, rung, fit, verdicts, float(percent.max(initial=0.0)), *errors,
         step.errors.total / unit, step.errors.above(best.errors)[1] / unit,

@@ -59,7 +59,7 @@ class Stability:
         """The answer in one sentence."""
         if not self.replicates:
             return "No log was resampled, so nothing is known of the stability of the choice."
-        low, high = np.quantile(self.sizes, [0.05, 0.95])
+        low, high = np.round(np.quantile(self.sizes, [0.05, 0.95]))
         torn = int(((self.survives > 0.1) & (self.survives < 0.9)).sum())
         most = "90 %" if high > low else "at least 90 %"
         span = f"{low:.0f} to {high:.0f}" if high > low else f"{low:.0f}"

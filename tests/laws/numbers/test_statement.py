@@ -62,9 +62,11 @@ ROBOT = SimpleNamespace(
 BASE = SimpleNamespace(parameters=range(40), rank=12)
 
 
-def said(full=None, chosen=None, nothing=""):
+def said(full=None, chosen=None, nothing="", between=()):
     full, chosen = full or Judged("full", 2, 12, kept=12), chosen or Judged()
-    return state_answer(BASE, full, chosen, state_physics(ROBOT, chosen), nothing)
+    return state_answer(
+        BASE, (full, *between, chosen), chosen, state_physics(ROBOT, chosen), nothing
+    )
 
 
 def test_the_answer_counts_what_is_determined_and_names_the_model_to_use():
@@ -89,6 +91,13 @@ def test_nothing_is_identifiable_for_a_reason():
     assert "the residual hides every parameter" in why(hidden, none)
     poor = Judged("full", 0, 12, kept=7)
     assert "the motion excites only 7 independent combinations" in why(poor, none)
+
+
+def test_identifiable_parameters_of_a_model_between_are_not_called_nothing():
+    none, between = Judged(identifiable=0), Judged("middle", 4, 8, kept=8)
+    text = said(Judged("full", 0, 12, kept=12), none, between=(between,))
+    assert "these logs determine 0 of them in the unpruned model" in text
+    assert "In middle 4 of 8 parameters are identifiable." in text
 
 
 def log(*, moves=True, varies=True):

@@ -1,0 +1,56 @@
+"""What is at the edge of the possible up to rounding is possible."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import Robot, analyze, estimate, simulate
+from identifiability.estimation.estimate import settle_signs
+from identifiability.physical.feasibility import assess_feasibility
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.workflows.prune.stability import Stability
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """A two-link arm whose elbow has no rotor."""
+    robot = Robot.load("two-link")
+    return replace(robot, nominal=dict(robot.nominal) | {"elbow.Ia": 0.0})
+
+
+@pytest.fixture(scope="module")
+def exact(arm):
+    motion = PrescribedMotion.of(shipped_trajectory(arm, "a"), 400)
+    return analyze(arm, simulate(arm, motion, noise="none", derivatives=True), replicates=0)
+
+
+@pytest.mark.parametrize(("rotor", "possible"), [(-1e-14, True), (-1e-3, False)])
+def test_a_rotor_that_is_zero_up_to_rounding_is_possible(arm, exact, rotor, possible):
+    model = exact.models[0]
+    at = model.rung.columns.index("elbow.Ia")
+    value = model.estimate.value.copy()
+    assert abs(value[at]) < 1e-9
+    value[at] = rotor
+    fit = replace(model.estimate, value=value)
+    reduced = model.rung.reduce(exact.information)
+    found = assess_feasibility(arm, exact.base, model.rung, exact.information, reduced, fit)
+    assert found.feasible is possible, found.sentence
+
+
+def test_signs_at_rounding_are_not_forbidden(arm, exact):
+    model = exact.models[0]
+    reduced = model.rung.reduce(exact.information)
+    fit = estimate(reduced)
+    at = model.rung.columns.index("elbow.Ia")
+    for rotor, left in ((-1e-14, 0.0), (-1e-3, -1e-3), (1e-14, 1e-14)):
+        value = fit.value.copy()
+        value[at] = rotor
+        settled = settle_signs(reduced, replace(fit, value=value), model.rung.nonnegative)
+        assert settled[at] == left
+        np.testing.assert_array_equal(np.delete(settled, at), np.delete(value, at))
+
+
+def test_sizes_of_resampled_models_are_told_as_one_number_where_they_round_to_one():
+    said = Stability(("a",), np.ones(1), np.array([10] + 19 * [11]), 0.95, ()).statement
+    assert "11 to 11" not in said
