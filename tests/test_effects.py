@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.effects import EFFECTS, find_effect
+from identifiability.effects import FAMILIES, find_effect
 from identifiability.foundation.errors import ModelError
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
@@ -25,7 +25,8 @@ def columns(robot, motion, name):
 
 
 def test_every_effect_gives_one_named_column_a_parameter(robot, motion):
-    for name, effect in EFFECTS.items():
+    for name, family in FAMILIES.items():
+        effect = family.effect
         parameters = effect.parameters(robot)
         assert len({p.name for p in parameters}) == len(parameters)
         assert all(p.unit and p.group == name for p in parameters)

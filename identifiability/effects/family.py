@@ -1,20 +1,25 @@
-"""`Family`: what a diagnosis must know of an effect before it may name it.
+"""`Family`: what a diagnosis, an export and a report must know of an effect.
 
 A family is declared before the data are seen: where it can be, which shapes it can have, which
-sign its level must have. A study adds its own with `register_family`.
+sign its level must have. It stands in the file of its effect.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import field
+from typing import Literal
 
 import numpy as np
 
 from identifiability.effects.effect import Effect
-from identifiability.foundation.errors import ModelError, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
+
+#: Law of an effect at one joint: (speed, position from home, load) -> force, up to a factor;
+#: arrays (N,).
+Law = Callable[[Array, Array, Array], Array]
 
 
 @frozen
@@ -25,13 +30,25 @@ class Span:
     ----------
     joint : str
     position_range : float [rad or m]
-    rms_speed, max_speed : float [rad/s or m/s]
+    rms_speed : float [rad/s or m/s]
     """
 
     joint: str
     position_range: float
     rms_speed: float
-    max_speed: float
+
+
+def joint_places(robot: Robot) -> tuple[str, ...]:
+    """Return every actuated joint and coupled motor."""
+    return tuple(a.name for a in robot.axes)
+
+
+def _nowhere_refused(_robot: Robot, _place: str) -> str:
+    return ""
+
+
+def _not_stated(_robot: Robot) -> bool:
+    return False
 
 
 @frozen
@@ -40,20 +57,24 @@ class Family:
 
     Attributes
     ----------
-    name : str
-        Public name, that of its effects.
+    effect : Effect
+        As it is everywhere, with the shapes that the robot states.
     title : str
         In words: ``Stribeck friction``.
-    build : callable(shape: float, joint: str) -> Effect
-        The effect with a shape; families without shapes ignore both arguments.
     places : callable(Robot) -> names of joints, bodies or ``base``
+        By default every actuated joint and coupled motor.
+    build : callable(shape: float, place: str) -> Effect, optional
+        The effect with a shape.
     shapes : callable(Span) -> shapes, optional
         The grid that the shape is searched on.
-    shape_unit : callable(prismatic: bool) -> str
+    against : {"velocity", "position", "load", "time"}
+        Over what its curve is drawn.
     positive : bool
         Whether physics forbids a negative level.
     separate : bool
         Whether each column is a candidate of its own, else they come together.
+    alike : bool
+        Whether all columns of a place are the same, so that one stands for them.
     fixed_only : bool
         Whether it can differ from the model only while that is not refitted.
     basic : bool
@@ -62,84 +83,62 @@ class Family:
         Family that must be in the model at the same place: what this one refines.
     refuse : callable(Robot, place) -> str
         Why it makes no sense there, as a sentence; empty if it does.
+    stated : callable(Robot) -> bool
+        Whether the robot file states it, so that default models have it.
+    loaded : bool
+        Whether its columns depend on the masses that the robot file states.
+    held : mapping of format (``mjcf``, ``urdf``) to attribute
+        Where a robot file holds it; what no format holds stands in the sidecar.
+    native : bool
+        Whether MuJoCo has it itself in a forward simulation, or it shifts the recorded torque.
+    dry : bool
+        Whether joints stick by it, as by Coulomb friction.
+    law : callable(speed, position, load) -> force, optional
+        By which `simulate` hides it in a joint, up to a factor.
+    told_by : str
+        Motion that tells it from what it resembles.
+    rank : int
+        Where it stands among the families; a user's own come last.
     """
 
-    name: str
+    effect: Effect
     title: str
-    build: Callable[[float, str], Effect]
-    places: Callable[[Robot], tuple[str, ...]]
+    places: Callable[[Robot], tuple[str, ...]] = joint_places
+    build: Callable[[float, str], Effect] | None = None
     shapes: Callable[[Span], tuple[float, ...]] | None = None
-    shape_unit: Callable[[bool], str] | None = None
+    against: Literal["velocity", "position", "load", "time"] = "velocity"
     positive: bool = False
     separate: bool = False
+    alike: bool = False
     fixed_only: bool = False
     basic: bool = False
     needs: str = ""
-    refuse: Callable[[Robot, str], str] = lambda robot, place: ""
+    refuse: Callable[[Robot, str], str] = _nowhere_refused
+    stated: Callable[[Robot], bool] = _not_stated
+    loaded: bool = False
+    held: dict[str, str] = field(default_factory=dict)
+    native: bool = False
+    dry: bool = False
+    law: Law | None = None
+    told_by: str = ""
+    rank: int = 100
+
+    @property
+    def name(self) -> str:
+        """Public name, that of its effects."""
+        return self.effect.name
+
+    def at(self, shape: float | None, place: str) -> Effect:
+        """Return the effect with a shape at a place, as the robot has it without one."""
+        if self.build is None or shape is None:
+            return self.effect
+        return self.build(shape, place)
 
     def grid(self, span: Span) -> tuple[float, ...]:
         """Return the shapes to try at a place; one nan where there is no shape."""
         if self.shapes is None:
             return (float("nan"),)
         return self.shapes(span)
-
-
-#: All families by name, in the order in which they are reported.
-FAMILIES: dict[str, Family] = {}
-
-
-def register_family(family: Family) -> Family:
-    """Add a family, so that `diagnose` can name it.
-
-    Example
-    -------
-    A study that suspects a dead weight on a rope::
-
-        class Rope(Effect):
-            name, equation = "rope", "τ = R"
-            ...
-        register_family(Family("rope", "a rope", lambda shape, joint: Rope(), joint_places))
-
-    Raises
-    ------
-    ModelError
-        If the name is taken.
-    """
-    if family.name in FAMILIES:
-        raise ModelError(f"There is a family '{family.name}' already; choose another name.")
-    FAMILIES[family.name] = family
-    return family
-
-
-def forget_family(name: str) -> None:
-    """Take a registered family away again."""
-    FAMILIES.pop(name, None)
-
-
-def find_families(names: Iterable[str] | None) -> tuple[Family, ...]:
-    """Return families by name, all for None.
-
-    Raises
-    ------
-    ModelError
-        If there is none of a name, with the near match.
-    """
-    if names is None:
-        return tuple(FAMILIES.values())
-    out = []
-    for name in names:
-        if name not in FAMILIES:
-            raise ModelError(
-                f"There is no family of effects '{name}'{near_match(name, FAMILIES)} "
-                f"The families are {', '.join(FAMILIES)}."
-            )
-        out.append(FAMILIES[name])
-    return tuple(out)
-
-
-def joint_places(robot: Robot) -> tuple[str, ...]:
-    """Return every actuated joint and coupled motor."""
-    return tuple(a.name for a in robot.axes)
 
 
 def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:
@@ -153,4 +152,4 @@ def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:
 def _span(name: str, q: Array, v: Array) -> Span:
     reach = float(np.ptp(q)) or 1.0
     rms = float(np.sqrt(np.mean(v**2))) or 1.0
-    return Span(name, reach, rms, float(np.abs(v).max()) or 1.0)
+    return Span(name, reach, rms)

@@ -20,10 +20,6 @@ def project(robot: Robot, motion: Motion, tree: Array) -> Array:
     return tau
 
 
-#: Effects whose columns depend on what the robot file states.
-LOADED = ("load_dependent_friction", "gravity_tilt", "time_delay")
-
-
 def reference_values(robot: Robot) -> Mapping[str, float]:
     """Return the standard parameters by which the robot's loads are known."""
     if robot.reference:
@@ -83,3 +79,10 @@ def gravity_vector(robot: Robot) -> Array:
 def has_masses(robot: Robot) -> bool:
     """Whether the file states a mass for any body."""
     return any(robot.nominal.get(f"{b}.m", 0.0) > 0 for b in robot.bodies)
+
+
+def needs_masses(robot: Robot, _place: str) -> str:
+    """Return why an effect that depends on the load makes no sense; empty if it does."""
+    if has_masses(robot):
+        return ""
+    return f"{robot.path.name} states no masses, so the load is not known"

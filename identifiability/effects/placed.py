@@ -40,7 +40,7 @@ class Placed(Effect):
 
     Example
     -------
-    >>> from identifiability.effects.nonlinear_friction import StribeckFriction
+    >>> from identifiability.effects.stribeck_friction import StribeckFriction
     >>> effect = Placed([Part(StribeckFriction(0.02), "slider1")])
     >>> effect.name
     'stribeck_friction'
@@ -58,6 +58,7 @@ class Placed(Effect):
         self._texts = tuple(texts)
         self.name = self.parts[0].effect.name
         self.equation = self.parts[0].effect.equation
+        self.source = self.parts[0].effect.source
         self.supersedes = ()
 
     @property

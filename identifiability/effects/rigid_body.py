@@ -6,6 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.effects.effect import Effect
+from identifiability.effects.family import Family
+from identifiability.effects.registry import register
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Motion, Robot
 
@@ -13,11 +15,12 @@ from identifiability.robot import Motion, Robot
 class RigidBody(Effect):
     """Inertia and gravity: ``τ = K(q, q̇, q̈) π`` projected on the actuated joints.
 
-    For a closed chain the projection is ``W = K_i - Xᵀ K_e`` [Díaz 2010, Eq. 7].
+    For a closed chain the projection is ``W = K_i - Xᵀ K_e``.
     """
 
     name = "rigid_body"
     equation = "τ = (K_i − Xᵀ K_e) π"
+    source = "[Díaz 2010, Eq. 7]"
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return m, mx, my, mz, Ixx … of every moving body."""
@@ -41,3 +44,27 @@ class RigidBody(Effect):
         out[:] = K[:, robot.actuated]
         if motion.X is not None:
             out -= motion.X.transpose(0, 2, 1) @ K[:, robot.dependent]
+
+
+def last_bodies(robot: Robot) -> tuple[str, ...]:
+    """Return the bodies that carry no other: where a payload can be."""
+    parents = {int(robot.model.parents[k]) for k in range(1, robot.model.njoints)}
+    return tuple(b for k, b in enumerate(robot.bodies) if k + 1 not in parents)
+
+
+def _inner_bodies(robot: Robot) -> tuple[str, ...]:
+    """Return the bodies that carry others: a wrong last one is a payload."""
+    return tuple(b for b in robot.bodies if b not in last_bodies(robot))
+
+
+register(
+    Family(
+        RigidBody(),
+        "wrong masses",
+        _inner_bodies,
+        fixed_only=True,
+        held={"mjcf": "inertial", "urdf": "inertial"},
+        native=True,
+        rank=15,
+    )
+)

@@ -73,21 +73,3 @@ class Parameter:
 def inertial_unit(kind: str) -> str:
     """Return the SI unit of an inertial parameter kind."""
     return _INERTIAL_UNITS.get(kind, "kg·m²")
-
-
-def joint_unit(kind: str, *, prismatic: bool) -> str:
-    """Return the SI unit of a joint parameter: friction, actuator inertia, offset, stiffness.
-
-    Parameters
-    ----------
-    kind : str
-        ``Fv`` (per speed), ``Fc…`` (torque level), ``Ia``/``Jr``/``Js`` (per acceleration).
-    prismatic : bool
-        A sliding joint has N and m where a rotary one has N·m and rad.
-    """
-    force = "N" if prismatic else "N·m"
-    if kind == "Fv":
-        return f"{force}·s/m" if prismatic else f"{force}·s/rad"
-    if kind in ("Ia", "Jr", "Js"):
-        return "kg" if prismatic else "kg·m²"
-    return force

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from identifiability.effects import FAMILIES, Effect, Part, Placed, find_effect
+from identifiability.effects import Effect, Part, Placed, find_effect, find_family
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, checked
@@ -108,12 +108,10 @@ def _read_effect(name: str, written: Iterable[str]) -> Effect:
         if "@" not in text:
             return effect
         places, shape = _split_shape(text.partition("@")[2])
-        family = FAMILIES.get(name)
-        if shape is not None and (family is None or family.shapes is None):
+        family = find_family(name)
+        if shape is not None and family.shapes is None:
             raise ModelError(f"'{text}': {name} has no shape; leave out the number behind the ':'.")
-        for place in places.split("+"):
-            built = effect if shape is None or family is None else family.build(shape, place)
-            parts.append(Part(built, place))
+        parts += [Part(family.at(shape, place), place) for place in places.split("+")]
     return Placed(parts, tuple(written))
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.effects import FAMILIES, find_effect
+from identifiability.effects import find_effect, title_of
 from identifiability.foundation.output import write_text
 from identifiability.report.blocks import (
     Block,
@@ -162,7 +162,7 @@ def _section_evidence(d: Diagnosis) -> Section:
              for s in steps]
             for name in families
         ])  # fmt: skip
-        titles = [FAMILIES[f].title if f in FAMILIES else f for f in families]
+        titles = [title_of(f) for f in families]
         critical = np.array([s.critical for s in steps])
         figure = draw_evidence(titles, scores, critical)
         caption = "Right of the dashed line an effect stands out from the noise."
@@ -223,13 +223,10 @@ def _section_remainder(d: Diagnosis) -> Section:
 
 def _section_method(d: Diagnosis) -> Section:
     names = dict.fromkeys([*d.base, *(f for s in d.steps for f, _ in s.evidence)])
-    terms = []
-    for name in names:
-        try:
-            effect = find_effect(name)
-        except Exception:  # noqa: BLE001 - a family that a study registered has no entry
-            continue
-        terms.append(Term(name.replace("_", " "), "", formula=effect.equation))
+    terms = [
+        Term(name.replace("_", " "), e.source, formula=e.equation)
+        for name, e in ((n, find_effect(n)) for n in names)
+    ]
     prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
     lead = (
         "p-values are family-wise: how often noise with the autocorrelation of these residuals "

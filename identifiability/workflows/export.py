@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from identifiability.effects import EFFECTS, FAMILIES
-from identifiability.effects.nominal import LOADED, reference_values
+from identifiability.effects import FAMILIES
+from identifiability.effects.nominal import reference_values
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 from identifiability.foundation.options import FilePath, checked
@@ -121,10 +121,11 @@ def export(robot: RobotLike, result: FilePath, out: FilePath) -> Exported:
             "other logs."
         )
     physical = content.physical
-    effects = reversed(EFFECTS.values())  # of two with the same parameter the first has it
-    effect_of = {p.name: e.name for e in effects for p in e.parameters(robot)}
+    families = reversed(FAMILIES.values())  # of two with the same parameter the first has it
+    effect_of = {p.name: f for f in families for p in f.effect.parameters(robot)}
     _check(robot, Path(result), content, {*effect_of, *robot.nominal})
-    loaded = any(physical.parameters[n] and effect_of.get(n) in LOADED for n in physical.parameters)
+    loaded = any(value and effect_of[n].loaded for n, value in physical.parameters.items()
+                 if n in effect_of)  # fmt: skip
     written = write_robot(
         robot, physical.parameters, out, keep=False, shapes=physical.shapes,
         reference=reference_values(robot) if loaded else {},
@@ -133,7 +134,7 @@ def export(robot: RobotLike, result: FilePath, out: FilePath) -> Exported:
     for name in written.beside:
         if name not in effect_of and name[:-1] in written.beside:
             continue  # one way of a level that both have
-        title = FAMILIES[effect_of[name]].title if name in effect_of else name
+        title = effect_of[name].title if name in effect_of else name
         beside.setdefault(title, []).append(name)
     return Exported(
         written.robot, written.sidecar, {t: tuple(n) for t, n in beside.items()},

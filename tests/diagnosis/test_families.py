@@ -11,11 +11,10 @@ from identifiability.effects import (
     Placed,
     find_effect,
     find_families,
-    forget_family,
-    joint_places,
-    register_family,
+    forget,
+    register,
 )
-from identifiability.effects.nonlinear_friction import StribeckFriction
+from identifiability.effects.stribeck_friction import StribeckFriction
 from identifiability.foundation.errors import IdentifiabilityError, ModelError
 from identifiability.foundation.names import Parameter
 from identifiability.logs import Log
@@ -160,9 +159,8 @@ class Cubic(Effect):
 
 @pytest.fixture
 def cubic():
-    family = Family("cubic_drag", "cubic drag", lambda shape, joint: Cubic(), joint_places)
-    yield register_family(family)
-    forget_family("cubic_drag")
+    yield register(Family(Cubic(), "cubic drag"))
+    forget("cubic_drag")
 
 
 def test_a_family_that_a_study_registers_is_named(cubic, logs_of, named):
@@ -177,8 +175,8 @@ def test_a_family_that_a_study_registers_is_named(cubic, logs_of, named):
     d = diagnose("two-link", logs[:4], logs[4:], quick=True, draws=398)
     assert named(d) == [("cubic_drag", ("elbow",))]
     assert d.statement.startswith("Cubic drag")
-    with pytest.raises(ModelError, match="family 'cubic_drag' already"):
-        register_family(cubic)
+    with pytest.raises(ModelError, match="effect 'cubic_drag' already"):
+        register(cubic)
 
 
 def test_a_coupled_motor_is_a_place_like_a_joint(tmp_path):

@@ -11,10 +11,8 @@ from typer.testing import CliRunner
 
 from identifiability import analyze, prune
 from identifiability.cli import app
-from identifiability.effects.family import Family, forget_family, joint_places, register_family
 from identifiability.foundation.engines.local import Processes, Serial
 from identifiability.workflows.calibrate.calibration import calibrate
-from identifiability.workflows.diagnose.false_names import _reaching
 
 
 @pytest.fixture(scope="module")
@@ -48,17 +46,6 @@ def test_seeds_of_pruning_do_not_depend_on_who_does_it(log, two):
     assert here.sizes.tolist() == there.sizes.tolist()
     assert here.survives.tobytes() == there.survives.tobytes()
     assert here.replicates == 25
-
-
-def test_families_of_ones_own_are_looked_for_here_where_they_are_known(two):
-    assert _reaching(two) is two
-    own = register_family(Family("rope", "a rope", lambda shape, joint: None, joint_places))
-    try:
-        assert isinstance(_reaching(two), Serial)
-    finally:
-        forget_family(own.name)
-    assert _reaching(two) is two
-    assert isinstance(_reaching(None), Serial)
 
 
 def test_a_calibration_is_taken_up_again(log, tmp_path):

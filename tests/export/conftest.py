@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identifiability.effects import EFFECTS
+from identifiability.effects import FAMILIES
 from identifiability.logs.prepare import Samples, prepare_samples
 from identifiability.regression.model import Model
 from identifiability.regression.regression import Regression
@@ -104,7 +104,7 @@ def replay(robot: Robot, result, log, folder: Path) -> Replayed:
             alone.setdefault(engine, []).append(piece.down(project(copy, piece.motion, tree)))
     tau = np.concatenate(alone["tau"])
     errors = [error_ra(tau, np.concatenate(alone[e])) for e in (in_mujoco, in_pinocchio)]
-    every = Model(tuple(e for e in EFFECTS.values() if e.name != "coulomb_friction"))
+    every = Model(tuple(f.effect for f in FAMILIES.values() if f.name != "coulomb_friction"))
     names = [p.name for p in every.parameters(copy)]
     phi = np.array([copy.nominal.get(name, 0.0) for name in names])
     fitted = [W @ phi for _, _, W, _ in Regression(copy, every, (samples,)).chunks()]

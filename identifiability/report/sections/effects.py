@@ -89,6 +89,6 @@ def _curves(d: Diagnosis) -> Gallery:
 
 def _axis(d: Diagnosis, c: Curve) -> tuple[str, str]:
     speed = velocity_units(d.robot)[c.joint]
-    if c.against == "velocity":
-        return "velocity", speed
-    return "position", speed.removesuffix("/s")
+    units = {"velocity": speed, "position": speed.removesuffix("/s"), "time": "s",
+             "load": torque_units(d.robot)[c.joint]}  # fmt: skip
+    return c.against, units[c.against]

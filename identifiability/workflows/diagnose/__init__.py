@@ -4,7 +4,7 @@ What to use when: `diagnose` runs all stages. By themselves: `gather` builds row
 `find_aliases` says what this motion can never name, `find_discrepancies` where the residual sits,
 `name_effects` what is missing, `HeldOut` what adding it does to unseen motion,
 `measure_false_names` how often a name is given on this motion when nothing is missing. A study
-adds its own effect with `identifiability.effects.register_family`.
+adds its own effect with `identifiability.effects.register`.
 """
 
 from identifiability.workflows.diagnose.aliases import Alias, find_aliases

@@ -225,16 +225,11 @@ def _curves(m: Material, naming: Naming, residual: Array) -> list[Curve]:
         added = D @ value[at]
         spread = np.sqrt((D**2) @ error[at] ** 2)
         j = int(np.argmax(np.abs(added).sum(0)))
-        position = c.family.name in (
-            "position_ripple",
-            "joint_stiffness",
-            "gravity_tilt",
-            "payload",
-        )
-        x = (m.train.q if position else m.train.dq)[:, j]
+        x = {"velocity": m.train.dq[:, j], "position": m.train.q[:, j], "time": m.train.t,
+             "load": m.train.measured[:, j]}[c.family.against]  # fmt: skip
         out.append(
             Curve(
-                c.family.title, j, "position" if position else "velocity", x, added[:, j],
+                c.family.title, j, c.family.against, x, added[:, j],
                 spread[:, j], residual[:, j] + added[:, j],
             )
         )  # fmt: skip

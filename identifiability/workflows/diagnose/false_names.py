@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from identifiability.effects import FAMILIES, Effect
+from identifiability.effects import Effect, Family, bring, find_families
 from identifiability.estimation.noise.autoregression import colour, durbin
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.names import Array
@@ -133,9 +133,9 @@ def measure_false_names(
     train, held = (in_memory(read_logs(x), Log) for x in (logs, validate))
     found = diagnose(robot, train, held, model=model, quick=True, seed=seed)
     make = null_maker(found, [*train, *held])
-    work = partial(_diagnose_null, make, len(train), found.base_effects, tuple(FAMILIES))
+    work = partial(_diagnose_null, make, len(train), found.base_effects, find_families(None))
     items = [(seed + k, s) for k, s in enumerate(np.random.SeedSequence(seed).spawn(trials))]
-    results = _reaching(engine).map(
+    results = (engine or Serial()).map(
         work, items, progress=lambda done, total: say(f"repetition {done}", done / total)
     )
     named, sizes = [], []
@@ -147,24 +147,18 @@ def measure_false_names(
     return FalseNames(trials, tuple(named), per_family)
 
 
-def _reaching(engine: Engine | None) -> Engine:
-    """Return the engine, or work here if its workers would not know families of the user's own."""
-    own = any(not f.build.__module__.startswith("identifiability.") for f in FAMILIES.values())
-    return Serial() if engine is None or own else engine
-
-
 def _diagnose_null(
     make: NullMaker,
     fitted: int,
     model: tuple[Effect, ...],
-    families: tuple[str, ...],
+    families: tuple[Family, ...],
     item: tuple[int, np.random.SeedSequence],
 ) -> tuple[str, dict[str, float]]:
     """Return the name given to one repetition, if any, and what would have stood out."""
     seed, stream = item
     fake = make(np.random.default_rng(stream))
     d = diagnose(
-        make.robot, fake[:fitted], fake[fitted:], model=Model(model), effects=families,
+        make.robot, fake[:fitted], fake[fitted:], model=Model(model), effects=bring(families),
         quick=True, seed=seed,
     )  # fmt: skip
     name = "; ".join(f"{e.name} in {', '.join(e.joints)}" for e in d.effects)

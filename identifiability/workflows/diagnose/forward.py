@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identifiability.effects import Effect
+from identifiability.effects import Effect, find_family
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
@@ -38,15 +38,6 @@ STRETCHES = 24
 
 #: Repetitions for intervals.
 DRAWS = 2000
-
-#: Effects that MuJoCo's joints and bodies hold themselves, or that shift the recorded torque.
-NATIVE = frozenset(
-    {"rigid_body", "viscous_friction", "coulomb_friction", "coulomb_asymmetry", "actuator_inertia",
-     "torque_offset", "passive_joint_friction", "joint_stiffness", "payload", "time_delay"}
-)  # fmt: skip
-
-#: Effects that act like Coulomb friction: joints stick by them.
-DRY = frozenset({"stribeck_friction", "load_dependent_friction"})
 
 
 def _change(gap: ForwardGap, rng: np.random.Generator) -> tuple[float, float]:
@@ -201,11 +192,12 @@ def joint_values(robot: Robot, fit: Physical) -> dict[str, float]:
 
 def extra_effects(robot: Robot, fit: Physical) -> Extra | None:
     """Return what the model has and MuJoCo does not, or None."""
-    others = [e for e in fit.model.effects if e.name not in NATIVE]
+    of = {e: find_family(e.name) for e in fit.model.effects}
+    others = [(e, _values_of(robot, e, fit)) for e in of if not of[e].native]
     if not others:
         return None
-    smooth = [(e, _values_of(robot, e, fit)) for e in others if e.name not in DRY]
-    dry = [(e, _values_of(robot, e, fit)) for e in others if e.name in DRY]
+    smooth = [(e, value) for e, value in others if not of[e].dry]
+    dry = [(e, value) for e, value in others if of[e].dry]
 
     def extra(q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         motion = complete_motion(robot, np.arange(len(q), dtype=float), q, dq, ddq)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from identifiability.effects import FAMILIES
+from identifiability.effects import title_of
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.confusable import Rival
@@ -57,7 +57,7 @@ class Curve:
     title : str
     joint : int
         Actuated joint where it is largest.
-    against : {"velocity", "position"}
+    against : {"velocity", "position", "load", "time"}
     x, learned, spread, data : (N,)
         Motion, torque of the effect, its standard error, and the residual without the effect.
     """
@@ -136,5 +136,4 @@ class NamedEffect:
     @property
     def names(self) -> str:
         """The name, with its alternatives, in words."""
-        titles = [self.title, *(FAMILIES[a].title for a in self.alternatives if a in FAMILIES)]
-        return " or ".join(titles)
+        return " or ".join([self.title, *map(title_of, self.alternatives)])

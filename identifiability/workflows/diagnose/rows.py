@@ -173,13 +173,12 @@ def list_candidates(
 def _at_place(
     robot: Robot, family: Family, place: str, spans: dict[str, Span], column: int
 ) -> list[Candidate]:
-    span = spans.get(place, Span(place, 1.0, 1.0, 1.0))
+    span = spans.get(place, Span(place, 1.0, 1.0))
     out = []
     for shape in family.grid(span):
-        effect = family.build(shape, place)
+        effect = family.at(shape, place)
         kinds = tuple(p.kind for p in effect.parameters(robot) if p.owner == place)
-        if family.separate and family.name == "actuator_inertia":
-            kinds = kinds[:1]  # parts of one inertia have the same column
+        kinds = kinds[:1] if family.alike else kinds
         groups = [(kind,) for kind in kinds] if family.separate else [kinds]
         for chosen in groups:
             at = tuple(range(column, column + len(chosen)))

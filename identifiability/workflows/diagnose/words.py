@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identifiability.effects import find_family
 from identifiability.foundation.values import frozen
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ class Remark:
 
 def join(names: Sequence[str]) -> str:
     """Return ``a, b and c``."""
-    names = list(names)
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
@@ -149,14 +149,9 @@ def _caveats(e: NamedEffect) -> list[Remark]:
 
 def advice(e: NamedEffect) -> str:
     """Return the motion that would tell an effect from its alternatives."""
-    both = {e.name, *e.alternatives}
-    if both & {"stribeck_friction", "quadratic_friction", "viscous_friction"}:
-        return "run slow and fast passes through the same positions to separate them"
-    if both == {"torque_offset", "coulomb_asymmetry"}:
-        return "rest the joints, or move one joint while another stands still, to separate them"
-    if both & {"joint_stiffness", "gravity_tilt", "position_ripple"}:
-        return "move through the whole range of each joint with the others in other postures"
-    return "run other speeds, postures and loads in turn to separate them"
+    motions = [find_family(name).told_by for name in (e.name, *e.alternatives)]
+    known = join(list(dict.fromkeys(filter(None, motions))))
+    return f"{known or 'run other speeds, postures and loads in turn'} to separate them"
 
 
 def state_remainder(d: Findings) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identifiability.effects.family import Family
-from identifiability.effects.friction import ViscousFriction
+from identifiability.effects.viscous_friction import ViscousFriction
 from identifiability.workflows.diagnose.ar_noise import ARNoise, JointNoise
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.held_out import HeldOut
@@ -17,10 +17,9 @@ from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 
 def make_family(name: str, **flags: Any) -> Family:
-    return Family(
-        name=name, title=name.replace("_", " "), build=lambda shape, joint: ViscousFriction(),
-        places=lambda robot: (), **flags,
-    )  # fmt: skip
+    effect = ViscousFriction()
+    effect.name = name
+    return Family(effect, name.replace("_", " "), lambda robot: (), **flags)
 
 
 def make_candidate(name, place, *columns, shape=float("nan"), kinds=(), **flags):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
 
 import numpy as np
 
-from identifiability.effects.actuator import ActuatorInertia
+from identifiability.effects.actuator_inertia import ActuatorInertia
+from identifiability.effects.coulomb_asymmetry import CoulombAsymmetry
+from identifiability.effects.coulomb_friction import CoulombFriction
 from identifiability.effects.effect import Effect
-from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
-from identifiability.effects.nominal import reference_values, rigid_torque
-from identifiability.effects.position import JointStiffness
+from identifiability.effects.family import Family
+from identifiability.effects.joint_stiffness import JointStiffness
+from identifiability.effects.nominal import needs_masses, reference_values, rigid_torque
+from identifiability.effects.registry import register
+from identifiability.effects.viscous_friction import ViscousFriction
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
@@ -41,8 +44,7 @@ class TimeDelay(Effect):
 
     Linearised in the delay, which must be small beside the fastest motion. The torque that is
     differentiated is a model's, never the measured one, whose noise would enter the column.
-    Source: [Ljung 1999, Sec. 4.2]. It looks like actuator inertia and viscous friction at one
-    frequency of motion.
+    It looks like actuator inertia and viscous friction at one frequency of motion.
 
     Attributes
     ----------
@@ -51,8 +53,9 @@ class TimeDelay(Effect):
     """
 
     torque: Torque = nominal_torque
-    name: str = field(default="time_delay", init=False)
-    equation: str = field(default="τ = −δ dτ/dt", init=False)
+    name = "time_delay"
+    equation = "τ = −δ dτ/dt"
+    source = "[Ljung 1999, Sec. 4.2]"
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the delay of every actuated joint."""
@@ -72,3 +75,16 @@ class TimeDelay(Effect):
                 slope = np.gradient(tau[rows], motion.t[rows], axis=0)
                 for k in range(out.shape[1]):
                     out[rows, k, k] = -slope[:, k]
+
+
+register(
+    Family(
+        TimeDelay(),
+        "a delay of the torque",
+        lambda robot: robot.joints,
+        refuse=needs_masses,
+        loaded=True,
+        native=True,
+        rank=12,
+    )
+)

@@ -1,0 +1,60 @@
+"""A load at the end of the robot that the robot file does not have.
+
+Where every mass is refitted a payload is part of the last body and cannot be told apart from it;
+it matters for the simulation with the file's own values.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.effects.effect import Effect
+from identifiability.effects.family import Family
+from identifiability.effects.registry import register
+from identifiability.effects.rigid_body import RigidBody, last_bodies
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
+from identifiability.robot import Motion, Robot
+
+
+class Payload(Effect):
+    """``τ = K_body [m mx my mz Ixx …]``: a load fixed to a last body of the robot.
+
+    In a refit it is the same as that body's own mass and moments.
+    """
+
+    name = "payload"
+    equation = "τ = K_body [m mx my mz Ixx Ixy Iyy Ixz Iyz Izz]ᵀ"
+    source = "[Khalil 2007, Eq. 6]"
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return the ten inertial parameters of the payload on every last body."""
+        return tuple(
+            Parameter(
+                body, f"payload_{kind}", inertial_unit(kind), self.name, robot.body_symbols[body]
+            )
+            for body in last_bodies(robot)
+            for kind in INERTIAL_KINDS
+        )
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write the rigid-body columns of the last bodies."""
+        rigid = RigidBody()
+        names = [p.name for p in rigid.parameters(robot)]
+        W = np.zeros((len(motion), out.shape[1], len(names)))
+        rigid.fill(robot, motion, W)
+        wanted = [names.index(f"{b}.{kind}") for b in last_bodies(robot) for kind in INERTIAL_KINDS]
+        out[:] = W[:, :, wanted]
+
+
+register(
+    Family(
+        Payload(),
+        "a payload (or wrong masses of the last body)",
+        last_bodies,
+        against="position",
+        fixed_only=True,
+        held={"mjcf": "inertial", "urdf": "inertial"},
+        native=True,
+        rank=14,
+    )
+)

@@ -1,0 +1,121 @@
+"""The one list of effects: the library's, and those that users register."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+
+import cloudpickle
+
+from identifiability.effects.effect import Effect
+from identifiability.effects.family import Family, Law
+from identifiability.foundation.errors import ModelError, near_match
+from identifiability.robot import Robot
+
+#: Modules that workers have, or that are sent to them with what is defined there.
+_WITH_WORKERS = ("identifiability", "__main__")
+
+#: All families by name, in the order in which they are searched and reported.
+FAMILIES: dict[str, Family] = {}
+
+
+def register(family: Family) -> Family:
+    """Add an effect, so that models, ladders, diagnoses, exports and reports know it.
+
+    Example
+    -------
+    A study that suspects drag with the third power of speed::
+
+        class Cubic(AlongAxes):
+            name, equation = "cubic_drag", "τ = Fz q̇³"
+            units = (("Fz", "N·m·s³/rad³", "N·s³/m³"),)
+
+            def forces(self, robot, motion, axis):
+                return [speed_along(robot, motion, axis) ** 3]
+
+        register(Family(Cubic(), "cubic drag"))
+
+    Raises
+    ------
+    ModelError
+        If the name is taken.
+    """
+    if family.name in FAMILIES:
+        raise ModelError(f"There is an effect '{family.name}' already; choose another name.")
+    known = {**FAMILIES, family.name: family}
+    FAMILIES.clear()
+    FAMILIES.update(sorted(known.items(), key=lambda item: item[1].rank))
+    module = sys.modules.get(type(family.effect).__module__)
+    if module is not None and module.__name__.partition(".")[0] not in _WITH_WORKERS:
+        cloudpickle.register_pickle_by_value(module)  # workers do not have the user's file
+    return family
+
+
+def forget(name: str) -> None:
+    """Take a registered effect away again."""
+    FAMILIES.pop(name, None)
+
+
+def find_effect(name: str) -> Effect:
+    """Return the effect of a public name.
+
+    Raises
+    ------
+    ModelError
+        If there is none, with the near match.
+    """
+    return find_family(name).effect
+
+
+def find_family(name: str) -> Family:
+    """Return the family of a public name.
+
+    Raises
+    ------
+    ModelError
+        If there is none, with the near match.
+    """
+    try:
+        return FAMILIES[name]
+    except KeyError:
+        raise ModelError(
+            f"There is no effect '{name}'{near_match(name, FAMILIES)} "
+            f"The effects are {', '.join(FAMILIES)}."
+        ) from None
+
+
+def find_families(names: Iterable[str] | None) -> tuple[Family, ...]:
+    """Return families by name, all for None.
+
+    Raises
+    ------
+    ModelError
+        If there is none of a name, with the near match.
+    """
+    if names is None:
+        return tuple(FAMILIES.values())
+    return tuple(find_family(name) for name in names)
+
+
+def bring(families: Iterable[Family]) -> tuple[str, ...]:
+    """Return the names of families, after registering those that this worker does not know."""
+    families = tuple(families)
+    for family in families:
+        if family.name not in FAMILIES:
+            register(family)
+    return tuple(family.name for family in families)
+
+
+def title_of(name: str) -> str:
+    """Return an effect's name in words."""
+    return FAMILIES[name].title if name in FAMILIES else name.replace("_", " ")
+
+
+def stated_effects(robot: Robot) -> tuple[str, ...]:
+    """Return what default models have beyond their own effects, because the file states it."""
+    return tuple(name for name, family in FAMILIES.items() if family.stated(robot))
+
+
+def effect_laws() -> Mapping[str, Law]:
+    """Return the laws by which effects can be hidden in a simulated robot, by name."""
+    return {name: f.law for name, f in FAMILIES.items() if f.law is not None}
