@@ -20,8 +20,8 @@ from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import gather_information
-from identifiability.regression.reduction import Rung, nominal_base
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.reduction import Rung
+from identifiability.regression.regression import Regression
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
 from identifiability.report.calibration_report import label
 from identifiability.report.figures.calibration import draw_coverage, draw_wrong
@@ -75,7 +75,7 @@ def measure_paper(
     clean = analyze(robot, simulate_log(robot, 0.0, np.random.default_rng(0)), replicates=0)
     rungs = [m.rung for m in clean.models]
     truth = [
-        np.linalg.lstsq(r.M, nominal_base(robot, clean.base) - r.held, rcond=None)[0] for r in rungs
+        np.linalg.lstsq(r.M, clean.structure.nominal_base - r.held, rcond=None)[0] for r in rungs
     ]
     cells: dict[str, list[Cell]] = {r.name: [] for r in rungs}
     for i, (level, stream) in enumerate(
@@ -97,7 +97,7 @@ def judge_log(
     """Return a new log of the robot, fitted and judged by every model."""
     robot, base = clean.robot, clean.base
     samples = prepare_samples(robot, simulate_log(robot, level, rng))
-    regression = Regression(robot, Model.of(*clean.effects), (samples,), base.kept)
+    regression = clean.structure.regression([samples])
     information = gather_information(regression)
     tau = np.concatenate([part for *_, part in regression.chunks()])
     return [

@@ -15,7 +15,7 @@ from paper_study.result import StudyCheck, StudyResult, StudyTable, check_holds,
 from paper_study.subject import ExactLog, Subject, exact_log, load_subject
 
 from identifiability.foundation.names import Array
-from identifiability.regression.reduction import Rung, nominal_base
+from identifiability.regression.reduction import Rung
 from identifiability.report import Gallery, Picture
 from identifiability.robot import Motion, complete_motion
 
@@ -79,7 +79,7 @@ def run(options: Options) -> StudyResult:
     log = exact_log(options.robot, TRAJECTORY, 750)
     motion = complete_motion(subject.robot, log.t, log.q, log.dq, log.ddq)
     value, possible = fit_without(subject, log, motion)
-    truth = split_force(subject, motion, nominal_base(subject.robot, subject.base))
+    truth = split_force(subject, motion, subject.structure.nominal_base)
     found = split_force(subject, motion, value)
     checks = find_checks(log.tau, truth, found, possible=possible)
     figures = []

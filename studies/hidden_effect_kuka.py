@@ -18,6 +18,7 @@ from real_data.study import read_arguments
 from identifiability.effects import FAMILIES
 from identifiability.foundation.output import write_json
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose import Diagnosis, HeldOut, diagnose, gather
 from identifiability.workflows.diagnose.workflow import prepare_rows
 
@@ -44,7 +45,8 @@ def errors_together(data: Any, train: int, test: int) -> dict[str, float]:
     """Return the held-out error with whole families added to every joint, without any test."""
     robot = kuka_lwr4.load_robot(data)
     rows = [[prepare_rows(robot, kuka_lwr4.load_log(data, robot, k), None)] for k in (train, test)]
-    m = gather(robot, Model.of("rigid_body"), *rows, np.random.default_rng(0), draws=2)
+    structure = Structure.of(robot, Model.of("rigid_body"))
+    m = gather(structure, *rows, np.random.default_rng(0), draws=2)
     held = HeldOut(m.train, m.held.choosing)
     sets = [(), *JOINTLY, *((*JOINTLY[-1], name) for name in BESIDE)]
     out = {}

@@ -14,6 +14,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
 from identifiability.workflows.diagnose import BASE_EFFECTS, Diagnosis, diagnose
@@ -210,9 +211,8 @@ def true_error(name: str, seed: int) -> float:
     robot = campaign(name).robot
     logs = simulated(name, np.zeros_like(campaign(name).torque), seed)
     samples = [prepare_rows(robot, log, None) for log in logs]
-    model = Model.of(*BASE_EFFECTS)
-    kept = find_base_parameters(robot, model).kept
-    rows = [build_rows(robot, model, kept, (), part) for part in (samples[:4], samples[4:])]
+    structure = Structure.of(robot, Model.of(*BASE_EFFECTS))
+    rows = [build_rows(structure, (), part) for part in (samples[:4], samples[4:])]
     return float(HeldOut(rows[0], None, rows[1]).gap([()]).relative_error()[0])
 
 

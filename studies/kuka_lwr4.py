@@ -25,10 +25,9 @@ from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.evaluation import Prediction, predict
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import Rung, build_ladder, ladder_model, read_ladder
-from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.analysis import Analysis, analyze
 
@@ -147,13 +146,12 @@ def fit(data: Path, robot: Robot, train: int, processing: str, method: Method) -
         for run in (train, *others_than(train))
     )
     entry = read_ladder(LADDER)
-    model = ladder_model(entry)
-    base = find_base_parameters(robot, model)
-    rungs = build_ladder(entry, robot, base)
-    information = gather_information(Regression(robot, model, (fitted,), base.kept))
+    structure = Structure.of(robot, ladder_model(entry))
+    rungs = build_ladder(entry, structure)
+    information = gather_information(structure.regression([fitted]))
     found = [estimate(rung.reduce(information), method) for rung in rungs]
     values = np.stack([r.expand(e.value) for r, e in zip(rungs, found, strict=True)], 1)
-    held_out = predict(Regression(robot, model, tuple(others), base.kept), values)
+    held_out = predict(structure.regression(others), values)
     return Fit(rungs, held_out, tuple(bool(e.determined.all()) for e in found))
 
 

@@ -20,7 +20,7 @@ from arviz_stats.base.array import array_stats
 from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.output import write_json
-from identifiability.physical.feasibility import full_problem, nominal_vector, physical_set
+from identifiability.physical.feasibility import full_problem, physical_set
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import build_projection, project
 from identifiability.posterior.ensemble import sample_posterior
@@ -97,12 +97,12 @@ def sign_target(analysis: Analysis) -> tuple[Target, Array]:
 
 def body_target(analysis: Analysis) -> tuple[Target, Array]:
     """Return the posterior of all standard parameters on the cone, and a point inside."""
-    robot, base, full = analysis.robot, analysis.base, analysis.full
+    structure, full = analysis.structure, analysis.full
     reduced = full.rung.reduce(analysis.information)
-    data = full_problem(reduced, full.estimate, full.rung, base.G)
-    prior = state_prior(robot, base, full.rung, reduced, full.estimate)
-    region = physical_set(robot, base)
-    start = project(data, region, margin=START_MARGIN, reference=nominal_vector(robot, base)).phi
+    data = full_problem(reduced, full.estimate, full.rung, structure.G)
+    prior = state_prior(structure, full.rung, reduced, full.estimate)
+    region = physical_set(structure)
+    start = project(data, region, margin=START_MARGIN, reference=structure.nominal).phi
     return Target(data, prior, region, max(float(full.autocorrelation_time.mean()), 1.0)), start
 
 
@@ -184,9 +184,11 @@ def stretch(target: Target, points: Array, budget: float, rng: np.random.Generat
 
 def measure_program(analysis: Analysis, repeats: int) -> dict[str, float]:
     """Return times of the semidefinite program [s]: compiled and solved, and solved again."""
-    robot, base, full = analysis.robot, analysis.base, analysis.full
-    region, nominal = physical_set(robot, base), nominal_vector(robot, base)
-    data = full_problem(full.rung.reduce(analysis.information), full.estimate, full.rung, base.G)
+    structure, full = analysis.structure, analysis.full
+    region, nominal = physical_set(structure), structure.nominal
+    data = full_problem(
+        full.rung.reduce(analysis.information), full.estimate, full.rung, structure.G
+    )
     build_projection(region, reference=nominal).solve(data)  # imports are not the program's
     firsts, agains, rng = [], [], np.random.default_rng(0)
     for _ in range(repeats):

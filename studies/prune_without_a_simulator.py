@@ -88,7 +88,7 @@ def run(robot: Robot, trajectory: str, seed: int) -> Log:
 def judge(robot: Robot, out: Ladder) -> dict[str, Any]:
     path = ladder_path(robot)
     assert path is not None
-    model_4 = build_ladder(read_ladder(path), robot, out.base)[3]
+    model_4 = build_ladder(read_ladder(path), out.structure)[3]
     fit = estimate(model_4.reduce(out.information))
     chosen = out.chosen
     held = Regression(robot, Model.of(*out.effects), out.validation, out.base.kept)

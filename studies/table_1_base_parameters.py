@@ -26,7 +26,7 @@ from paper_study.result import (
 from paper_study.subject import TRAJECTORIES, Subject, exact_log, load_subject
 
 from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
-from identifiability.regression.reduction import Rung, nominal_base
+from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Model
 from identifiability.report import Check
 from identifiability.report.numbers import format_number
@@ -122,7 +122,7 @@ def structure_checks(
 
 def cad_checks(subject: Subject) -> list[StudyCheck]:
     """Check the CAD column of Table 8 against the robot file."""
-    names = dict(zip(subject.base.names, nominal_base(subject.robot, subject.base), strict=True))
+    names = dict(zip(subject.base.names, subject.structure.nominal_base, strict=True))
     return [
         check_range(
             f"CAD value of {row['printed']}",
@@ -144,7 +144,7 @@ def recovery_checks(subject: Subject, robot: str) -> list[StudyCheck]:
         motion = complete_motion(subject.robot, log.t, log.q, log.dq, log.ddq)
         _, _, fits = fit_models(subject, [as_samples(name, motion, log.tau)])
         values = expand_fits(subject, fits)
-        truth = nominal_base(subject.robot, subject.base)
+        truth = subject.structure.nominal_base
         worst[k] = np.abs(values - truth[:, None]).max(0) / np.abs(truth).max()
         exact = subject.exact[3]
         worst[k, 3] = np.abs(fits[3].value / exact - 1).max()

@@ -18,7 +18,6 @@ from paper_study.stand_in import StandIn
 from paper_study.subject import Subject, load_subject
 
 from identifiability.foundation.names import Array
-from identifiability.regression.reduction import nominal_base
 from identifiability.report.numbers import format_number
 
 TRAJECTORY = "601"
@@ -116,7 +115,7 @@ def run(options: Options) -> StudyResult:
     rows = read_printed("table_8")["rows"]
     names = [r["name"] for r in rows]
     fitted = fitted_records(options)
-    nominal = nominal_base(subject.robot, subject.base)
+    nominal = subject.structure.nominal_base
     cad = np.array([nominal[subject.base.names.index(n)] for n in names])
     deviations = {
         name: tuple(deviation(values_of(subject, fit, names, m), cad) for m in (3, 0))

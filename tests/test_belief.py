@@ -10,11 +10,10 @@ from identifiability import analyze
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.certify import certify
-from identifiability.physical.feasibility import full_problem, nominal_vector, physical_set
+from identifiability.physical.feasibility import full_problem, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Target
-from identifiability.regression.reduction import nominal_base
 from identifiability.robot import Robot
 from identifiability.robot.files import locate_robot
 from identifiability.workflows.analyze.belief import (
@@ -31,7 +30,7 @@ NOTHING = "The chains are short: 80 draws are 44 autocorrelation times of leg3_u
 
 def believe(analysis, result, effort=None, robot=None):
     return form_belief(
-        robot or analysis.robot, analysis.base, result.rung,
+        replace(analysis.structure, robot=robot or analysis.robot), result.rung,
         result.rung.reduce(analysis.information), result.estimate, result.physical,
         max(float(result.autocorrelation_time.mean()), 1.0), np.random.default_rng(1), effort,
     )  # fmt: skip
@@ -39,7 +38,7 @@ def believe(analysis, result, effort=None, robot=None):
 
 def truth_of(analysis, result):
     """Values of a model's parameters in the robot that was simulated."""
-    rest = nominal_base(analysis.robot, analysis.base) - result.rung.held
+    rest = analysis.structure.nominal_base - result.rung.held
     return np.linalg.lstsq(result.rung.M, rest, rcond=None)[0]
 
 
@@ -68,17 +67,17 @@ def test_where_no_sign_is_near_the_posterior_is_the_closed_form(analysis):
 
 
 def test_all_draws_belong_to_a_real_robot(analysis):
-    chosen, robot, base = analysis.chosen, analysis.robot, analysis.base
+    chosen, structure = analysis.chosen, analysis.structure
     reduced = chosen.rung.reduce(analysis.information)
-    region = physical_set(robot, base)
-    data = full_problem(reduced, chosen.estimate, chosen.rung, base.G)
-    prior = state_prior(robot, base, chosen.rung, reduced, chosen.estimate)
-    start = project(data, region, margin=START_MARGIN, reference=nominal_vector(robot, base)).phi
+    region = physical_set(structure)
+    data = full_problem(reduced, chosen.estimate, chosen.rung, structure.G)
+    prior = state_prior(structure, chosen.rung, reduced, chosen.estimate)
+    start = project(data, region, margin=START_MARGIN, reference=structure.nominal).phi
     draws = sample_posterior(
         Target(data, prior, region), start, np.random.default_rng(0), draws=10, walkers=4, warmup=5
     ).flat()
     assert region.contains(draws).all()
-    to_x = np.linalg.pinv(chosen.rung.M) @ base.G
+    to_x = np.linalg.pinv(chosen.rung.M) @ structure.G
     for x in analysis.belief.physical.draws[:5]:
         assert certify(to_x, x, region).feasible
 
@@ -133,7 +132,7 @@ def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior,
     full = arm.full
     reduced = full.rung.reduce(arm.information)
     with pytest.raises(RobotError, match=sentence):
-        state_prior(robot, arm.base, full.rung, reduced, full.estimate)
+        state_prior(replace(arm.structure, robot=robot), full.rung, reduced, full.estimate)
     belief = believe(arm, full, Effort(walkers=2, draws=4, warmup=1), robot)
     assert belief.physical is None
     assert belief.standard is None

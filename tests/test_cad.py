@@ -7,7 +7,6 @@ import pytest
 
 from identifiability import Robot, analyze
 from identifiability.foundation.errors import IdentifiabilityError, RobotError
-from identifiability.physical.feasibility import nominal_vector
 from identifiability.physical.pseudo_inertia import to_matrix
 
 
@@ -57,7 +56,7 @@ def test_a_flat_body_pulls_like_one_with_a_little_thickness(simulated):
 def test_the_prior_pulls_what_the_data_leave_open_to_the_robot_file(log):
     free = analyze("two-link", log, replicates=0)
     pulled = analyze("two-link", log, replicates=0, cad_weight=10.0)
-    nominal = nominal_vector(pulled.robot, pulled.base)
+    nominal = pulled.structure.nominal
 
     def distance(result):
         """Log-det divergence of the bodies from the robot file's, what the prior weighs."""

@@ -13,7 +13,7 @@ from identifiability import analyze, diagnose, prune
 from identifiability.cli import app
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import IdentifiabilityError, LogError
-from identifiability.physical.pseudo_inertia import INERTIAL
+from identifiability.foundation.names import INERTIAL
 from identifiability.robot import Robot
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.export import export

@@ -15,9 +15,9 @@ Array = NDArray[Any]
 #: entries of inertia (Ixy = -∫xy dm) about the origin of the body's joint frame.
 INERTIAL_KINDS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
-#: The order in which a body's columns are offered to the grouping: mass last, so that masses are
-#: regrouped into the moments that they act through.
-INERTIAL_PREFERENCE = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
+#: The order of a body's ten parameters in a pseudo-inertia, and in which its columns are offered to
+#: the grouping: mass last, so that masses are regrouped into the moments that they act through.
+INERTIAL = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
 
 #: Kinds that no physical body or joint can have below zero.
 NONNEGATIVE_KINDS = frozenset(

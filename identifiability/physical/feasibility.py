@@ -12,12 +12,13 @@ full, and as no help in explaining the log.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from identifiability.estimation.estimate import Estimate, settle_signs
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, nominal_cones
 from identifiability.physical.certify import Certificate, certify
@@ -25,10 +26,10 @@ from identifiability.physical.feasible_set import PhysicalSet, scale_from
 from identifiability.physical.held import find_held, left_out
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import FeasibleEstimate, build_projection
-from identifiability.physical.pseudo_inertia import INERTIAL, BodyCheck, check_body
-from identifiability.regression.base_parameters import BaseParameters
+from identifiability.physical.pseudo_inertia import BodyCheck, check_body
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.holding import held_by_file
 
@@ -85,38 +86,14 @@ class PhysicalResult:
         return {n: float(v) for n, v in zip(self.region.columns, self.nearest.phi, strict=True)}
 
 
-def nominal_vector(robot: Robot, base: BaseParameters) -> Array:
-    """Return the standard parameters that the robot file states, (p,)."""
-    return np.array([robot.nominal.get(p.name, 0.0) for p in base.parameters])
-
-
-def body_index(robot: Robot, base: BaseParameters) -> np.ndarray:
-    """Return the columns of each body's ten parameters in the order of `INERTIAL`, (nb, 10)."""
-    at = {p.name: k for k, p in enumerate(base.parameters)}
-    rows = [[at[f"{stem}{kind}"] for kind in INERTIAL] for stem in _body_stems(robot, base)]
-    return np.array(rows, int).reshape(-1, 10)
-
-
-def _body_stems(robot: Robot, base: BaseParameters) -> dict[str, str]:
-    """Return the bodies of a model, loads among them: the start of their parameters' names."""
-    names = {p.name for p in base.parameters}
-    known = {f"{b}.": b for b in robot.bodies}
-    known |= {f"{b}.payload_": f"the payload of {b}" for b in robot.bodies}
-    return {stem: title for stem, title in known.items() if f"{stem}m" in names}
-
-
-def physical_set(robot: Robot, base: BaseParameters) -> PhysicalSet:
+@lru_cache(maxsize=4)
+def physical_set(structure: Structure) -> PhysicalSet:
     """Return the parameter vectors that a real robot of this structure can have."""
-    bodies = body_index(robot, base)
-    mass, length = _scales(nominal_vector(robot, base), bodies)
+    mass, length = _scales(structure.nominal, structure.inertial)
     return PhysicalSet(
-        bodies,
-        np.array([p.nonnegative for p in base.parameters]),
-        tuple(_body_stems(robot, base).values()),
-        tuple(p.name for p in base.parameters),
-        mass,
-        length,
-    )
+        bodies=structure.inertial, nonnegative=structure.nonnegative,
+        names=tuple(structure.bodies.values()), columns=structure.columns, mass=mass, length=length,
+    )  # fmt: skip
 
 
 def _scales(nominal: Array, bodies: np.ndarray) -> tuple[Array, Array]:
@@ -129,11 +106,11 @@ def _scales(nominal: Array, bodies: np.ndarray) -> tuple[Array, Array]:
     return mass, length
 
 
-def leave_undecided(robot: Robot, base: BaseParameters, rung: Rung, why: str) -> PhysicalResult:
+def leave_undecided(structure: Structure, rung: Rung, why: str) -> PhysicalResult:
     """Return what physics says where nothing was fitted."""
     value, found = np.full(len(rung), np.nan), np.full(len(rung.M), np.nan)
     return PhysicalResult(
-        physical_set(robot, base), None, None, value, found, found,
+        physical_set(structure), None, None, value, found, found,
         f"Not decided, because {why}.", 0.0,
     )  # fmt: skip
 
@@ -200,27 +177,27 @@ def full_problem(
     return LeastSquares(R[:m, :m] @ to_x, R[:m, m], rss, max(float(estimate.dof), 1.0))
 
 
-def _cad_prior(robot: Robot, region: PhysicalSet, nominal: Array, weight: float) -> CadPrior | None:
+def _cad_prior(structure: Structure, weight: float) -> CadPrior | None:
     """Return the prior of the robot file, whose bodies must be possible and no points."""
     if not weight:
         return None
-    if len(region.bodies) > len(robot.bodies):
+    robot = structure.robot
+    if len(structure.bodies) > len(robot.bodies):
         raise IdentifiabilityError(
             "A prior around the robot file knows no payload; leave the effect payload out of the "
             "model (the last body has it), or the prior."
         )
     check_nominal(robot)
-    prior = CadPrior(nominal, weight)
+    prior = CadPrior(structure.nominal, weight)
     try:
-        nominal_cones(region, prior)
+        nominal_cones(physical_set(structure), prior)
     except ValueError as error:
         raise IdentifiabilityError(f"{robot.path}: {error}") from None
     return prior
 
 
 def assess_feasibility(
-    robot: Robot,
-    base: BaseParameters,
+    structure: Structure,
     rung: Rung,
     whole: Information,
     information: Information,
@@ -231,8 +208,7 @@ def assess_feasibility(
 
     Parameters
     ----------
-    robot : Robot
-    base : BaseParameters
+    structure : Structure
     rung : Rung
         The model that was fitted.
     whole, information : Information
@@ -250,19 +226,18 @@ def assess_feasibility(
     sentence = "The motion leaves parameters of the model undetermined."
     try:
         if len(estimate.kept) == len(rung) and len(rung):
-            to_x = np.linalg.pinv(rung.M) @ base.G
+            to_x = np.linalg.pinv(rung.M) @ structure.G
             settled = settle_signs(information, estimate, rung.nonnegative)
-            certificate = certify(to_x, settled, physical_set(robot, base))
+            certificate = certify(to_x, settled, physical_set(structure))
             sentence = certificate.sentence(rung.columns)
     except ValueError as error:
         sentence = f"Whether a real robot has these values was not decided: {error}"
-    found = find_nearest(robot, base, rung, whole, information, estimate, cad_weight)
+    found = find_nearest(structure, rung, whole, information, estimate, cad_weight)
     return replace(found, certificate=certificate, sentence=sentence + found.sentence)
 
 
 def find_nearest(
-    robot: Robot,
-    base: BaseParameters,
+    structure: Structure,
     rung: Rung,
     whole: Information,
     information: Information,
@@ -273,20 +248,19 @@ def find_nearest(
 
     Cross-validation needs its torque alone. Parameters and errors as in `assess_feasibility`.
     """
-    region = physical_set(robot, base)
-    nominal = nominal_vector(robot, base)
-    data = full_problem(information, estimate, rung, base.G)
-    to_x = np.linalg.pinv(rung.M) @ base.G if len(rung) else np.zeros((0, base.G.shape[1]))
+    region, G = physical_set(structure), structure.G
+    data = full_problem(information, estimate, rung, G)
+    to_x = np.linalg.pinv(rung.M) @ G if len(rung) else np.zeros((0, G.shape[1]))
     nearest, sentence = None, ""
-    value, found = np.full(len(rung), np.nan), np.full((2, len(base)), np.nan)
+    value, found = np.full(len(rung), np.nan), np.full((2, len(G)), np.nan)
     try:
-        prior = _cad_prior(robot, region, nominal, cad_weight)
-        held = find_held(region, base.G, rung.M, rung.held)
+        prior = _cad_prior(structure, cad_weight)
+        held = find_held(region, G, rung.M, rung.held)
         R = whole.factor(estimate.weights)
-        rows, aim = left_out(R[:-1, :-1], base.G, rung.M, rung.held)
+        rows, aim = left_out(R[:-1, :-1], G, rung.M, rung.held)
         program = build_projection(
             replace(region, nonnegative=region.nonnegative & ~held.fixed),
-            reference=_possible(nominal, region), prior=prior, held=held,
+            reference=_possible(structure.nominal, region), prior=prior, held=held,
         )  # fmt: skip
         nearest = program.solve(
             LeastSquares(
@@ -294,8 +268,9 @@ def find_nearest(
             )
         )
         value = to_x @ nearest.phi
-        held_there = held_by_file(robot, dict(zip(region.columns, nearest.phi, strict=True)))
-        found = np.array([nearest.phi, [held_there[n] for n in region.columns]]) @ base.G.T
+        phi = dict(zip(region.columns, nearest.phi, strict=True))
+        held_there = held_by_file(structure.robot, phi)
+        found = np.array([nearest.phi, [held_there[n] for n in region.columns]]) @ G.T
         if not nearest.accurate:
             sentence += f" The nearest real robot is within {nearest.gap:.2g} σ² of the optimum."
         sentence += _say_left_out(rows @ nearest.phi - aim, R[:, -1])

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.foundation.names import INERTIAL
 from identifiability.physical.cad_prior import CadPrior, nominal_cones
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.pseudo_inertia import INERTIAL
 from identifiability.robot import Robot
 
 #: Times the robot file's total mass beyond which another one is spoken of.

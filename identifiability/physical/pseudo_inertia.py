@@ -11,12 +11,10 @@ is positive semidefinite [Traversaro 2016; Wensing 2017].
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identifiability.foundation.names import INERTIAL
 from identifiability.foundation.values import frozen
 
 Floats = NDArray[np.float64]
-
-#: Order of the ten parameters of a body; [kg m²] ×6, [kg m] ×3, [kg].
-INERTIAL = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
 
 #: A body whose margin is above ``-BOUNDARY`` is on or inside the cone: a thin disc has margin 0.
 BOUNDARY = 1e-7

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, near_match
-from identifiability.foundation.names import INERTIAL_PREFERENCE, Array
+from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Tree
 from identifiability.robot.loops import Coupling, Loop
@@ -216,7 +216,7 @@ class Description:
         Bodies come in `body_order`, each with its mass last; everything else follows.
         """
         at = {name: k for k, name in enumerate(names)}
-        wanted = [f"{b}.{kind}" for b in self.body_order for kind in INERTIAL_PREFERENCE]
+        wanted = [f"{b}.{kind}" for b in self.body_order for kind in INERTIAL]
         first = [at[w] for w in wanted if w in at]
         seen = set(first)
         return first + [k for k in range(len(names)) if k not in seen]

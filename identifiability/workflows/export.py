@@ -12,10 +12,11 @@ from identifiability.effects import FAMILIES
 from identifiability.effects.nominal import reference_values
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
+from identifiability.foundation.names import INERTIAL
 from identifiability.foundation.options import FilePath, checked
 from identifiability.foundation.values import frozen
 from identifiability.physical.mass import state_mass
-from identifiability.physical.pseudo_inertia import INERTIAL, check_body
+from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.holding import complete_values
 from identifiability.robot.write import write_robot

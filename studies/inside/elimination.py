@@ -80,7 +80,7 @@ def measure(analysis: Analysis, repeats: int) -> Pair:
     """Walk down the unpruned model, from Gram matrices and from rows."""
     full = analysis.full
     information = full.rung.reduce(analysis.information)
-    suggested = propose_moves(analysis.robot, analysis.base, full.rung.columns)
+    suggested = propose_moves(analysis.structure, full.rung.columns)
     nonnegative = np.asarray(full.rung.nonnegative)
 
     search = find_path(information, nonnegative, suggested=suggested)

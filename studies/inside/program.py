@@ -6,7 +6,7 @@ import cvxpy as cp
 import numpy as np
 from peers.cvxpy_rows import pseudo_inertia
 
-from identifiability.physical.feasibility import full_problem, nominal_vector, physical_set
+from identifiability.physical.feasibility import full_problem, physical_set
 from identifiability.physical.project import project
 from identifiability.workflows.analyze.analysis import Analysis
 from inside.pair import Pair, all_rows, timed
@@ -14,21 +14,21 @@ from inside.pair import Pair, all_rows, timed
 
 def measure(analysis: Analysis, repeats: int) -> Pair:
     """Project on the bodies that can exist, from the compressed problem and from all rows."""
-    robot, base, full = analysis.robot, analysis.base, analysis.full
-    region, nominal = physical_set(robot, base), nominal_vector(robot, base)
+    structure, full = analysis.structure, analysis.full
+    region, nominal = physical_set(structure), structure.nominal
     information = full.rung.reduce(analysis.information)
-    data = full_problem(information, full.estimate, full.rung, base.G)
+    data = full_problem(information, full.estimate, full.rung, structure.G)
     project(data, region, reference=nominal)  # what is imported on the way is not the program's
     ours, found = timed(lambda: project(data, region, reference=nominal), repeats)
 
     rows = all_rows(analysis, full.rung, information)
     W, tau = rows.weighted(full.estimate.weights)
-    W = W @ np.linalg.pinv(full.rung.M) @ base.G
+    W = W @ np.linalg.pinv(full.rung.M) @ structure.G
 
     def naive() -> np.ndarray:
         phi = cp.Variable(W.shape[1])
-        bodies = [pseudo_inertia(phi, k) >> 0 for k in range(len(robot.bodies))]
-        limits = [phi[10 * len(robot.bodies) :] >= 0, *bodies]
+        bodies = [pseudo_inertia(phi, k) >> 0 for k in range(len(structure.robot.bodies))]
+        limits = [phi[10 * len(structure.robot.bodies) :] >= 0, *bodies]
         cp.Problem(cp.Minimize(cp.sum_squares(W @ phi - tau)), limits).solve(solver="CLARABEL")
         return np.asarray(phi.value)
 
@@ -39,6 +39,6 @@ def measure(analysis: Analysis, repeats: int) -> Pair:
     gap = abs(float(residual @ residual) - found.rss) / variance
     return Pair(
         "semidefinite program", "all rows of the regressor into cvxpy",
-        f"{len(W)} rows, {W.shape[1]} parameters, {len(robot.bodies)} bodies",
+        f"{len(W)} rows, {W.shape[1]} parameters, {len(structure.robot.bodies)} bodies",
         ours, slow, gap, 0.1, "residual sum of squares, in σ²",
     )  # fmt: skip

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.stats import norm
 
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.diagnose.evidence import Whitened, score_candidates
@@ -36,7 +37,8 @@ def measure(draws: int, candidates: int, seed: int) -> Pair:
         for name, rng in zip(("571", "601"), rngs, strict=False)
     ]  # fmt: skip
     samples = [prepare_rows(robot, log, None) for log in logs]
-    material = gather(robot, Model.of(*usual_effects(robot)), samples, [], rngs[2], draws=draws)
+    structure = Structure.of(robot, Model.of(*usual_effects(robot)))
+    material = gather(structure, samples, [], rngs[2], draws=draws)
     single = [c for c in material.candidates if len(c.columns) == 1][:candidates]
     white = material.white
     ours, scores = timed(lambda: score_candidates(white, white.X, single), 5)

@@ -100,7 +100,7 @@ def fit_models(
     subject: Subject, samples: Sequence[Samples]
 ) -> tuple[Regression, Information, list[Estimate]]:
     """Fit every model by ordinary least squares, as the paper does."""
-    regression = Regression(subject.robot, subject.model, tuple(samples), subject.base.kept)
+    regression = subject.structure.regression(samples)
     information = gather_information(regression)
     return regression, information, [estimate(r.reduce(information), "ols") for r in subject.rungs]
 

@@ -17,7 +17,6 @@ from identifiability.estimation.evaluation import Prediction, predict
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
-from identifiability.regression.regression import Regression
 from identifiability.robot import complete_motion
 from paper_study.command import Options
 from paper_study.monte_carlo import as_samples, expand_fits, fit_models, physically_possible
@@ -96,7 +95,7 @@ def fit_record(subject: Subject, samples: Samples) -> Fitted:
 
 def predict_record(subject: Subject, samples: Samples, values: Array) -> Prediction:
     """Predict the forces of a record with base parameters (b, m)."""
-    regression = Regression(subject.robot, subject.model, (samples,), subject.base.kept)
+    regression = subject.structure.regression([samples])
     return predict(regression, values)
 
 

@@ -13,16 +13,16 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
-from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
+from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.reduction import (
     Rung,
     build_ladder,
     ladder_model,
     ladder_path,
-    nominal_base,
     read_ladder,
 )
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.simulation.forces import stribeck
@@ -49,22 +49,33 @@ class Subject:
 
     Attributes
     ----------
-    robot : Robot
-    model : Model
-    base : BaseParameters
+    structure : Structure
     rungs : tuple of Rung
         Models 1 to 4.
     """
 
-    robot: Robot
-    model: Model
-    base: BaseParameters
+    structure: Structure
     rungs: tuple[Rung, ...]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.structure.robot
+
+    @property
+    def model(self) -> Model:
+        """The unpruned model."""
+        return self.structure.model
+
+    @property
+    def base(self) -> BaseParameters:
+        """Its base parameters."""
+        return self.structure.base
 
     @cached_property
     def exact(self) -> tuple[Array, ...]:
         """Exact parameters of each model: those of the robot file."""
-        stated = nominal_base(self.robot, self.base)
+        stated = self.structure.nominal_base
         values = [np.linalg.lstsq(r.M, stated - r.held, rcond=None)[0] for r in self.rungs]
         # Groups that cancel in a symmetric robot come out as rounding errors.
         return tuple(np.where(np.abs(x) < ZERO * np.abs(x).max(), 0.0, x) for x in values)
@@ -73,7 +84,7 @@ class Subject:
         """Return the subject whose models have no actuator inertia (Table 6)."""
         names = [f"{joint}.Jr" for joint in self.robot.joints]
         rungs = tuple(r.without(names) for r in self.rungs)
-        return Subject(self.robot, self.model, self.base, rungs)
+        return Subject(self.structure, rungs)
 
 
 @dataclass(frozen=True)
@@ -95,9 +106,8 @@ def load_subject(robot: str = SHIPPED) -> Subject:
     if path is None:
         raise FileNotFoundError(f"There is no ladder.toml beside {machine.path}.")
     entry = read_ladder(path)
-    model = ladder_model(entry)
-    base = find_base_parameters(machine, model)
-    return Subject(machine, model, base, build_ladder(entry, machine, base))
+    structure = Structure.of(machine, ladder_model(entry))
+    return Subject(structure, build_ladder(entry, structure))
 
 
 @cache

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from identifiability.estimation.estimate import Estimate, estimate
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
 from identifiability.regression.information import Information, gather_information
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.model import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from peers.process import Array, Run
 
@@ -20,8 +20,7 @@ EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction")
 class Fit:
     """What later steps need, and the regressor W (S, n, p) at the shown samples."""
 
-    robot: Robot
-    base: BaseParameters
+    structure: Structure
     information: Information
     estimate: Estimate
     W: Array
@@ -34,13 +33,13 @@ def fit(run: Run) -> Fit:
         log = Log("samples", robot.joints, run.t, run.q, run.tau, run.v, run.a, "")
         samples = prepare_samples(robot, log, Preparation("given", keep_rest=True))
     with run.phase("base parameters"):
-        base = find_base_parameters(robot, model)
+        structure = Structure.of(robot, model)
     with run.phase("regressor"):  # and its compression: the whole is never in memory
-        information = gather_information(Regression(robot, model, (samples,), base.kept))
+        information = gather_information(structure.regression([samples]))
     with run.phase("least squares and σ"):
         found = estimate(information, "ols")
     W = model.regressor(robot, samples.motion[run.shown])
     run.evidence["regressor"] = W[:, :, : 10 * robot.nv].tolist()
     variance = float(found.rss.sum()) / found.dof
-    run.show_fit(W[:, :, base.kept], found.value, found.covariance, variance)
-    return Fit(robot, base, information, found, W)
+    run.show_fit(W[:, :, structure.base.kept], found.value, found.covariance, variance)
+    return Fit(structure, information, found, W)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identifiability.physical.feasibility import full_problem, nominal_vector, physical_set
+from identifiability.physical.feasibility import full_problem, physical_set
 from identifiability.physical.project import project
 from identifiability.regression.reduction import full_rung
 from peers import ours
@@ -12,10 +12,12 @@ from peers.process import Run
 def fit(run: Run) -> None:
     """Find the real robot that is nearest to the data."""
     found = ours.fit(run)
-    base, robot = found.base, found.robot
+    structure = found.structure
     with run.phase("semidefinite program"):
-        data = full_problem(found.information, found.estimate, full_rung(base), base.G)
-        near = project(data, physical_set(robot, base), reference=nominal_vector(robot, base))
+        data = full_problem(
+            found.information, found.estimate, full_rung(structure.base), structure.G
+        )
+        near = project(data, physical_set(structure), reference=structure.nominal)
     run.evidence |= {
         "rss": near.rss,
         "torque": (found.W @ near.phi).tolist(),

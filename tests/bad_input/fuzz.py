@@ -49,13 +49,13 @@ from spoil import (
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.reduction import (
     build_ladder,
     default_ladder,
     ladder_model,
     read_ladder,
 )
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.files import locate_robot
 from identifiability.simulation import (
@@ -165,7 +165,7 @@ def bag_reader(frame: pd.DataFrame, read: Callable[[Path], object]) -> dict[str,
 def readers() -> dict[str, Reader]:
     """Every reader by its name."""
     two = Robot.load("two-link")
-    base = find_base_parameters(two, ladder_model(default_ladder(two)))
+    structure = Structure.of(two, ladder_model(default_ladder(two)))
     frame = simulate(two, PrescribedMotion.of(shipped_trajectory(two, "a"), 30)).to_frame()
     parquet = io.BytesIO()
     frame.to_parquet(parquet)
@@ -182,7 +182,7 @@ def readers() -> dict[str, Reader]:
     def ladder(path: Path) -> object:
         entry = read_ladder(path)
         ladder_model(entry)
-        return build_ladder(entry, two, base)
+        return build_ladder(entry, structure)
 
     def motion(path: Path) -> object:
         known = read_trajectories(path, two)

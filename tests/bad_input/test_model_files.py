@@ -11,8 +11,9 @@ from identifiability import Model, Robot, analyze, diagnose, excite, prune, simu
 from identifiability.cli import app
 from identifiability.effects import Placed
 from identifiability.foundation.errors import ModelError
-from identifiability.regression.base_parameters import find_base_parameters, random_motion
+from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.reduction import build_ladder, ladder_text, read_ladder, rung_entry
+from identifiability.regression.structure import Structure
 from identifiability.simulation import shipped_trajectory
 from identifiability.workflows.calibrate.calibration import calibrate
 
@@ -61,14 +62,14 @@ def test_a_rung_with_every_reduction_is_written_and_read_back_as_it_was(tmp_path
         '[[models]]\nname = "b"\nzero = ["elbow.Fc"]\n'
     )
     model = Model.of("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
-    base = find_base_parameters(robot, model)
-    for rung in build_ladder(read_ladder(path), robot, base):
+    structure = Structure.of(robot, model)
+    for rung in build_ladder(read_ladder(path), structure):
         entry = read_ladder(path).model_copy(
-            update={"models": [rung_entry(rung, base, model.texts)]}
+            update={"models": [rung_entry(rung, structure.base, model.texts)]}
         )
         written = tmp_path / "written.toml"
         written.write_text(ladder_text(entry, "a comment"))
-        (again,) = build_ladder(read_ladder(written), robot, base)
+        (again,) = build_ladder(read_ladder(written), structure)
         assert again.columns == rung.columns
         np.testing.assert_array_equal(again.M, rung.M)
         np.testing.assert_array_equal(again.held, rung.held)

@@ -6,10 +6,9 @@ import pytest
 from identifiability.estimation.estimate import estimate
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.information import gather_information
-from identifiability.regression.reduction import nominal_base
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Trajectory
 
@@ -120,7 +119,7 @@ def test_the_size_of_the_pieces_does_not_matter(decimate, two, log):
 
 def regression_of(two, log, decimate):
     samples = prepare_samples(two, log, Preparation("given", decimate=decimate))
-    return Regression(two, MODEL, (samples,), find_base_parameters(two, MODEL).kept)
+    return Structure.of(two, MODEL).regression([samples])
 
 
 def rows_of(regression):
@@ -132,7 +131,7 @@ def rows_of(regression):
 @pytest.mark.parametrize("decimate", [1, 8])
 def test_filtering_torque_and_regressor_alike_keeps_exact_parameters_exact(decimate, two, log):
     """Coulomb friction included: its steps are smoothed on both sides of the equation."""
-    exact = nominal_base(two, find_base_parameters(two, MODEL))
+    exact = Structure.of(two, MODEL).nominal_base
     found = estimate(gather_information(regression_of(two, log, decimate)), "ols")
     np.testing.assert_allclose(found.value, exact, atol=1e-9)
 
@@ -143,8 +142,8 @@ def test_filtering_the_torque_alone_biases_coulomb_friction(two, log):
     d = signals.Decimation(8)
     W = rows_of(regression_of(two, log, 1))[0][d.reach + 8 * np.arange(len(smoothed))]
     rough = np.linalg.lstsq(W.reshape(-1, W.shape[2]), smoothed.reshape(-1), rcond=None)[0]
-    base = find_base_parameters(two, MODEL)
+    structure = Structure.of(two, MODEL)
     for name in ("shoulder.Fc", "elbow.Fc"):
-        row = base.names.index(name)
-        exact = nominal_base(two, base)[row]
+        row = structure.base.names.index(name)
+        exact = structure.nominal_base[row]
         assert rough[row] < 0.99 * exact  # the steps are smaller once they are smooth

@@ -48,12 +48,14 @@ def test_bootstrap_refits(benchmark, analysis):
 
 
 def test_semidefinite_program_again(benchmark, analysis):
-    from identifiability.physical.feasibility import full_problem, nominal_vector, physical_set
+    from identifiability.physical.feasibility import full_problem, physical_set
     from identifiability.physical.project import build_projection
 
-    full, robot, base = analysis.full, analysis.robot, analysis.base
-    data = full_problem(full.rung.reduce(analysis.information), full.estimate, full.rung, base.G)
-    compiled = build_projection(physical_set(robot, base), reference=nominal_vector(robot, base))
+    full, structure = analysis.full, analysis.structure
+    data = full_problem(
+        full.rung.reduce(analysis.information), full.estimate, full.rung, structure.G
+    )
+    compiled = build_projection(physical_set(structure), reference=structure.nominal)
     with threadpool_limits(1):
         found = benchmark.pedantic(compiled.solve, args=(data,), rounds=5, warmup_rounds=1)
     assert found.accurate

@@ -4,13 +4,16 @@ import numpy as np
 
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import Rules, gather
 
 
 def aliases(robot, logs, *model):
     samples = [prepare_samples(robot, log) for log in logs]
-    m = gather(robot, Model.of(*model), samples, (), np.random.default_rng(0), draws=2)
+    m = gather(
+        Structure.of(robot, Model.of(*model)), samples, (), np.random.default_rng(0), draws=2
+    )
     return {(a.family, a.place): a for a in m.aliases}, m
 
 

@@ -11,6 +11,7 @@ from identifiability.effects.placed import Part, Placed
 from identifiability.foundation.errors import RobotError
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, PrescribedMotion, random_trajectory, simulate
 from identifiability.simulation.forward import ForwardRobot
 from identifiability.workflows.diagnose import forward
@@ -66,7 +67,7 @@ def test_a_missing_effect_opens_a_gap_in_motion_that_adding_it_closes():
     *train, unseen = _samples(robot, 1, 3, ["load_dependent_friction=0.08"])
     effect = find_effect("load_dependent_friction")
     fuller = Model((*BASE.effects, Placed([Part(effect, j, ("Fl",)) for j in robot.joints])))
-    before, after = (forward.fit_physical(robot, m, train) for m in (BASE, fuller))
+    before, after = (forward.fit_physical(Structure.of(robot, m), train) for m in (BASE, fuller))
     gap = forward.compare_forward(robot, before, after, [unseen], np.random.default_rng(0))
     low, high = gap.interval
     assert gap.error_after < 0.5 * gap.error_before
@@ -77,7 +78,7 @@ def test_a_wrong_effect_does_not_close_it():
     robot = Robot.load("3-rps")
     *train, unseen = _samples(robot, 1, 3, ["load_dependent_friction=0.08"])
     wrong = Model((*BASE.effects, find_effect("quadratic_friction")))
-    before, after = (forward.fit_physical(robot, m, train) for m in (BASE, wrong))
+    before, after = (forward.fit_physical(Structure.of(robot, m), train) for m in (BASE, wrong))
     gap = forward.compare_forward(robot, before, after, [unseen], np.random.default_rng(0))
     assert gap.error_after > 0.8 * gap.error_before
 

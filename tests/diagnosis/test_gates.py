@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability.physical.feasibility import physical_set
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import Rules, gather
 from identifiability.workflows.diagnose.gates import add_places, keep_possible, list_units
@@ -33,7 +33,7 @@ def material(logs_of):
     robot = Robot.load("two-link")
     samples = [prepare_rows(robot, log, None) for log in logs_of("two-link", "gravity_tilt=0.02")]
     model = Model.of(*BASE_EFFECTS)
-    return gather(robot, model, samples[:4], (), np.random.default_rng(0), draws=2,
+    return gather(Structure.of(robot, model), samples[:4], (), np.random.default_rng(0), draws=2,
                   verify=samples[4:])  # fmt: skip
 
 
@@ -55,12 +55,9 @@ def test_a_real_robots_fit_is_feasible_and_fits_worse_than_least_squares(materia
 
 def test_where_least_squares_is_a_real_robot_both_agree(material):
     """Law: constrained = unconstrained where nothing is active."""
-    robot = material.robot
-    values = np.array([robot.nominal.get(p.name, 0.0) for p in material.base.parameters])
-    values = np.maximum(
-        values, np.where(physical_set(robot, material.base).nonnegative, 1e-3, -np.inf)
-    )
-    tau = material.train.X @ (material.base.G @ values)
+    structure = material.structure
+    values = np.maximum(structure.nominal, np.where(structure.nonnegative, 1e-3, -np.inf))
+    tau = material.train.X @ (structure.G @ values)
     noise = 1e-6 * np.sqrt(np.mean(tau**2)) * np.random.default_rng(0).standard_normal(tau.shape)
     rows = replace(material.train, tau=tau + noise)
     found = rows.X @ material.held.real.fit(rows, ())

@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 
 from identifiability import analyze
 from identifiability.cli import app
-from identifiability.physical.feasibility import nominal_vector
 from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
@@ -48,7 +47,7 @@ def test_the_feasible_estimate_is_near_the_data_and_the_file(exported):
     for model in result.models:
         assert model.physical.nearest.excess < 30  # in σ² of thousands of rows
         assert model.physical.region.contains(model.physical.nearest.phi)
-    assert nominal_vector(result.robot, result.base).shape == (85,)
+    assert result.structure.nominal.shape == (85,)
 
 
 def test_a_result_of_another_robot_is_refused(exported, tmp_path):

@@ -10,6 +10,7 @@ from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import build_ladder, read_ladder
 from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
 
 
 @pytest.fixture
@@ -85,10 +86,11 @@ def test_two_logs_add_up_to_their_union(rps, paper_model, base, simulated):
     np.testing.assert_allclose(swapped.value, b.value, rtol=1e-7)
 
 
-def test_reducing_the_information_equals_reducing_the_columns(rps, base, regression, rows):
+def test_reducing_the_information_equals_reducing_the_columns(rps, paper_model, regression, rows):
     W, tau = rows
     information = gather_information(regression)
-    for rung in build_ladder(read_ladder(rps.path.with_name("ladder.toml")), rps, base):
+    entry = read_ladder(rps.path.with_name("ladder.toml"))
+    for rung in build_ladder(entry, Structure.of(rps, paper_model)):
         flat = (W @ rung.M).reshape(-1, len(rung))
         expected = np.linalg.lstsq(flat, tau.ravel(), rcond=None)[0]
         fit = estimate(rung.reduce(information), "ols")

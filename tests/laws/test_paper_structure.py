@@ -10,8 +10,9 @@ from identifiability.estimation.estimate import estimate
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.information import gather_information
-from identifiability.regression.reduction import build_ladder, nominal_base, read_ladder
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.reduction import build_ladder, read_ladder
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 
 #: Table 1: row -> (name of the representative, coefficients), digits as printed.
 TABLE_1 = {
@@ -46,13 +47,18 @@ REFERENCE = Path(__file__).parent.parent / "models_reference" / "base_parameter_
 
 
 @pytest.fixture
-def base(rps, paper_model):
-    return find_base_parameters(rps, paper_model)
+def structure(rps, paper_model):
+    return Structure.of(rps, paper_model)
 
 
 @pytest.fixture
-def rungs(rps, base):
-    return build_ladder(read_ladder(rps.path.with_name("ladder.toml")), rps, base)
+def base(structure):
+    return structure.base
+
+
+@pytest.fixture
+def rungs(structure):
+    return build_ladder(read_ladder(structure.robot.path.with_name("ladder.toml")), structure)
 
 
 def digits(value):
@@ -99,8 +105,8 @@ def test_model_4_keeps_rows_12_17_and_23(rungs):
     assert any(lab.startswith("m(7)") for lab in rigid)
 
 
-def test_the_cad_identities_of_table_8_hold(rps, base):
-    value = dict(zip(base.names, nominal_base(rps, base), strict=True))
+def test_the_cad_identities_of_table_8_hold(rps, structure):
+    value = dict(zip(structure.base.names, structure.nominal_base, strict=True))
     assert value["platform.mx"] == pytest.approx(-2.47, abs=0.005)
     assert value["leg2_upper.m"] == pytest.approx(10.83, abs=0.005)
     assert value["leg3_upper.m"] == pytest.approx(5.42, abs=0.005)
@@ -111,12 +117,9 @@ def test_the_cad_identities_of_table_8_hold(rps, base):
     assert value["leg3_upper.m"] == pytest.approx(m2 + m3 / 3, rel=1e-6)
 
 
-def test_models_1_to_3_recover_noise_free_parameters_exactly(
-    rps, paper_model, base, rungs, exact_log
-):
-    regression = Regression(rps, paper_model, (prepare_samples(rps, exact_log),), base.kept)
-    information = gather_information(regression)
-    truth = nominal_base(rps, base)
+def test_models_1_to_3_recover_noise_free_parameters_exactly(rps, structure, rungs, exact_log):
+    information = gather_information(structure.regression([prepare_samples(rps, exact_log)]))
+    truth = structure.nominal_base
     for rung in rungs[:3]:
         fit = estimate(rung.reduce(information), "ols")
         error = np.abs(rung.expand(fit.value) - truth)

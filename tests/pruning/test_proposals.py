@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.prune.geometry import (
     Attachment,
@@ -21,8 +21,8 @@ from identifiability.workflows.prune.proposals import propose_moves, tie_moves
 def moves():
     robot = Robot.load("3-rps")
     effects = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
-    base = find_base_parameters(robot, Model.of(*effects))
-    return robot, base, propose_moves(robot, base, base.names)
+    structure = Structure.of(robot, Model.of(*effects))
+    return robot, structure, propose_moves(structure, structure.base.names)
 
 
 def test_the_papers_geometry_is_proposed_from_the_joints_alone(moves):
@@ -33,8 +33,8 @@ def test_the_papers_geometry_is_proposed_from_the_joints_alone(moves):
 
 
 def test_the_papers_equal_legs_are_proposed_from_the_joints_alone(moves):
-    robot, base, _ = moves
-    ties = {frozenset(m.tie[0]) for m in tie_moves(robot, base, base.names)}
+    structure = moves[1]
+    ties = {frozenset(m.tie[0]) for m in tie_moves(structure, structure.base.names)}
     for kind in ("lower.my", "upper.Iyy", "upper.mz"):
         assert frozenset(f"leg{k}_{kind}" for k in (1, 2, 3)) in ties
     declared = [m for m in moves[2] if m.declared]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.prune.unseen import STATES, draw_states, unseen_regressor
 
@@ -33,8 +34,8 @@ def test_reach_widens_speeds_by_it_and_accelerations_by_its_square(simulated):
 
 def test_the_largest_torques_of_a_closed_chain_are_left_out(simulated, paper_model):
     robot, samples = samples_of(simulated, "3-rps", "601")
-    columns = np.arange(10)
-    W = unseen_regressor(robot, paper_model, columns, samples, np.random.default_rng(0))
+    structure = Structure.of(robot, paper_model)
+    W = unseen_regressor(structure, samples, np.random.default_rng(0))
     assert 0.5 * STATES < len(W) <= 0.96 * STATES
-    assert W.shape[1:] == (3, 10)
+    assert W.shape[1:] == (3, len(structure.base))
     assert np.isfinite(W).all()

@@ -104,7 +104,7 @@ def believe(analysis: Analysis, effort: Effort) -> Analysis:
     """Add posteriors, shown whatever so few draws are worth."""
     chosen = analysis.chosen
     belief = form_belief(
-        analysis.robot, analysis.base, chosen.rung, chosen.rung.reduce(analysis.information),
+        analysis.structure, chosen.rung, chosen.rung.reduce(analysis.information),
         chosen.estimate, chosen.physical, 1.0, np.random.default_rng(0), effort,
     )  # fmt: skip
     signs, physical = (trust(x) for x in (belief.signs, belief.physical))

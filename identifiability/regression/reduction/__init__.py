@@ -26,7 +26,6 @@ from identifiability.regression.reduction.rung import (
     build_comparison,
     build_ladder,
     full_rung,
-    nominal_base,
     rung_entry,
 )
 
@@ -48,7 +47,6 @@ __all__ = [
     "ladder_model",
     "ladder_path",
     "ladder_text",
-    "nominal_base",
     "read_ladder",
     "rung_entry",
     "unused_ladder",

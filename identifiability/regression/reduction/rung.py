@@ -13,7 +13,7 @@ from identifiability.foundation.values import frozen
 from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
 from identifiability.regression.reduction.file import LadderEntry, RungEntry
-from identifiability.robot import Robot
+from identifiability.regression.structure import Structure
 
 
 @frozen
@@ -99,8 +99,8 @@ def full_rung(base: BaseParameters, name: str = "full model", description: str =
     )  # fmt: skip
 
 
-def build_ladder(entry: LadderEntry, robot: Robot, base: BaseParameters) -> tuple[Rung, ...]:
-    """Return the rungs of a ladder over some base parameters.
+def build_ladder(entry: LadderEntry, structure: Structure) -> tuple[Rung, ...]:
+    """Return the rungs of a ladder over the base parameters of a structure.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def build_ladder(entry: LadderEntry, robot: Robot, base: BaseParameters) -> tupl
         If a rung names a parameter that it does not have.
     """
     rungs: dict[str, Rung] = {}
-    before = full_rung(base)
+    before = full_rung(structure.base)
     for item in entry.models:
         if item.name in rungs:
             raise ModelError(f"The ladder has two rungs named '{item.name}'; give each its own.")
@@ -118,32 +118,33 @@ def build_ladder(entry: LadderEntry, robot: Robot, base: BaseParameters) -> tupl
                 f"it{near_match(item.start, rungs)}"
             )
         start = before if item.start is None else rungs[item.start]
-        before = rungs[item.name] = _build_rung(item, start, robot, base)
+        before = rungs[item.name] = _build_rung(item, start, structure)
     return tuple(rungs.values())
 
 
-def build_comparison(entry: LadderEntry, robot: Robot, base: BaseParameters) -> tuple[Rung, ...]:
+def build_comparison(entry: LadderEntry, structure: Structure) -> tuple[Rung, ...]:
     """Return the rungs of a ladder below the unpruned model, which goes first if it is not there.
 
     Raises
     ------
     ModelError
     """
-    rungs = build_ladder(entry, robot, base)
-    if len(rungs[0]) == len(base):
+    rungs = build_ladder(entry, structure)
+    if len(rungs[0]) == len(structure.base):
         return rungs
     taken = {rung.name for rung in rungs}
     name = next(n for n in ("full model", "every base parameter", "") if n not in taken)
-    return (full_rung(base, name, "every base parameter"), *rungs)
+    return (full_rung(structure.base, name, "every base parameter"), *rungs)
 
 
-def _build_rung(item: RungEntry, start: Rung, robot: Robot, base: BaseParameters) -> Rung:
+def _build_rung(item: RungEntry, start: Rung, structure: Structure) -> Rung:
     rung = replace(start, name=item.name, description=item.description)
     _check_columns(rung, [*item.zero, *item.hold], item.name)
     held = rung.held.copy()
     for name, value in item.hold.items():
         column = rung.M[:, rung.columns.index(name)]
-        at = _nominal_value(robot, base, name) if value == "nominal" else value
+        row = structure.base.names.index(name)
+        at = structure.nominal_base[row] if value == "nominal" else value
         held += column * at
     rung = replace(rung, held=held).without([*item.zero, *item.hold])
     for name, members in item.tie.items():
@@ -166,11 +167,6 @@ def _build_rung(item: RungEntry, start: Rung, robot: Robot, base: BaseParameters
     return rung
 
 
-def _nominal_value(robot: Robot, base: BaseParameters, name: str) -> float:
-    row = base.names.index(name)
-    return float(sum(c * robot.nominal.get(p.name, 0.0) for c, p in base.terms(row)))
-
-
 def _check_columns(rung: Rung, names: Sequence[str], where: str) -> None:
     for name in names:
         if name not in rung.columns:
@@ -178,13 +174,6 @@ def _check_columns(rung: Rung, names: Sequence[str], where: str) -> None:
                 f"The rung '{where}' names the parameter '{name}', which is not there"
                 f"{near_match(name, rung.columns)} It has {listing(rung.columns)}."
             )
-
-
-def nominal_base(robot: Robot, base: BaseParameters) -> Array:
-    """Return the values that the robot file states for the base parameters, (b,)."""
-    phi = np.array([robot.nominal.get(p.name, 0.0) for p in base.parameters])
-    values: Array = base.G @ phi
-    return values
 
 
 def rung_entry(rung: Rung, base: BaseParameters, effects: Sequence[str]) -> RungEntry:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.shares import REACH
-from identifiability.physical.pseudo_inertia import INERTIAL
 from identifiability.posterior.diagnostics import Thresholds
 from identifiability.report.blocks import Block, Gallery, Note, Notes, Picture, Section
 from identifiability.report.figures import draw_forest, draw_pair

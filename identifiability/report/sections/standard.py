@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.physical.feasibility import nominal_vector
 from identifiability.report.blocks import (
     Block,
     Fold,
@@ -93,7 +92,7 @@ def _contraction_gallery(known: StandardBelief, rows: np.ndarray) -> Gallery:
 def standard_table(analysis: Analysis, known: StandardBelief) -> Table:
     """Return one row for each standard parameter, filtered by what determines it."""
     units = [p.unit for p in analysis.base.parameters]
-    nominal = nominal_vector(analysis.robot, analysis.base)
+    nominal = analysis.structure.nominal
     columns = (
         Column("parameter"),
         Column("robot file", "number"),
@@ -127,7 +126,7 @@ def section_bodies(analysis: Analysis) -> Section:
     """Return how much room each body has before it could not exist."""
     physical = analysis.chosen.physical
     region, nearest = physical.region, physical.nearest
-    nominal = region.margins(nominal_vector(analysis.robot, analysis.base))
+    nominal = region.margins(analysis.structure.nominal)
     margins = np.full(len(region.names), np.nan) if nearest is None else nearest.margins
     active = () if nearest is None else nearest.active_bodies
     lead = (

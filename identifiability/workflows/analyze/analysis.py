@@ -12,7 +12,6 @@ from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.survey import explain_silence
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.information import gather_information
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.regression.reduction import (
@@ -20,9 +19,8 @@ from identifiability.regression.reduction import (
     build_comparison,
     find_ladder,
     ladder_model,
-    nominal_base,
 )
-from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.answer import Analysis
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
@@ -112,32 +110,33 @@ def analyze(
             require_signal(held, "verified")
             held = () if silence else held
             say("finding base parameters", 0.2)
-            base = find_base_parameters(robot, model, streams[0])
-            rungs = build_comparison(source.entry, robot, base)
+            structure = Structure.of(robot, model, streams[0])
+            rungs = build_comparison(source.entry, structure)
             say("building the regression", 0.3)
-            regression = Regression(robot, model, train, base.kept)
+            regression = structure.regression(train)
             building = share(say, "building the regression", 0.3, 0.6)
             information = gather_information(regression, engine=runner, progress=building)
-            mixed = "" if silence else find_mix_up(regression, base.nonnegative)
+            mixed = "" if silence else find_mix_up(regression, structure.base.nonnegative)
             say("fitting models", 0.6)
             fits, physical, values = fit_ladder(
-                robot, base, rungs, information, method, cad_weight, silence
+                structure, rungs, information, method, cad_weight, silence
             )
             in_file = np.stack([p.in_file for p in physical], 1)
             tasks = [Task(np.hstack([values, in_file])[None])]
             if not held and not silence:
-                tasks.append(plan_cross_validation(regression, base, information, rungs, method))
+                tasks.append(
+                    plan_cross_validation(regression, structure, information, rungs, method)
+                )
             predicting = share(say, "predicting torque", 0.65, 0.9)
             fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
             crossed = [fitted] if silence else crossed
             if held:
-                unseen = Regression(robot, model, held, base.kept)
-                crossed = [predict(unseen, values, engine=runner)]
+                crossed = [predict(structure.regression(held), values, engine=runner)]
         say("judging parameters", 0.9)
         thresholds = Thresholds()
         out = crossed[0]
         results = assess_ladder(
-            rungs, fits, information, physical, fitted, out, nominal_base(robot, base),
+            rungs, fits, information, physical, fitted, out, structure.nominal_base,
             thresholds, streams[1], replicates,
         )  # fmt: skip
         at = select_model(results)
@@ -145,14 +144,14 @@ def analyze(
         bands = check_cutoff(regression, held, raw, results[at], method, preparation)
         belief = None
         if posterior:
-            results, belief = believe(robot, base, information, results, at, streams[2], say, train)
+            results, belief = believe(structure, information, results, at, streams[2], say, train)
         return Analysis(
-            robot, base, train, held, information, results, at,
-            fitted.first(len(rungs)), out.first(len(rungs)), model.texts, method, seed, belief,
+            structure, train, held, information, results, at,
+            fitted.first(len(rungs)), out.first(len(rungs)), method, seed, belief,
             thresholds, (*find_hints(robot, train, mixed), *hints, *bands), source,
             {
                 "replicates": replicates, "posterior": posterior, "cad_weight": cad_weight,
                 "preparation": preparation or Preparation(),
             },
-            model.shapes(robot), nothing,
+            nothing,
         )  # fmt: skip

@@ -17,10 +17,9 @@ from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource
-from identifiability.robot import Robot
+from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows.analyze.arviz import Which, build_datatree
 from identifiability.workflows.analyze.assessment import RungResult, physical_dict
 from identifiability.workflows.analyze.belief import Belief, belief_dict
@@ -35,14 +34,13 @@ if TYPE_CHECKING:
 
 
 @frozen
-class Analysis(Result):
+class Analysis(OfStructure, Result):
     """The answer. `to_frame`, `to_json` and `write_report` give it away.
 
     Attributes
     ----------
-    robot : Robot
-    base : BaseParameters
-        What the robot's structure allows to determine.
+    structure : Structure
+        The robot under the unpruned model.
     samples, validation : tuple of Samples
     information : Information
         Of the full base model on the fitted logs.
@@ -63,16 +61,13 @@ class Analysis(Result):
         Where the models came from.
     settings : mapping
         Other options that decided the numbers.
-    shapes : mapping
-        Shapes of the model's effects by ``<joint>.<effect>``.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
-    robot: Robot
-    base: BaseParameters
+    structure: Structure
     samples: tuple[Prepared, ...]
     validation: tuple[Prepared, ...]
     information: Information
@@ -80,7 +75,6 @@ class Analysis(Result):
     selected: int
     fitted: Prediction
     held_out: Prediction
-    effects: tuple[str, ...]
     method: Method
     seed: int
     belief: Belief | None = None
@@ -88,7 +82,6 @@ class Analysis(Result):
     hints: tuple[str, ...] = ()
     source: LadderSource | None = None
     settings: Mapping[str, object] = field(default_factory=dict)
-    shapes: Mapping[str, float] = field(default_factory=dict)
     nothing: str = ""
 
     @property

@@ -10,10 +10,8 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS
 from identifiability.physical.feasibility import (
     PhysicalResult,
-    body_index,
     check_nominal,
     full_problem,
-    nominal_vector,
 )
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
@@ -23,10 +21,9 @@ from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target, make_proper
-from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
-from identifiability.robot import Robot
+from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.belief import (
     LEARNED,
     SHOWN,
@@ -41,8 +38,7 @@ from identifiability.workflows.analyze.belief import (
 
 
 def form_belief(
-    robot: Robot,
-    base: BaseParameters,
+    structure: Structure,
     rung: Rung,
     information: Information,
     estimate: Estimate,
@@ -56,7 +52,7 @@ def form_belief(
 
     Parameters
     ----------
-    robot, base, rung, information, estimate
+    structure, rung, information, estimate
         The model, the information about its columns and the estimate.
     physical : PhysicalResult
     iact : float
@@ -74,21 +70,21 @@ def form_belief(
     else:
         notes.append("the motion leaves parameters of the model undetermined")
     try:
-        prior = state_prior(robot, base, rung, information, estimate)
+        prior = state_prior(structure, rung, information, estimate)
         whole = _sample_physical(
-            robot, base, rung, information, estimate, physical.region, prior, iact, second,
+            structure, rung, information, estimate, physical.region, prior, iact, second,
             effort, progress,
         )  # fmt: skip
     except (ValueError, IdentifiabilityError) as error:
         return Belief(signs, None, None, "; ".join([*notes, str(error)]))
-    to_x = np.linalg.pinv(rung.M) @ base.G
+    to_x = np.linalg.pinv(rung.M) @ structure.G
     prior_sd = np.sqrt(to_x**2 @ np.where(np.isfinite(prior.sd), prior.sd, 0.0) ** 2)
     data_sd = np.linalg.norm(to_x @ whole[1].root, axis=1)
     return Belief(signs, *whole, "; ".join(notes), prior_sd, data_sd)
 
 
 def state_prior(
-    robot: Robot, base: BaseParameters, rung: Rung, information: Information, estimate: Estimate
+    structure: Structure, rung: Rung, information: Information, estimate: Estimate
 ) -> Prior:
     """Return the prior: around the robot file, widened or narrowed by the sidecar's ``[prior]``.
 
@@ -99,15 +95,14 @@ def state_prior(
     IdentifiabilityError
         If the robot file states a body that cannot exist, with its name.
     """
+    robot, names = structure.robot, structure.columns
     check_nominal(robot)
-    nominal = nominal_vector(robot, base)
-    data = full_problem(information, estimate, rung, base.G)
+    data = full_problem(information, estimate, rung, structure.G)
     reach = np.linalg.norm(data.R, axis=0)
     size = float(np.linalg.norm(data.z))
     floor = np.where(reach > 0, WIDE * size / np.where(reach > 0, reach, 1.0), 1.0)
-    prior = Prior.around(nominal, body_index(robot, base), robot.prior_relative, floor)
+    prior = Prior.around(structure.nominal, structure.inertial, robot.prior_relative, floor)
     mean, sd = np.array(prior.mean), np.array(prior.sd)
-    names = [p.name for p in base.parameters]
     for name, (m, s) in robot.prior.items():
         if name not in names:
             raise RobotError(
@@ -115,7 +110,7 @@ def state_prior(
                 f"not have{near_match(name, names)}"
             )
         k = names.index(name)
-        if base.parameters[k].nonnegative and m + 4 * s < 0:
+        if structure.nonnegative[k] and m + 4 * s < 0:
             raise RobotError(
                 f"The sidecar of {robot.path} states the prior {m:g} ± {s:g} for '{name}', which "
                 "cannot be negative; give a prior with room above zero."
@@ -155,8 +150,7 @@ def _rss(estimate: Estimate, R: Array) -> float:
 
 
 def _sample_physical(
-    robot: Robot,
-    base: BaseParameters,
+    structure: Structure,
     rung: Rung,
     information: Information,
     estimate: Estimate,
@@ -168,24 +162,24 @@ def _sample_physical(
     progress: Progress | None,
 ) -> tuple[Summary, StandardBelief]:
     """Sample the standard parameters on the cone and look at them through the model."""
-    data = full_problem(information, estimate, rung, base.G)
+    data = full_problem(information, estimate, rung, structure.G)
     data = LeastSquares(
         data.R, data.z, _rss(estimate, information.factor(estimate.weights)), data.dof
     )
     target = Target(data, prior, region, max(iact, 1.0))
-    start = project(data, region, margin=START_MARGIN, reference=nominal_vector(robot, base)).phi
+    start = project(data, region, margin=START_MARGIN, reference=structure.nominal).phi
     posterior = sample_posterior(
         target, start, rng, draws=effort.draws, walkers=effort.walkers, warmup=effort.warmup,
         progress=progress,
     )  # fmt: skip
     convergence = diagnose_convergence(posterior, region.columns)
-    to_x = np.linalg.pinv(rung.M) @ base.G
+    to_x = np.linalg.pinv(rung.M) @ structure.G
     summary = _summarise(posterior.draws @ to_x.T, rung, rng, convergence)
-    return summary, _look_at_standard(base, data, prior, iact, posterior)
+    return summary, _look_at_standard(structure, data, prior, iact, posterior)
 
 
 def _look_at_standard(
-    base: BaseParameters, data: LeastSquares, prior: Prior, iact: float, posterior: Posterior
+    structure: Structure, data: LeastSquares, prior: Prior, iact: float, posterior: Posterior
 ) -> StandardBelief:
     proper = make_proper(data, prior)
     variance = data.variance * max(iact, 1.0)
@@ -196,7 +190,7 @@ def _look_at_standard(
     data_sd = np.linalg.norm(spread, axis=1)
     flat = posterior.flat()
     sd = flat.std(0, ddof=1)
-    idle = ~np.any(base.G, axis=0)
+    idle = ~np.any(structure.G, axis=0)
     sources = []
     for k in range(len(sd)):
         if idle[k]:
@@ -208,7 +202,7 @@ def _look_at_standard(
         else:
             sources.append(Source.PRIOR)
     return StandardBelief(
-        tuple(p.name for p in base.parameters), np.array(proper.mean), np.array(proper.sd),
+        structure.columns, np.array(proper.mean), np.array(proper.sd),
         data_sd, flat.mean(0), sd, tuple(sources), posterior.draws, spread,
     )  # fmt: skip
 

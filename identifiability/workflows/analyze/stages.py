@@ -31,10 +31,10 @@ from identifiability.physical.feasibility import (
     find_nearest,
     leave_undecided,
 )
-from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import RungResult
 from identifiability.workflows.analyze.belief import Belief, refine_verdicts
@@ -199,8 +199,7 @@ def check_held_out(
 
 
 def believe(
-    robot: Robot,
-    base: BaseParameters,
+    structure: Structure,
     information: Information,
     results: tuple[RungResult, ...],
     at: int,
@@ -218,7 +217,7 @@ def believe(
         return results, Belief(None, None, None, why)
     chosen = results[at]
     belief = form_belief(
-        robot, base, chosen.rung, chosen.rung.reduce(information), chosen.estimate,
+        structure, chosen.rung, chosen.rung.reduce(information), chosen.estimate,
         chosen.physical, float(chosen.autocorrelation_time.mean()), rng,
         progress=lambda done, total: say("sampling the posterior", 0.9 + 0.09 * done / total),
     )  # fmt: skip
@@ -228,8 +227,7 @@ def believe(
 
 
 def fit_ladder(
-    robot: Robot,
-    base: BaseParameters,
+    structure: Structure,
     rungs: Sequence[Rung],
     information: Information,
     method: Method,
@@ -245,18 +243,18 @@ def fit_ladder(
         reduced = rung.reduce(information)
         if silence:
             fits.append(leave_open(reduced))
-            physical.append(leave_undecided(robot, base, rung, silence))
+            physical.append(leave_undecided(structure, rung, silence))
             continue
         fits.append(estimate(reduced, method))
         physical.append(
-            assess_feasibility(robot, base, rung, information, reduced, fits[-1], cad_weight)
+            assess_feasibility(structure, rung, information, reduced, fits[-1], cad_weight)
         )
     return fits, physical, _base_values(rungs, fits, physical)
 
 
 def plan_cross_validation(
     regression: Regression,
-    base: BaseParameters,
+    structure: Structure,
     information: Information,
     rungs: Sequence[Rung],
     method: Method,
@@ -269,7 +267,7 @@ def plan_cross_validation(
         parts = [rung.reduce(rest) for rung in rungs]
         fits = [estimate(part, method) for part in parts]
         real = [
-            find_nearest(regression.robot, base, rung, rest, part, fit)
+            find_nearest(structure, rung, rest, part, fit)
             for rung, part, fit in zip(rungs, parts, fits, strict=True)
         ]
         values.append(_base_values(rungs, fits, real))

@@ -34,7 +34,7 @@ from identifiability.foundation.options import (
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.regression import Regression
 from identifiability.workflows.analyze.analysis import Analysis
 from identifiability.workflows.analyze.stages import Logs, Progress, in_memory, require_signal
 from identifiability.workflows.calibrate.outcome import Cell, count_outcomes
@@ -288,9 +288,7 @@ def calibrate(
 
 
 def _regression(analysis: Analysis) -> Regression:
-    return Regression(
-        analysis.robot, Model.of(*analysis.effects), analysis.samples, analysis.base.kept
-    )
+    return analysis.structure.regression(analysis.samples)
 
 
 def _noise_words(cell: Cell) -> str:

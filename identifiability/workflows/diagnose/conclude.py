@@ -13,7 +13,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.preparation import Preparation, make_plan
-from identifiability.regression.reduction import nominal_base
 from identifiability.regression.regression import Model
 from identifiability.workflows.diagnose.confusable import find_rivals
 from identifiability.workflows.diagnose.evidence import solve_values
@@ -48,8 +47,7 @@ def stress_named(
     """Make the motion anew; return what survives, and how each of it fares."""
     if not naming.chosen:
         return naming, []
-    robot, m = material.robot, material
-    values = nominal_base(robot, m.base) if fixed else None
+    robot, m = material.structure.robot, material
     how = preparation or Preparation()
     computed = train[0].decimation is not None and "dq" not in logs[0].channels
     cutoff = make_plan(robot, logs[0], how).cutoff if computed else None
@@ -62,7 +60,7 @@ def stress_named(
 
     def build(variation: Variation) -> Rows:
         changed = [variation.build(log, s) for log, s in zip(logs, train, strict=True)]
-        return build_rows(robot, m.model, m.base.kept, naming.chosen, changed, values)
+        return build_rows(m.structure, naming.chosen, changed, fixed)
 
     found = solve_values(m.white, m.white.columns(naming.chosen))[0][m.train.X.shape[2] :]
     first = np.cumsum([0, *(len(c.columns) for c in naming.chosen)])[:-1]
@@ -73,7 +71,10 @@ def stress_named(
     pairs = list(zip(naming.chosen, survivals, strict=True))
     refuted = [c for c, fares in pairs if any(s.refutes for s in fares)]
     kept = keep_surviving(
-        naming, refuted, m.model.names, "it does not survive another preparation of the motion"
+        naming,
+        refuted,
+        m.structure.model.names,
+        "it does not survive another preparation of the motion",
     )
     return kept, [fares for c, fares in pairs if c in kept.chosen]
 
@@ -101,9 +102,9 @@ def conclude(
     parts = [
         Placed([c.part for c in naming.chosen if c.family.name == e.name]) for e in found.effects
     ]
-    joints = m.robot.joints
+    joints = m.structure.robot.joints
     return Diagnosis(
-        robot=m.robot, base=m.model.names, fixed=fixed, effects=found.effects, refuted=refuted,
+        structure=m.structure, fixed=fixed, effects=found.effects, refuted=refuted,
         error_before=float(fitted.relative_error()[0]),
         error_after=float(fitted.relative_error()[-1]),
         held_before=float(errors[0]), held_after=float(errors[-1]),
@@ -112,7 +113,8 @@ def conclude(
         discrepancies=tuple(find_discrepancies(m.train, residual[:, :, 0], joints)),
         discrepancies_after=tuple(find_discrepancies(m.train, residual[:, :, -1], joints)),
         aliases=m.aliases, refusals=m.refusals, steps=naming.steps, remainder=remainder,
-        model=Model((*m.model.effects, *parts)), samples=tuple(train), validation=tuple(verify),
+        model=Model((*m.structure.model.effects, *parts)), samples=tuple(train),
+        validation=tuple(verify),
         gap=gap, curves=tuple(_curves(m, naming, residual[:, :, -1])), rules=rules, seed=seed,
     )  # fmt: skip
 
@@ -150,7 +152,7 @@ def _keep_verified(
         refuted.append(worst)
         gone = [c for c in naming.chosen if c.family.name == worst.name]
         kept = keep_surviving(
-            naming, gone, m.model.names, "the motion that verifies contradicts it"
+            naming, gone, m.structure.model.names, "the motion that verifies contradicts it"
         )
         pairs = zip(naming.chosen, stress, strict=True)
         naming, stress = kept, [fares for c, fares in pairs if c in kept.chosen]
@@ -199,7 +201,7 @@ def _place(
         at = slice(start, start + len(c.columns))
         start = at.stop
         added = m.train.D[:, :, list(c.columns)] @ value[at]
-        parameters = Placed.part_parameters(m.robot, c.part)
+        parameters = Placed.part_parameters(m.structure.robot, c.part)
         rivals = find_rivals(m.white, c, [o for o in chosen if o is not c], m.candidates,
                              rules.confusable)  # fmt: skip
         out.append(

@@ -209,7 +209,7 @@ def null_maker(found: Diagnosis, logs: Sequence[Log]) -> NullMaker:
     samples = [prepare_samples(robot, log, Preparation(decimate=1, keep_rest=True)) for log in logs]
     W = [found.model.regressor(robot, s.motion) for s in samples]
     value = _fit(np.concatenate(W), np.concatenate([s.tau for s in samples]))
-    width = len(Model(found.base_effects).parameters(robot))
+    width = len(found.structure.parameters)
     torque = tuple(w[:, :, :width] @ value[:width] for w in W)
     left = [s.tau - w @ value for s, w in zip(samples, W, strict=True)]
     series = tuple(durbin(_covariance([r[:, j] for r in left])) for j in range(left[0].shape[1]))

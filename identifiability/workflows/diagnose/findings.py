@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
+from functools import cached_property
 
 from identifiability.effects import Effect
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.aliases import Alias
 from identifiability.workflows.diagnose.find import Discrepancy
@@ -26,11 +28,10 @@ class Findings:
 
     Attributes
     ----------
-    robot : Robot
-    base : tuple of str
-        Effects of the model that was diagnosed.
+    structure : Structure
+        The robot under the model that was diagnosed.
     fixed : bool
-        Whether it kept the values of the robot file.
+        Whether that kept the values of the robot file.
     effects : tuple of NamedEffect
         In order of addition; empty when nothing can be named.
     refuted : tuple of NamedEffect
@@ -70,8 +71,7 @@ class Findings:
         What seems to be wrong with robot file and logs, for the user to check.
     """
 
-    robot: Robot
-    base: tuple[str, ...]
+    structure: Structure
     fixed: bool
     effects: tuple[NamedEffect, ...]
     refuted: tuple[NamedEffect, ...]
@@ -102,6 +102,21 @@ class Findings:
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.structure.robot
+
+    @property
+    def base(self) -> tuple[str, ...]:
+        """Names of the effects of the model that was diagnosed."""
+        return self.structure.model.names
+
+    @cached_property
+    def completed(self) -> Structure:
+        """The robot under the model with the named effects."""
+        return Structure.of(self.robot, self.model)
+
+    @property
     def base_effects(self) -> tuple[Effect, ...]:
         """Effects of the model that was diagnosed."""
-        return self.model.effects[: len(self.base)]
+        return self.structure.model.effects

@@ -22,10 +22,10 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
 from identifiability.physical.feasibility import assess_feasibility
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import full_rung
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.forward import Extra, ForwardRobot
 from identifiability.workflows.diagnose.forward_gap import HORIZON, ForwardGap
@@ -64,7 +64,7 @@ class Physical:
     values: Mapping[str, float]
 
 
-def fit_physical(robot: Robot, model: Model, samples: Sequence[Samples]) -> Physical:
+def fit_physical(structure: Structure, samples: Sequence[Samples]) -> Physical:
     """Return the real robot that explains some logs best under a model.
 
     Raises
@@ -72,13 +72,12 @@ def fit_physical(robot: Robot, model: Model, samples: Sequence[Samples]) -> Phys
     IdentifiabilityError
         If the solver finds none.
     """
-    base = find_base_parameters(robot, model)
-    information = gather_information(Regression(robot, model, tuple(samples), base.kept))
-    rung = full_rung(base)
-    found = assess_feasibility(robot, base, rung, information, information, estimate(information))
+    information = gather_information(structure.regression(samples))
+    rung, fit = full_rung(structure.base), estimate(information)
+    found = assess_feasibility(structure, rung, information, information, fit)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence)
-    return Physical(model, found.parameters())
+    return Physical(structure.model, found.parameters())
 
 
 def compare_forward(
@@ -218,13 +217,12 @@ def _values_of(robot: Robot, effect: Effect, fit: Physical) -> Array:
 
 def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
     """Return the gap in motion of a diagnosis, on the motion that verified it."""
-    model = Model(d.base_effects)
     try:
         if d.fixed:
-            before = Physical(model, d.robot.nominal)
+            before = Physical(d.structure.model, d.robot.nominal)
             after = Physical(d.model, _with_named(d))
         else:
-            before, after = (fit_physical(d.robot, m, d.samples) for m in (model, d.model))
+            before, after = (fit_physical(s, d.samples) for s in (d.structure, d.completed))
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     return compare_forward(d.robot, before, after, d.validation, rng)

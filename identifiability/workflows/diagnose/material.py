@@ -10,10 +10,7 @@ from identifiability.effects import find_families
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
-from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
-from identifiability.regression.reduction import nominal_base
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot
+from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.aliases import Alias, find_aliases
 from identifiability.workflows.diagnose.ar_noise import ARNoise, fit_noise
 from identifiability.workflows.diagnose.evidence import Bench, Whitened
@@ -38,9 +35,8 @@ class Material:
 
     Attributes
     ----------
-    robot : Robot
-    model : Model
-    base : BaseParameters
+    structure : Structure
+        The robot under the base model.
     train : Rows
     held : HeldOut
     candidates : tuple of Candidate
@@ -53,9 +49,7 @@ class Material:
         Rows whitened by the noise alone.
     """
 
-    robot: Robot
-    model: Model
-    base: BaseParameters
+    structure: Structure
     train: Rows
     held: HeldOut
     candidates: tuple[Candidate, ...]
@@ -71,8 +65,7 @@ class Material:
 
 
 def gather(
-    robot: Robot,
-    model: Model,
+    structure: Structure,
     train: Sequence[Samples],
     choose: Sequence[Samples],
     rng: np.random.Generator,
@@ -87,9 +80,8 @@ def gather(
 
     Parameters
     ----------
-    robot : Robot
-    model : Model
-        The base model.
+    structure : Structure
+        The robot under the base model.
     train : sequence of Samples
         What is fitted.
     choose : sequence of Samples
@@ -101,25 +93,23 @@ def gather(
         What takes no part in fitting or choosing.
     """
     rules = rules or Rules()
-    base = find_base_parameters(robot, model)
-    values = nominal_base(robot, base) if fixed else None
+    robot, model = structure.robot, structure.model
     motions = [s.motion for s in train]
     listed, refused = list_candidates(robot, find_families(effects), model.names, motions,
                                       fixed=fixed)  # fmt: skip
-    rows = build_rows(robot, model, base.kept, listed, train, values)
+    rows = build_rows(structure, listed, train, fixed)
     choosing, verifying = (
-        build_rows(robot, model, base.kept, listed, part, values) if part else None
-        for part in (choose, verify)
+        build_rows(structure, listed, part, fixed) if part else None for part in (choose, verify)
     )
     bodies = "rigid_body" in model.names and not fixed
-    real = RealRobot.of(robot, base) if bodies else None
-    aliases = find_aliases(rows, listed, base.names, rules.alias)
+    real = RealRobot.of(structure) if bodies else None
+    aliases = find_aliases(rows, listed, structure.base.names, rules.alias)
     hidden = {(a.family, a.place) for a in aliases if a.structural}
     candidates = tuple(c for c in listed if c.group not in hidden)
     noise = fit_noise(rows.tau, family_blocks(rows, candidates), rows.runs())
     bench = Bench.of(rows, noise, draws, rng)
     return Material(
-        robot, model, base, rows, HeldOut(rows, choosing, verifying, real), candidates,
+        structure, rows, HeldOut(rows, choosing, verifying, real), candidates,
         tuple(aliases), tuple(refused), bench, bench.whiten(),
     )  # fmt: skip
 

@@ -24,9 +24,7 @@ def nearest_dict(d: Findings) -> dict[str, Any]:
     """
     names = [p.name for p in d.model.parameters(d.robot)]
     try:
-        values = (
-            _kept_values(d) if d.fixed else dict(fit_physical(d.robot, d.model, d.samples).values)
-        )
+        values = _kept_values(d) if d.fixed else dict(fit_physical(d.completed, d.samples).values)
     except IdentifiabilityError as error:
         return {**real_robot_dict(d.robot, {}, (np.nan, np.nan), {}), "reason": str(error)}
     # A named effect may have the columns of one in the model: these stand for both.

@@ -13,12 +13,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from identifiability.foundation.names import Array
-from identifiability.physical.feasibility import nominal_vector, physical_set
+from identifiability.physical.feasibility import physical_set
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import Projection, build_projection
-from identifiability.regression.base_parameters import BaseParameters
-from identifiability.robot import Robot
+from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.rows import Candidate, Rows, joint_weights
 
 
@@ -44,12 +43,12 @@ class RealRobot:
     _compiled: dict[tuple[bool, ...], Projection] = field(default_factory=dict)
 
     @staticmethod
-    def of(robot: Robot, base: BaseParameters) -> RealRobot | None:
-        """Return the fits of a robot's base model; None where it has no bodies."""
-        region = physical_set(robot, base)
+    def of(structure: Structure) -> RealRobot | None:
+        """Return the fits of a structure; None where it has no bodies."""
+        region = physical_set(structure)
         if not len(region.bodies):
             return None
-        return RealRobot(region, nominal_vector(robot, base), base.G)
+        return RealRobot(region, structure.nominal, structure.G)
 
     def fit(
         self, rows: Rows, chosen: Sequence[Candidate], mask: np.ndarray | None = None

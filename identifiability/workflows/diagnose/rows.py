@@ -20,6 +20,7 @@ from identifiability.logs.prepare import (
     Samples,
 )
 from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 
 
@@ -188,33 +189,28 @@ def _at_place(
 
 
 def build_rows(
-    robot: Robot,
-    model: Model,
-    kept: np.ndarray,
+    structure: Structure,
     candidates: Sequence[Candidate],
     samples: Sequence[Samples],
-    fixed_values: Array | None = None,
+    fixed: bool = False,
 ) -> Rows:
     """Return the rows of some logs.
 
     Parameters
     ----------
-    robot : Robot
-    model : Model
-        The base model.
-    kept : (b,) int
-        Its independent columns.
+    structure : Structure
+        The robot under the base model.
     candidates : sequence of Candidate
     samples : sequence of Samples
-    fixed_values : (b,), optional
-        Values of the base parameters that are not refitted.
+    fixed : bool
+        Whether the base parameters keep the values of the robot file.
     """
     extra = (Placed([c.part for c in candidates]),) if candidates else ()
-    whole = Model((*model.effects, *extra))
-    width = len(model.parameters(robot))
+    whole = Model((*structure.model.effects, *extra))
+    kept, width = structure.base.kept, len(structure.parameters)
     count = sum(len(c.columns) for c in candidates)
     columns = np.concatenate([kept, width + np.arange(count)]).astype(int)
-    regression = Regression(robot, whole, tuple(samples), columns)
+    regression = Regression(structure.robot, whole, tuple(samples), columns)
     chunks = [(log, W.copy(), tau) for log, _, W, tau in regression.chunks()]
     W = np.concatenate([c[1] for c in chunks])
     tau = np.concatenate([c[2] for c in chunks])
@@ -224,8 +220,8 @@ def build_rows(
     b = len(kept)
     X, D = W[:, :, :b], W[:, :, b:]
     target = tau
-    if fixed_values is not None:
-        target, X = tau - X @ fixed_values, X[:, :, :0]
+    if fixed:
+        target, X = tau - X @ structure.nominal_base, X[:, :, :0]
     t = np.concatenate([s.output_times() for s in samples])
     return Rows(target, X, D, t, log, _series(samples), q, dq, ddq, tau)
 

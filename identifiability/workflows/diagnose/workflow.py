@@ -14,6 +14,7 @@ from identifiability.logs import Log, checks, signals
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.reduction import ModelLike, choose_model, free_again, unused_ladder
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.stages import (
     Logs,
@@ -109,13 +110,18 @@ def diagnose(
         require_signal(verify, "verified")
         say("building columns", 0.1)
         material = gather(
-            robot, choose_model(model, usual_effects(robot)), train, choose,
+            Structure.of(robot, choose_model(model, usual_effects(robot))), train, choose,
             streams[0], effects=effects, fixed=fixed, rules=rules, verify=verify,
             draws=max(draws // 2, FEWEST) if quick else draws,
         )  # fmt: skip
         say("naming effects", 0.4)
         naming = name_effects(
-            material.bench, material.candidates, material.held, rules, material.model.names, say
+            material.bench,
+            material.candidates,
+            material.held,
+            rules,
+            material.structure.model.names,
+            say,
         )
         say("changing the preparation", 0.8)
         naming, stress = stress_named(

@@ -65,15 +65,17 @@ class Objective:
         q, v, a = (part.reshape(-1, n) for part in self.series.motion(x, samples))
         question, known = self.question, self.known
         try:
-            motion = complete_motion(question.robot, np.arange(len(q), dtype=float), q, v, a)
+            motion = complete_motion(
+                question.structure.robot, np.arange(len(q), dtype=float), q, v, a
+            )
         except ClosureError:
             missing = np.full(m, samples)
             nowhere = np.full(m, np.inf)
             G = np.repeat(known.G[None], m, 0)
             return G, Workspace(missing, nowhere, missing, nowhere)
         step = self.series.period / samples
-        space = survey(question.robot, self.limits, motion, samples, m, step)
-        W = question.model.regressor(question.robot, motion)[:, :, question.columns]
+        space = survey(question.structure.robot, self.limits, motion, samples, m, step)
+        W = question.model.regressor(question.structure.robot, motion)[:, :, question.columns]
         W = W * np.sqrt(known.weights * known.samples / samples)[:, None]
         full = W if len(motion) == m * samples else _padded(W, motion.kept, m * samples)
         rows = full.reshape(m, samples * n, -1)

@@ -12,10 +12,11 @@ from identifiability.foundation.errors import IdentifiabilityError, ModelError, 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
+from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import ModelLike, choose_model
 from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.excite.criteria import Condition, Criterion, LogDet, Separation
 
@@ -33,11 +34,10 @@ class Question:
 
     Attributes
     ----------
-    robot : Robot
+    structure : Structure
+        The robot under the model.
     model : Model
         With the effects that are to be separated, if any, at its end.
-    base : BaseParameters
-        Of the model without those.
     columns : (k,) int
         Of the model: base parameters, then the columns of both effects.
     names, units : tuple of str
@@ -47,9 +47,8 @@ class Question:
     criterion : Criterion
     """
 
-    robot: Robot
+    structure: Structure
     model: Model
-    base: BaseParameters
     columns: np.ndarray
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -106,7 +105,8 @@ def pose_question(
     pair = [_place_effect(robot, text) for text in separate or ()]
     usual = (*EFFECTS[criterion], *(stated_effects(robot) if criterion != "condition" else ()))
     chosen_model = choose_model(model, usual)
-    base = find_base_parameters(robot, chosen_model)
+    structure = Structure.of(robot, chosen_model)
+    base = structure.base
     whole = Model((*chosen_model.effects, *pair))
     every = whole.parameters(robot)
     added = range(len(base.parameters), len(every))
@@ -123,15 +123,17 @@ def pose_question(
     elif criterion == "separate":
         split = len(kept) + len(pair[0].parameters(robot))
         rule = Separation(np.arange(len(kept), split), np.arange(split, len(columns)))
-    return Question(robot, whole, base, columns, names, units, chosen, rule)
+    return Question(structure, whole, columns, names, units, chosen, rule)
 
 
 def gather_known(question: Question, samples: Sequence[Prepared], planned: int) -> Known:
     """Return what logs say; without logs nothing, and the next log has the `planned` samples."""
-    k, n = len(question.columns), len(question.robot.actuated)
+    k, n = len(question.columns), len(question.structure.robot.actuated)
     if not samples:
         return Known(np.zeros((k, k)), np.ones(n), float(planned))
-    regression = Regression(question.robot, question.model, tuple(samples), question.columns)
+    regression = Regression(
+        question.structure.robot, question.model, tuple(samples), question.columns
+    )
     information = gather_information(regression)
     variance = estimate(information).variance
     weights = 1.0 / np.maximum(variance, 1e-12 * float(variance.max()) or 1.0)

@@ -185,7 +185,7 @@ def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Arr
         G, space = objective.look(x, samples)
         if space.kept(objective.limits.closure_bound)[0]:
             return x, G[0], space
-    robot, limits = objective.question.robot, objective.limits
+    robot, limits = objective.question.structure.robot, objective.limits
     demands = []
     if robot.closed:
         bound = f"{limits.closure_bound:g}"

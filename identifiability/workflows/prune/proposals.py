@@ -12,9 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.foundation.errors import listing
-from identifiability.foundation.names import Array
-from identifiability.physical.pseudo_inertia import INERTIAL
-from identifiability.regression.base_parameters import BaseParameters
+from identifiability.foundation.names import INERTIAL, Array
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.prune.geometry import (
     attachments,
@@ -28,21 +27,20 @@ from identifiability.workflows.prune.moves import Kind, Move
 TINY = 1e-8
 
 
-def propose_moves(robot: Robot, base: BaseParameters, columns: Sequence[str]) -> list[Move]:
+def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return the moves that the robot suggests about some base parameters.
 
     Parameters
     ----------
-    robot : Robot
-    base : BaseParameters
+    structure : Structure
     columns : sequence of str
         The base parameters that the model has.
     """
-    moves = merge_moves(robot, columns)
-    moves += declared_moves(robot, columns)
-    moves += zero_moves(robot, base, columns)
+    moves = merge_moves(structure.robot, columns)
+    moves += declared_moves(structure.robot, columns)
+    moves += zero_moves(structure, columns)
     ties = {frozenset(c) for m in moves if m.kind is Kind.TIE for c in m.tie}
-    return moves + [m for m in tie_moves(robot, base, columns) if frozenset(m.tie[0]) not in ties]
+    return moves + [m for m in tie_moves(structure, columns) if frozenset(m.tie[0]) not in ties]
 
 
 def merge_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
@@ -64,8 +62,9 @@ def declared_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
     ]
 
 
-def zero_moves(robot: Robot, base: BaseParameters, columns: Sequence[str]) -> list[Move]:
+def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return what vanishes if bodies are mirror images of themselves, equal bodies together."""
+    robot = structure.robot
     parts = attachments(robot)
     sets = find_equal_bodies(robot)
     single = [(k,) for k in range(len(parts)) if not any(k in s for s in sets)]
@@ -75,8 +74,8 @@ def zero_moves(robot: Robot, base: BaseParameters, columns: Sequence[str]) -> li
         mirrors = find_mirrors(parts[bodies[0]]) if len(parts[bodies[0]]) > 1 else []
         if not mirrors:
             continue
-        N = _subspace(robot, base, {k: body_shapes(mirrors) for k in bodies})
-        vanished = _vanishing(base, N)
+        N = _subspace(structure, {k: body_shapes(mirrors) for k in bodies})
+        vanished = _vanishing(structure, N)
         names = tuple(n for n in vanished if n in known and n not in seen)
         seen.update(names)
         if names:
@@ -87,12 +86,12 @@ def zero_moves(robot: Robot, base: BaseParameters, columns: Sequence[str]) -> li
     return moves
 
 
-def tie_moves(robot: Robot, base: BaseParameters, columns: Sequence[str]) -> list[Move]:
+def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return what becomes equal if bodies of equal chains are equal."""
-    sets = find_equal_bodies(robot)
+    base, sets = structure.base, find_equal_bodies(structure.robot)
     if not sets:
         return []
-    N = _tied(robot, base, sets)
+    N = _tied(structure, sets)
     reach = base.G @ N
     size = np.linalg.norm(np.abs(base.G) @ np.abs(N), axis=1) + 1e-300
     unit = reach / size[:, None]
@@ -109,18 +108,19 @@ def tie_moves(robot: Robot, base: BaseParameters, columns: Sequence[str]) -> lis
     return moves
 
 
-def _columns(robot: Robot, base: BaseParameters, body: int) -> np.ndarray | None:
-    at = {p.name: k for k, p in enumerate(base.parameters)}
-    names = [f"{robot.bodies[body]}.{kind}" for kind in INERTIAL]
-    return np.array([at[n] for n in names]) if all(n in at for n in names) else None
+def _columns(structure: Structure, body: int) -> np.ndarray | None:
+    """Return the columns of a body's ten parameters; None where the model has not got them."""
+    stem = f"{structure.robot.bodies[body]}."
+    stems = list(structure.bodies)
+    return structure.inertial[stems.index(stem)] if stem in stems else None
 
 
-def _subspace(robot: Robot, base: BaseParameters, shapes: dict[int, Array]) -> Array:
+def _subspace(structure: Structure, shapes: dict[int, Array]) -> Array:
     """Return a basis of the standard parameters with some bodies confined, (p, free)."""
-    p = len(base.parameters)
+    p = len(structure.parameters)
     blocks, free = [], np.ones(p, bool)
     for body, shape in shapes.items():
-        at = _columns(robot, base, body)
+        at = _columns(structure, body)
         if at is not None:
             free[at] = False
             block = np.zeros((p, shape.shape[1]))
@@ -129,11 +129,11 @@ def _subspace(robot: Robot, base: BaseParameters, shapes: dict[int, Array]) -> A
     return np.hstack([np.eye(p)[:, free], *blocks])
 
 
-def _tied(robot: Robot, base: BaseParameters, sets: Sequence[tuple[int, ...]]) -> Array:
-    p = len(base.parameters)
+def _tied(structure: Structure, sets: Sequence[tuple[int, ...]]) -> Array:
+    p = len(structure.parameters)
     blocks, free = [], np.ones(p, bool)
     for bodies in sets:
-        found = [at for k in bodies if (at := _columns(robot, base, k)) is not None]
+        found = [at for k in bodies if (at := _columns(structure, k)) is not None]
         if len(found) > 1:
             block = np.zeros((p, len(INERTIAL)))
             for at in found:
@@ -143,9 +143,9 @@ def _tied(robot: Robot, base: BaseParameters, sets: Sequence[tuple[int, ...]]) -
     return np.hstack([np.eye(p)[:, free], *blocks])
 
 
-def _vanishing(base: BaseParameters, N: Array) -> list[str]:
+def _vanishing(structure: Structure, N: Array) -> list[str]:
     """Return the base parameters that are zero for all standard parameters ``N z``."""
-    reach = np.abs(base.G @ N).max(1, initial=0.0)
-    size = np.abs(base.G).max(1, initial=0.0)
+    reach = np.abs(structure.G @ N).max(1, initial=0.0)
+    size = np.abs(structure.G).max(1, initial=0.0)
     gone = (size > 0) & (reach <= TINY * size)
-    return [n for n, g in zip(base.names, gone, strict=True) if g]
+    return [n for n, g in zip(structure.base.names, gone, strict=True) if g]

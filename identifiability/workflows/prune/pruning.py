@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 
 from identifiability.estimation.estimate import Method
 from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderSource,
     Rung,
 )
-from identifiability.robot import Robot
+from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows.analyze.assessment import RungResult
 from identifiability.workflows.prune.absorption import Absorption
 from identifiability.workflows.prune.elimination import Refusal
@@ -26,13 +24,13 @@ from identifiability.workflows.prune.stability import Stability
 
 
 @frozen
-class Pruning:
+class Pruning(OfStructure):
     """The rungs from the unpruned model down, and which one to use.
 
     Attributes
     ----------
-    robot : Robot
-    base : BaseParameters
+    structure : Structure
+        The robot under the unpruned model.
     samples, validation : tuple of Samples
     information : Information
         About the base parameters.
@@ -48,7 +46,6 @@ class Pruning:
         Suggested moves that the data contradict.
     stability : Stability
     absorption : Absorption
-    effects : tuple of str
     criterion, method, seed
         As asked for.
     least : int
@@ -60,14 +57,11 @@ class Pruning:
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check, and what was not
         used.
-    shapes : mapping
-        Shapes of the model's effects by ``<joint>.<effect>``.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
     """
 
-    robot: Robot
-    base: BaseParameters
+    structure: Structure
     samples: tuple[Prepared, ...]
     validation: tuple[Prepared, ...]
     information: Information
@@ -78,7 +72,6 @@ class Pruning:
     refused: tuple[Refusal, ...]
     stability: Stability
     absorption: Absorption
-    effects: tuple[str, ...]
     criterion: Criterion
     method: Method
     seed: int
@@ -86,7 +79,6 @@ class Pruning:
     source: LadderSource
     settings: Mapping[str, object]
     hints: tuple[str, ...] = ()
-    shapes: Mapping[str, float] = field(default_factory=dict)
     nothing: str = ""
 
     @property

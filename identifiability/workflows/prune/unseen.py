@@ -9,7 +9,7 @@ import numpy as np
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, complete_motion
 
 #: States drawn; their mean squares are then known to a few percent.
@@ -21,9 +21,7 @@ TRIMMED = 0.05
 
 
 def unseen_regressor(
-    robot: Robot,
-    model: Model,
-    columns: np.ndarray,
+    structure: Structure,
     samples: Sequence[Prepared],
     rng: np.random.Generator,
     reach: float = 1.0,
@@ -35,20 +33,19 @@ def unseen_regressor(
 
     Parameters
     ----------
-    robot : Robot
-    model : Model
-    columns : (b,) int
-        Columns of the model (its base parameters).
+    structure : Structure
+        Its b base parameters are the columns.
     samples : sequence of Samples or LongSamples
     rng : numpy.random.Generator
     reach : float
         How much faster than in the logs; ranges of velocity grow by it, of acceleration by its
         square.
     """
+    robot, columns = structure.robot, structure.base.kept
     motion = draw_states(robot, samples, rng, reach)
     if motion is None:
         return np.zeros((0, len(robot.actuated), len(columns)))
-    W: Array = model.regressor(robot, motion)[:, :, columns]
+    W: Array = structure.model.regressor(robot, motion)[:, :, columns]
     if not robot.closed:
         return W
     length = np.sqrt(np.mean(W**2, axis=(0, 1)))

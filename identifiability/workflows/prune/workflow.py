@@ -25,7 +25,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.physical.feasibility import PhysicalResult, assess_feasibility
-from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -34,10 +33,10 @@ from identifiability.regression.reduction import (
     build_ladder,
     find_ladder,
     ladder_model,
-    nominal_base,
     unused_ladder,
 )
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import RungResult, assess_ladder
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
@@ -169,16 +168,16 @@ def prune(
             search.path.steps[chosen].partition,
         )  # fmt: skip
         return Ladder(
-            robot, task.base, train, held, task.information, task.start, rungs, chosen, result,
+            task.structure, train, held, task.information, task.start, rungs, chosen, result,
             search.path.refused, stability, absorption,
-            task.model.texts, criterion, method, seed, least_error(search.path.steps), source,
+            criterion, method, seed, least_error(search.path.steps), source,
             {
                 "forbid": list(forbid), "force": list(force), "propose": propose, "reach": reach,
                 "replicates": replicates, "cad_weight": cad_weight,
                 "preparation": preparation or Preparation(),
             },
             (*find_hints(robot, train), *hints, *unused_ladder(robot, ladder)),
-            task.model.shapes(robot), nothing,
+            nothing,
         )  # fmt: skip
 
 
@@ -186,9 +185,7 @@ def prune(
 class _Task:
     """What is pruned."""
 
-    robot: Robot
-    model: Model
-    base: BaseParameters
+    structure: Structure
     start: Rung
     train: tuple[Prepared, ...]
     held: tuple[Prepared, ...]
@@ -207,12 +204,11 @@ def _set_up(
     engine: Engine,
     progress: Steps,
 ) -> _Task:
-    model = ladder_model(ladder)
-    base = find_base_parameters(robot, model, rng)
-    start = build_ladder(LadderEntry(models=ladder.models[:1]), robot, base)[0]
-    regression = Regression(robot, model, train, base.kept)
+    structure = Structure.of(robot, ladder_model(ladder), rng)
+    start = build_ladder(LadderEntry(models=ladder.models[:1]), structure)[0]
+    regression = structure.regression(train)
     information = gather_information(regression, engine=engine, progress=progress)
-    return _Task(robot, model, base, start, train, held, regression, information, method)
+    return _Task(structure, start, train, held, regression, information, method)
 
 
 def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> Wishes:
@@ -231,13 +227,12 @@ def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> W
 def _search(
     task: _Task, wishes: Wishes, rng: np.random.Generator, *, propose: bool, reach: float
 ) -> Search:
-    start, robot = task.start, task.robot
-    regressor = unseen_regressor(robot, task.model, task.base.kept, task.train, rng, reach)
-    unseen = regressor @ start.M
+    start, structure = task.start, task.structure
+    unseen = unseen_regressor(structure, task.train, rng, reach) @ start.M
     suggested: list[Move] = (
-        propose_moves(robot, task.base, start.columns)
+        propose_moves(structure, start.columns)
         if propose
-        else merge_moves(robot, start.columns)
+        else merge_moves(structure.robot, start.columns)
     )
     return find_path(
         start.reduce(task.information), start.nonnegative, unseen=unseen, suggested=suggested,
@@ -258,7 +253,7 @@ def _choose(
         fit = estimate(part, task.method)
         try:
             physical = assess_feasibility(
-                task.robot, task.base, rung, task.information, part, fit, cad_weight
+                task.structure, rung, task.information, part, fit, cad_weight
             )
         except IdentifiabilityError as error:
             problem = error
@@ -287,14 +282,14 @@ def _measure(
     models = [rung_of(task.start, s) for s in steps]
     parts = [m.reduce(task.information) for m in models]
     fits = [estimate(p, task.method) for p in parts]
-    held = Regression(task.robot, task.model, task.held, task.base.kept) if task.held else None
+    held = task.structure.regression(task.held) if task.held else None
     found = predict_rungs(
         task.regression, held, models, fits, chosen, physical,
         plan_unseen(search, task.start, task.information), engine=engine, progress=progress,
     )  # fmt: skip
     (result,) = assess_ladder(
         [models[chosen]], [fits[chosen]], task.information, [physical], found.chosen,
-        found.chosen_held, nominal_base(task.robot, task.base), Thresholds(), rng, replicates,
+        found.chosen_held, task.structure.nominal_base, Thresholds(), rng, replicates,
     )  # fmt: skip
     spread = result.uncertainty
     times = float(spread.times.mean())

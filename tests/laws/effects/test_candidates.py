@@ -9,8 +9,8 @@ from identifiability.effects import FAMILIES, find_families
 from identifiability.effects.family import measure_spans
 from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import Decimation
-from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.rows import build_rows, list_candidates
 
 T = 0.01 * np.arange(300)
@@ -111,9 +111,9 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     logs = [Samples("log", m, rng.standard_normal((len(m), 2)), None, (), "") for m in parts]
     candidates, _ = listed(polar, parts[0], "joint_stiffness", "torque_offset")
     model = Model.of("rigid_body", "viscous_friction")
-    base = find_base_parameters(polar, model)
-    rows = build_rows(polar, model, base.kept, candidates, logs)
-    W = np.concatenate([model.regressor(polar, m) for m in parts])[:, :, base.kept]
+    structure = Structure.of(polar, model)
+    rows = build_rows(structure, candidates, logs)
+    W = np.concatenate([model.regressor(polar, m) for m in parts])[:, :, structure.base.kept]
     np.testing.assert_allclose(rows.X, W, atol=1e-12)
     for c in candidates:
         every = Model((c.effect,))
@@ -129,10 +129,9 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     )
     assert rows.log.tolist() == [0] * 120 + [1] * 180
     assert rows.runs() == [(0, 120), (120, 300)]
-    # With values that are not refitted the model's torque is taken off, and no column is left.
-    values = rng.standard_normal(len(base))
-    fixed = build_rows(polar, model, base.kept, candidates, logs, values)
-    np.testing.assert_allclose(fixed.tau, rows.tau - W @ values, atol=1e-9)
+    # With the values of the robot file the model's torque is taken off, and no column is left.
+    fixed = build_rows(structure, candidates, logs, fixed=True)
+    np.testing.assert_allclose(fixed.tau, rows.tau - W @ structure.nominal_base, atol=1e-9)
     assert fixed.X.shape[2] == 0
     np.testing.assert_array_equal(fixed.measured, rows.tau)
 
@@ -144,8 +143,8 @@ def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
     d = Decimation(factor) if factor > 1 else None
     log = Samples("log", m, np.ones((len(m), 2)), d, (), "")
     model = Model.of("viscous_friction")
-    base = find_base_parameters(polar, model)
-    rows = build_rows(polar, model, base.kept, [], [log, log])
+    structure = Structure.of(polar, model)
+    rows = build_rows(structure, [], [log, log])
     assert len(rows.runs()) == 4
     for a, b in rows.runs():
         np.testing.assert_allclose(np.diff(rows.t[a:b]), 0.01 * factor)

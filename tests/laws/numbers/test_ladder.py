@@ -8,13 +8,14 @@ import pytest
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Parameter
 from identifiability.regression.base_parameters import group_columns
+from identifiability.regression.model import Model
 from identifiability.regression.reduction import (
     LadderEntry,
     build_ladder,
     full_rung,
     ladder_model,
-    nominal_base,
 )
+from identifiability.regression.structure import Structure
 
 NOMINAL = {"arm.m": 2.0, "arm.mx": 0.3, "arm.Ixx": 0.5, "arm.Fv": 7.0, "arm.Fc+": 1.0}
 ROBOT = SimpleNamespace(nominal=NOMINAL)
@@ -31,7 +32,9 @@ def base():
 
 
 def rungs(base, *entries):
-    return build_ladder(LadderEntry(models=[{"name": "full"}, *entries]), ROBOT, base)
+    return build_ladder(
+        LadderEntry(models=[{"name": "full"}, *entries]), Structure(ROBOT, Model(()), base)
+    )
 
 
 def test_the_first_rung_has_every_group(base):
@@ -54,7 +57,7 @@ def test_nominal_is_the_value_of_the_whole_group(base):
     """m + 3 Ixx = 2 + 1.5."""
     rung = rungs(base, {"name": "r", "hold": {"arm.m": "nominal"}})[1]
     np.testing.assert_allclose(rung.held, [3.5, 0, 0, 0])
-    np.testing.assert_allclose(nominal_base(ROBOT, base), [3.5, 0.3, 1.0, 0.0])
+    np.testing.assert_allclose(Structure(ROBOT, Model(()), base).nominal_base, [3.5, 0.3, 1.0, 0.0])
 
 
 def test_tied_parameters_share_one_value(base):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.verdict import Class
-from identifiability.physical.pseudo_inertia import INERTIAL
+from identifiability.foundation.names import INERTIAL
 from identifiability.workflows.analyze.statement import doubt, state_answer, state_physics
 
 

@@ -1,0 +1,122 @@
+"""`Structure`: a robot under a model, and all that follows from these two alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from identifiability.foundation.names import INERTIAL, Array, Parameter
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
+from identifiability.regression.model import Model
+from identifiability.regression.regression import Regression
+from identifiability.robot import Robot
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Structure:
+    """A robot under a model; equal only to itself, so that what follows from it can be kept.
+
+    Attributes
+    ----------
+    robot : Robot
+    model : Model
+    base : BaseParameters
+        Its b base parameters, groupings of the p standard parameters of the model.
+    """
+
+    robot: Robot
+    model: Model
+    base: BaseParameters
+
+    @staticmethod
+    def of(robot: Robot, model: Model, rng: np.random.Generator | None = None) -> Structure:
+        """Return the structure with what `find_base_parameters` finds."""
+        return Structure(robot, model, find_base_parameters(robot, model, rng))
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The p standard parameters."""
+        return self.base.parameters
+
+    @property
+    def G(self) -> Array:
+        """Base parameters of standard parameters, (b, p)."""
+        return self.base.G
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the p standard parameters."""
+        return tuple(p.name for p in self.parameters)
+
+    @cached_property
+    def nonnegative(self) -> np.ndarray:
+        """Whether physics forbids a standard parameter below zero, (p,) bool."""
+        return _read_only(np.array([p.nonnegative for p in self.parameters], bool))
+
+    @cached_property
+    def nominal(self) -> Array:
+        """Standard parameters that the robot file states, zero where it states none, (p,)."""
+        return _read_only(np.array([self.robot.nominal.get(n, 0.0) for n in self.columns]))
+
+    @cached_property
+    def nominal_base(self) -> Array:
+        """Base parameters that the robot file states, (b,)."""
+        return _read_only(self.G @ self.nominal)
+
+    @cached_property
+    def shapes(self) -> dict[str, float]:
+        """Shapes behind the columns, by ``<joint>.<effect>``."""
+        return self.model.shapes(self.robot)
+
+    @cached_property
+    def bodies(self) -> dict[str, str]:
+        """Bodies of the model, loads among them: how their parameters' names start, and a title."""
+        known = {f"{b}.": b for b in self.robot.bodies}
+        known |= {f"{b}.payload_": f"the payload of {b}" for b in self.robot.bodies}
+        return {stem: title for stem, title in known.items() if f"{stem}m" in self.columns}
+
+    @cached_property
+    def inertial(self) -> np.ndarray:
+        """Columns of each body's ten parameters in the order of `INERTIAL`, (nb, 10) int."""
+        at = {name: k for k, name in enumerate(self.columns)}
+        rows = [[at[f"{stem}{kind}"] for kind in INERTIAL] for stem in self.bodies]
+        return _read_only(np.array(rows, int).reshape(-1, 10))
+
+    def regression(self, samples: Sequence[Prepared]) -> Regression:
+        """Return the columns of the base parameters along measured motion."""
+        return Regression(self.robot, self.model, tuple(samples), self.base.kept)
+
+
+def _read_only(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
+
+
+class OfStructure:
+    """A result about one `structure`."""
+
+    structure: Structure
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.structure.robot
+
+    @property
+    def base(self) -> BaseParameters:
+        """What the robot's structure allows to determine."""
+        return self.structure.base
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects of the unpruned model, as a ladder file writes them."""
+        return self.structure.model.texts
+
+    @property
+    def shapes(self) -> Mapping[str, float]:
+        """Shapes of the model's effects by ``<joint>.<effect>``."""
+        return self.structure.shapes
