@@ -23,7 +23,9 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.workflows.calibrate.calibration import Calibration, _regression, calibrate
 from identifiability.workflows.calibrate.outcome import Outcome, count_outcomes
 from identifiability.workflows.calibrate.ranks import RankCheck, build_target, check_ranks
-from identifiability.workflows.calibrate.replicates import Experiment, correlated_noise
+from identifiability.workflows.calibrate.replicates import Experiment
+
+from .laws.numbers.made import ar1
 
 
 @pytest.fixture(scope="module")
@@ -66,16 +68,6 @@ def test_an_outcome_without_noise_gives_the_truth_back(analysis):
     np.testing.assert_allclose(estimate(information, "ols").value, truth, rtol=1e-9)
     np.testing.assert_allclose(tau, experiment.W @ truth)
     assert find_base_parameters(analysis.robot, Model.of(*analysis.effects)).rank == 37
-
-
-def test_correlated_noise_has_the_size_and_correlation_asked_for():
-    log = np.repeat([0, 1], 20000)
-    noise = correlated_noise(
-        log, np.array([1.0, 5.0]), np.array([0.0, 0.9]), np.random.default_rng(0)
-    )
-    np.testing.assert_allclose(noise.std(0), [1.0, 5.0], rtol=0.05)
-    lag = [np.corrcoef(x[:-1], x[1:])[0, 1] for x in noise.T]
-    np.testing.assert_allclose(lag, [0.0, 0.9], atol=0.02)
 
 
 def test_the_command_writes_a_report(simulated_session, tmp_path):
@@ -211,9 +203,9 @@ def test_noise_is_seen_through_what_the_fit_swallows(analysis):
     """Of ρ = 0.97 the residual of 37 parameters shows 0.75; likelihood beside them shows it."""
     regression = _regression(analysis)
     W = Experiment.of(regression, analysis.full.rung.M, analysis.full.rung.columns).W
-    log, rho, naive, seen, sizes = np.zeros(len(W), int), 0.97, [], [], []
+    rho, naive, seen, sizes = 0.97, [], [], []
     for seed in range(4):
-        noise = correlated_noise(log, np.full(3, 50.0), rho, np.random.default_rng(seed))
+        noise = 50.0 * ar1(np.random.default_rng(seed), rho, len(W), 3)
         found = fit_residual_noise(noise, W, [(0, len(W))])
         seen += [p[0] if len(p) else 0.0 for p in found.pacf]
         sizes += found.sd.tolist()

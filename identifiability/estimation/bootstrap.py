@@ -38,14 +38,11 @@ class Bootstrap:
         Columns that the estimate dropped are zero.
     blocks : int
         Number of blocks that were drawn from.
-    block_samples : float
-        Mean number of samples in a block.
     """
 
     columns: tuple[str, ...]
     values: Array
     blocks: int
-    block_samples: float
 
     @property
     def sd(self) -> Array:
@@ -143,7 +140,7 @@ def bootstrap(
     values = np.zeros((replicates, information.size))
     values[:, list(estimate.kept)] = refit(part, estimate.weights, counts)
     good = np.isfinite(values).all(1)
-    return Bootstrap(information.columns, values[good], blocks, float(information.samples / blocks))
+    return Bootstrap(information.columns, values[good], blocks)
 
 
 def refit(information: Information, weights: Array, counts: Array) -> Array:

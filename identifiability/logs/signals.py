@@ -61,17 +61,6 @@ def never_moves(low: Array, high: Array) -> np.ndarray:
     return is_constant(low, high, 1.0)
 
 
-def motion_bandwidth(t: Array, q: Array, share: float = 0.99) -> float:
-    """Return the frequency below which `share` of the velocity's energy lies, over all joints [Hz].
-
-    Parameters
-    ----------
-    t : (N,) [s]
-    q : (N, n)
-    """
-    return bandwidth_of_windows([q], sampling_step(t), share)
-
-
 def bandwidth_of_windows(windows: Sequence[Array], dt: float, share: float = 0.99) -> float:
     """Return the same of windows of equal length, each (N, n); their spectra are averaged [Hz]."""
     length = len(windows[0])

@@ -58,23 +58,6 @@ def to_matrix(theta: ArrayLike) -> Floats:
     return (values @ BASIS.reshape(10, 16)).reshape(*values.shape[:-1], 4, 4)
 
 
-def to_vector(matrix: ArrayLike) -> Floats:
-    """Inertial parameters of pseudo-inertia matrices, the inverse of `to_matrix`.
-
-    Parameters
-    ----------
-    matrix : (..., 4, 4) symmetric
-
-    Returns
-    -------
-    (..., 10) [kg m², kg m, kg]
-    """
-    J = np.asarray(matrix, float)
-    xx, yy, zz = J[..., 0, 0], J[..., 1, 1], J[..., 2, 2]
-    columns = (yy + zz, -J[..., 0, 1], -J[..., 0, 2], xx + zz, -J[..., 1, 2], xx + yy)
-    return np.stack((*columns, J[..., 0, 3], J[..., 1, 3], J[..., 2, 3], J[..., 3, 3]), axis=-1)
-
-
 def scale_matrix(mass: ArrayLike, length: ArrayLike) -> Floats:
     """Diagonal of the congruence that makes J dimensionless: ``J[i, j] / (s[i] s[j])``.
 

@@ -6,8 +6,7 @@ What to use when:
 - `ensemble.sample_posterior` draws from it with emcee, and `diagnostics.diagnose_convergence` says
   whether the draws may be shown;
 - `exact.sample_exact` draws without emcee;
-- `calibration.calibrate_posterior` checks the sampler by simulation, `sample_replicates` draws for
-  many outcomes of one experiment at once.
+- `calibration.calibrate_posterior` checks the sampler by simulation.
 
 The samplers need a start inside the set: ``physical.project.project(..., margin=1e-3).phi``.
 """

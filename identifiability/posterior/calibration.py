@@ -15,12 +15,7 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.values import frozen
-from identifiability.posterior.exact import (
-    ExactSampler,
-    Progress,
-    build_sampler,
-    interior,
-)
+from identifiability.posterior.exact import ExactSampler, build_sampler, interior
 from identifiability.posterior.target import Diagonal, Target
 
 Floats = NDArray[np.float64]
@@ -70,7 +65,6 @@ def calibrate_posterior(
     *,
     replicates: int = 1000,
     draws: int = 31,
-    progress: Progress | None = None,
 ) -> Calibration:
     """Rank true parameters among draws of their posterior, over replicates of the experiment.
 
@@ -82,7 +76,6 @@ def calibrate_posterior(
         Any point inside the physical set.
     rng : numpy.random.Generator
     replicates, draws : int
-    progress : callable, optional
 
     Returns
     -------
@@ -104,55 +97,12 @@ def calibrate_posterior(
         own = ExactSampler(_observe(sampler, target, truth, rng), sampler.region)
         value, below = target.to_phi(truth), np.zeros(truth.shape, np.int64)
         place = rng.integers(0, draws + 1, replicates)
-        for wanted, offset in ((place, 0), (draws - place, draws)):
+        for wanted in (place, draws - place):
             eta = truth
             for i in range(draws):
                 eta = own.step(eta, rng)
                 below += (target.to_phi(eta) < value) & (i < wanted)[:, None]
-                if progress is not None:
-                    progress(offset + i + 1, 2 * draws)
     return Calibration(below, draws)
-
-
-def sample_replicates(
-    target: Target,
-    z: Floats,
-    rss_min: Floats,
-    start: ArrayLike,
-    draws: int,
-    rng: np.random.Generator,
-    *,
-    warmup: int = 20,
-) -> Floats:
-    """Draw from the posteriors of many outcomes of one experiment, a chain each.
-
-    Parameters
-    ----------
-    target : Target
-        Its R, prior, physical set, dof and IACT hold for every outcome.
-    z : (K, r) [torque]
-    rss_min : (K,) [torque²]
-    start : (p,) or (K, p)
-        Inside the physical set and near the data.
-    draws : int
-    rng : numpy.random.Generator
-    warmup : int
-
-    Returns
-    -------
-    (K, draws, p)
-    """
-    prepared = build_sampler(target)
-    sampler = ExactSampler(target.replicates(z, rss_min), prepared.region)
-    points = np.broadcast_to(np.asarray(start, float), (len(z), target.size))
-    eta = np.array([interior(target, prepared, point) for point in points])
-    kept = np.empty((len(z), draws, target.size))
-    with threadpool_limits(1):
-        for i in range(-warmup, draws):
-            eta = sampler.step(eta, rng)
-            if i >= 0:
-                kept[:, i] = target.to_phi(eta)
-    return kept
 
 
 def _draw_prior(

@@ -10,7 +10,6 @@ correlated samples weigh as n/κ independent ones. With ``v = κ σ²``:
 At κ = 1 this is the textbook posterior under the prior 1/σ² [Gelman 2013, §14.2].
 """
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -163,31 +162,14 @@ class Target:
         gain = np.zeros(self.size)
         gain[:rank] = s[:rank]
         tempered = None if self.variance is None else self.variance * self.iact
-        blank = Diagonal(gain, gain, 0.0, (self.data.dof / self.iact + rank) / 2, tempered)
-        return self._observe(blank, self.data.z, self.data.rss_min, U, rank)
-
-    def replicates(self, z: Floats, rss_min: Floats) -> Diagonal:
-        """The same experiment with other outcomes, one a chain.
-
-        Parameters
-        ----------
-        z : (K, r) [torque]
-        rss_min : (K,) [torque²]
-        """
-        U, rank = self.rotation[0], int(np.count_nonzero(self.diagonal.gain))
-        return self._observe(self.diagonal, z, rss_min, U, rank)
-
-    def _observe(
-        self, blank: Diagonal, z: Floats, rss_min: float | Floats, U: Floats, rank: int
-    ) -> Diagonal:
-        seen = (z - self.data.R @ self.proper_prior.mean) @ U
-        signal = np.zeros((*z.shape[:-1], self.size))
-        signal[..., :rank] = seen[..., :rank]
-        floor = (
-            1e-6 * self.data.unit**2
-        )  # noise-free data leave nothing to estimate a variance from
-        rest = np.maximum(np.sum(seen[..., rank:] ** 2, axis=-1) + rss_min, floor)
-        return replace(blank, signal=signal, rss_min=rest)
+        seen = (self.data.z - self.data.R @ self.proper_prior.mean) @ U
+        signal = np.zeros(self.size)
+        signal[:rank] = seen[:rank]
+        # Noise-free data leave nothing to estimate a variance from.
+        floor = 1e-6 * self.data.unit**2
+        rest = np.maximum(np.sum(seen[rank:] ** 2) + self.data.rss_min, floor)
+        shape = (self.data.dof / self.iact + rank) / 2
+        return Diagonal(gain, signal, rest, shape, tempered)
 
     def to_phi(self, eta: Floats) -> Floats:
         """Parameters ``(..., p)`` of coordinates ``(..., p)``."""

@@ -4,7 +4,8 @@ import pytest
 from identifiability.physical.certify import ROOM, certify
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.project import project
-from identifiability.physical.pseudo_inertia import to_vector
+
+from .bodies import to_vector
 
 
 def random_robots(region, rng, count):

@@ -9,8 +9,9 @@ from identifiability.physical.pseudo_inertia import (
     margin,
     natural_scale,
     to_matrix,
-    to_vector,
 )
+
+from .bodies import to_vector
 
 
 def cloud(rng, points=6):

@@ -2,11 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identifiability.posterior.calibration import (
-    Calibration,
-    calibrate_posterior,
-    sample_replicates,
-)
+from identifiability.posterior.calibration import Calibration, calibrate_posterior
 
 
 def assert_uniform(calibration):
@@ -36,28 +32,7 @@ def test_a_posterior_that_is_too_narrow_is_found_out(posteriors, rng):
     assert wrong.p_values().max() < 1e-3
 
 
-def test_many_outcomes_of_an_experiment_are_sampled_at_once(posteriors, rng):
-    target, start = posteriors.sign_target(rng, prior_sd=2.0, variance=1.0)
-    z = np.repeat(target.data.z[None], 64, axis=0)
-    draws = sample_replicates(target, z, np.full(64, target.data.rss_min), start, 200, rng)
-    other = sample_replicates(target, 0 * z, np.ones(64), start, 200, rng)
-    assert draws.shape == (64, 200, 6)
-    from identifiability.posterior.exact import sample_exact
-
-    posteriors.assert_same_distribution(draws, sample_exact(target, start, 200, rng))
-    assert np.abs(draws.mean(axis=(0, 1)) - other.mean(axis=(0, 1))).max() > 0.1
-
-
 def test_a_flat_prior_cannot_be_calibrated(posteriors, rng):
     target, start = posteriors.sign_target(rng)
     with pytest.raises(ValueError, match="the prior is flat for some parameters"):
         calibrate_posterior(target, start, rng)
-
-
-def test_progress_is_told(posteriors, rng):
-    target, start = posteriors.sign_target(rng, prior_sd=1.0)
-    seen = []
-    calibrate_posterior(
-        target, start, rng, replicates=4, draws=3, progress=lambda *now: seen.append(now)
-    )
-    assert seen == [(k, 6) for k in range(1, 7)]

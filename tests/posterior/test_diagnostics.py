@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from identifiability.posterior import ensemble
 from identifiability.posterior.diagnostics import (
     Thresholds,
     autocorrelation_time,
@@ -33,9 +34,11 @@ def test_few_short_or_refused_draws_may_not(rng):
         assert part in said
 
 
-def test_an_ensemble_of_default_moves_that_has_not_converged_is_found_out(posteriors, rng):
+def test_an_ensemble_that_has_not_converged_is_found_out(posteriors, rng, monkeypatch):
     target, start = posteriors.sign_target(rng, size=12)
-    slow = sample_posterior(target, start, rng, draws=60, exact=0.0, crank_nicolson=1.0, warmup=0)
+    with monkeypatch.context() as slowed:
+        slowed.setattr(ensemble, "EXACT", 0.0)
+        slow = sample_posterior(target, start, rng, draws=60, warmup=0)
     assert not diagnose_convergence(slow).trustworthy
     good = sample_posterior(target, start, rng, draws=150)
     assert diagnose_convergence(good).trustworthy

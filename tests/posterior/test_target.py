@@ -85,16 +85,6 @@ def test_a_flat_prior_where_the_data_are_blind_is_refused():
         target.diagonal  # noqa: B018
 
 
-def test_replicates_see_other_outcomes_of_the_same_experiment(rng):
-    target = free_target(rng, prior=Prior(np.zeros(5), np.ones(5)))
-    z, rss = rng.normal(size=(3, 5)), np.array([1.0, 2.0, 3.0])
-    many = target.replicates(z, rss)
-    for k in range(3):
-        one = replace(target, data=replace(target.data, z=z[k], rss_min=rss[k])).diagonal
-        np.testing.assert_allclose(many.signal[k], one.signal)
-        assert many.rss_min[k] == pytest.approx(one.rss_min)
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [

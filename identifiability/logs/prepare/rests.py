@@ -8,7 +8,7 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.signals import WINDOW, bandwidth_of_windows, never_moves, sampling_step
+from identifiability.logs.signals import WINDOW, bandwidth_of_windows, never_moves
 
 #: A joint slower than this share of its largest speed stands still.
 REST_SPEED = 0.01
@@ -64,15 +64,3 @@ def choose_rest_rule(q: Sequence[Array], dq: Sequence[Array], dt: float) -> Rest
         return None
     least = 0.5 / max(bandwidth_of_windows(q, dt) * dt, 1e-300)
     return RestRule(limit, min(least, float(WINDOW)))
-
-
-def find_rests(t: Array, q: Array, dq: Array) -> np.ndarray:
-    """Return where all joints stand still, (N,) bool; see `choose_rest_rule`.
-
-    Parameters
-    ----------
-    t : (N,) [s]
-    q, dq : (N, n)
-    """
-    rule = choose_rest_rule([q], [dq], sampling_step(t))
-    return np.zeros(len(t), bool) if rule is None else rule.find(dq)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.signal import lfilter
 
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
@@ -79,32 +78,6 @@ def _gram(part: Array) -> Array:
     by_actuator = part.transpose(1, 0, 2)
     gram: Array = by_actuator.transpose(0, 2, 1) @ by_actuator
     return gram
-
-
-def correlated_noise(
-    log: np.ndarray, sd: Array, rho: Array | float, rng: np.random.Generator
-) -> Array:
-    """Return stationary AR(1) noise, each log by itself, (N, n).
-
-    Parameters
-    ----------
-    log : (N,) int
-    sd : (n,)
-        Standard deviation at each actuator.
-    rho : float or (n,)
-        Correlation from sample to sample.
-    rng : numpy.random.Generator
-    """
-    n = len(sd)
-    rho = np.broadcast_to(rho, n)
-    out = np.empty((len(log), n))
-    for k in np.unique(log):
-        rows = log == k
-        white = rng.standard_normal((int(rows.sum()), n))
-        white[1:] *= np.sqrt(1 - rho**2)
-        for a in range(n):
-            out[rows, a] = lfilter([1.0], [1.0, -rho[a]], white[:, a])
-    return out * sd
 
 
 def spawn_seeds(rng: np.random.Generator, count: int) -> list[np.random.SeedSequence]:

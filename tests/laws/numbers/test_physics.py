@@ -13,8 +13,9 @@ from identifiability.physical.pseudo_inertia import (
     margin,
     natural_scale,
     to_matrix,
-    to_vector,
 )
+
+from ...physical.bodies import to_vector
 
 #: 2 kg of points: masses [kg] and places [m].
 MASS = np.array([0.5, 0.7, 0.3, 0.5])

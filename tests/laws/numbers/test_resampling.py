@@ -114,7 +114,7 @@ def test_seven_blocks_say_nothing_and_eight_do():
 
 def test_percentiles_correlations_and_deviations_are_those_of_the_replicates():
     values = np.random.default_rng(0).normal(size=(4001, 2)) @ [[1.0, 0.6], [0.0, 0.8]]
-    found = Bootstrap(("a", "b"), values, 20, 10.0)
+    found = Bootstrap(("a", "b"), values, 20)
     np.testing.assert_allclose(found.interval(), np.quantile(values, [0.025, 0.975], axis=0).T)
     np.testing.assert_allclose(found.interval(0.5), np.quantile(values, [0.25, 0.75], axis=0).T)
     np.testing.assert_allclose(found.sd, np.std(values, axis=0, ddof=1))

@@ -34,7 +34,7 @@ def roads(white, inflated, resampled, scores, stretches=10**6):
     return Uncertainty(
         white=np.array(white, float),
         inflated=np.array(inflated, float),
-        bootstrap=None if resampled is None else Bootstrap(names, replicates(resampled), 20, 9.0),
+        bootstrap=None if resampled is None else Bootstrap(names, replicates(resampled), 20),
         scores=None if scores is None else ScoreScatter(np.array(scores, float), stretches),
         times=np.ones(1),
         block=1.0,
@@ -98,7 +98,7 @@ def test_the_bootstraps_blocks_are_as_long_as_the_longest_memory_asks(rows):
     found = assess_uncertainty(information, fit, residual, np.zeros(2000, int), rng, 50)
     assert found.block == max(block_length(residual[:, :1]), block_length(residual[:, 1:]))
     assert len(found.bootstrap.values) == 50
-    assert found.bootstrap.block_samples >= found.block
+    assert information.samples / found.bootstrap.blocks >= found.block
     assert found.scores is not None
     assert (found.robust >= np.max([found.inflated, found.bootstrap.sd, found.scores.sd], 0)).all()
 
@@ -163,7 +163,7 @@ def test_the_autocorrelation_is_that_of_definition():
 def recurring(value, resampled, robust, **rules):
     uncertain = Uncertainty(
         white=np.array([robust]), inflated=np.array([robust]), scores=None, times=np.ones(1),
-        bootstrap=Bootstrap(("a",), np.array(resampled, float)[:, None], 20, 9.0), block=1.0,
+        bootstrap=Bootstrap(("a",), np.array(resampled, float)[:, None], 20), block=1.0,
         independent=np.inf,
     )  # fmt: skip
     return recurrence(fit_of([value], [robust]), uncertain, Thresholds(**rules))[0]
