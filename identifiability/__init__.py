@@ -18,7 +18,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from identifiability.estimation.estimate import Estimate, estimate
+    from identifiability.estimation.estimate import estimate
+    from identifiability.estimation.estimator import Estimate
     from identifiability.estimation.verdict import Verdict
     from identifiability.foundation.errors import IdentifiabilityError
     from identifiability.logs import Log
@@ -42,7 +43,7 @@ _HOMES = {
     "BaseParameters": "regression.base_parameters",
     "Calibration": "workflows.calibrate.calibration",
     "Diagnosis": "workflows.diagnose",
-    "Estimate": "estimation.estimate",
+    "Estimate": "estimation.estimator",
     "Excitation": "workflows.excite",
     "Exported": "workflows.export",
     "IdentifiabilityError": "foundation.errors",

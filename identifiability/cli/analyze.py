@@ -44,7 +44,7 @@ def analyze(
     period: options.Period = None,
     harmonics: options.Harmonics = 5,
     decimate: options.Decimate = None,
-    method: options.Weighting = options.Method.wls,
+    method: options.Weighting = "wls",
     posterior: Annotated[
         bool, typer.Option(help="Sample the posteriors of the selected model (some seconds).")
     ] = True,
@@ -97,7 +97,7 @@ def analyze(
         how = Preparation(derivatives.value, cutoff, period, harmonics, decimate)
         result = run(
             load_robot(robot, sidecar), logs, validate or (), ladder, preparation=how,
-            method=method.value,
+            method=method,
             replicates=200 if quick else 2000, posterior=posterior and not quick,
             cad_weight=cad_prior,
             seed=seed, progress=say,

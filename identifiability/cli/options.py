@@ -21,13 +21,6 @@ class Derivatives(StrEnum):
     fourier = "fourier"
 
 
-class Method(StrEnum):
-    """Least squares, actuators weighted by their own variance or all alike."""
-
-    wls = "wls"
-    ols = "ols"
-
-
 class EngineName(StrEnum):
     """Where long work runs."""
 
@@ -73,8 +66,12 @@ Report = Annotated[Path | None, typer.Option(help="Write an HTML report here.")]
 Json = Annotated[Path | None, typer.Option(help="Write the result as JSON here.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of every random choice.")]
 Weighting = Annotated[
-    Method, typer.Option(help="Weight actuators by their own variance, or all alike.")
-]
+    str,
+    typer.Option(
+        metavar="wls|ols", autocompletion=lambda: ["wls", "ols"],
+        help="Weight actuators by their own variance, or all alike.",
+    ),
+]  # fmt: skip
 CadPrior = Annotated[
     float, typer.Option(min=0, help="Weight of a log-det prior around the robot file's bodies.")
 ]

@@ -71,7 +71,7 @@ def prune(
     period: options.Period = None,
     harmonics: options.Harmonics = 5,
     decimate: options.Decimate = None,
-    method: options.Weighting = options.Method.wls,
+    method: options.Weighting = "wls",
     cad_prior: options.CadPrior = 0.0,
     seed: options.Seed = 0,
     quick: Annotated[bool, typer.Option(help="A tenth of the random draws.")] = False,
@@ -101,7 +101,7 @@ def prune(
         result = run(
             load_robot(robot, sidecar), logs, validate or (), ladder, forbid=forbid or (),
             force=force or (), criterion=criterion.value, propose=propose, reach=reach,
-            preparation=how, method=method.value, replicates=20 if quick else 200,
+            preparation=how, method=method, replicates=20 if quick else 200,
             cad_weight=cad_prior, seed=seed, progress=say, engine=runner,
         )  # fmt: skip
         written = write_results(result, report, json, say)

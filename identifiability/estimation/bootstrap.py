@@ -8,12 +8,9 @@ samples.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
-from scipy.linalg import solve_triangular
 
-from identifiability.estimation.estimate import Estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import LEVEL
@@ -22,9 +19,6 @@ from identifiability.regression.information import Information
 
 #: Fewer blocks than this say nothing about the spread between blocks.
 FEWEST_BLOCKS = 8
-
-#: Replicates solved at a time; bounds the memory.
-BATCH = 1000
 
 
 @frozen
@@ -116,7 +110,7 @@ def bootstrap(
     information : Information
         About the columns of `estimate`.
     estimate : Estimate
-        Its kept columns are refitted with its weights.
+        Its estimator refits the columns that it kept.
     rng : numpy.random.Generator
     replicates : int
     length : float
@@ -136,51 +130,6 @@ def bootstrap(
             "give longer or more logs, or a higher cut-off."
         )
     counts = draw_blocks(blocks, replicates, rng)
-    part = merged.select(estimate.kept)
-    values = np.zeros((replicates, information.size))
-    values[:, list(estimate.kept)] = refit(part, estimate.weights, counts)
+    values = estimate.estimator.refit(merged, estimate, counts)
     good = np.isfinite(values).all(1)
     return Bootstrap(information.columns, values[good], blocks)
-
-
-def refit(information: Information, weights: Array, counts: Array) -> Array:
-    """Return least-squares values for weighted sums of blocks, (replicates, k).
-
-    Parameters
-    ----------
-    information : Information
-        Of independent columns.
-    weights : (n,)
-        Of the actuators.
-    counts : (replicates, B)
-        How often each block counts.
-    """
-    k = information.size
-    if not k:
-        return np.empty((len(counts), 0))
-    S = information.basis
-    grams = np.einsum("a,baij->bij", weights, information.gram)
-    flat = grams.reshape(len(grams), -1)
-    inverse = solve_triangular(S[:k, :k], np.eye(k))
-    out = [_solve(batch @ flat, k, S) for batch in _batches(counts)]
-    values: Array = np.concatenate(out) @ inverse.T
-    return values
-
-
-def _batches(counts: Array) -> Iterator[Array]:
-    for start in range(0, len(counts), BATCH):
-        yield counts[start : start + BATCH]
-
-
-def _solve(flat: Array, k: int, S: Array) -> Array:
-    """Return the unknowns ``S11 x`` of every replicate; NaN where it leaves columns dependent."""
-    G = flat.reshape(-1, k + 1, k + 1)
-    try:
-        y = np.linalg.solve(G[:, :k, :k], G[:, :k, k:])[..., 0]
-    except np.linalg.LinAlgError:
-        y = np.full((len(G), k), np.nan)
-        for i, gram in enumerate(G):
-            if np.linalg.matrix_rank(gram[:k, :k]) == k:
-                y[i] = np.linalg.solve(gram[:k, :k], gram[:k, k])
-    unknowns: Array = S[:k, k] + S[k, k] * y
-    return unknowns

@@ -2,18 +2,17 @@
 
 Residuals remember, but not every parameter suffers alike: what counts is how long the *score* of a
 column (column times residual) remembers. Sums of scores over stretches longer than that are
-independent, and the scatter of the sums is the variance of the estimate [Liang & Zeger 1986], with
-the correction for leverage of Bell & McCaffrey (2002). All of it is in the block Gram matrices.
+independent, and the scatter of what they do to the values is the variance of the estimate [Liang &
+Zeger 1986]; how much that is, the estimator says.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.stats import norm, t
 
 from identifiability.estimation.bootstrap import merge_blocks
-from identifiability.estimation.estimate import Estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS
 from identifiability.foundation.values import frozen
@@ -24,9 +23,6 @@ MEMORIES, FEWEST = 5.0, 12
 
 #: By how much stretches get shorter while there are too few.
 SHORTER = 0.9
-
-#: What a stretch leaves of a direction that it determines almost alone is raised to this.
-ALONE = 0.05
 
 
 @frozen
@@ -69,31 +65,17 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
     while len(merged.counts) < min(FEWEST, len(information.counts)):  # logs cut stretches short
         least *= SHORTER
         merged = merge_blocks(information, least)
-    B, k = len(merged.counts), len(fit.kept)
-    if B < FEWEST or not k:
+    B = len(merged.counts)
+    if B < FEWEST or not fit.kept:
         return None
-    part = merged.select(fit.kept)
-    S = part.basis
-    grams = np.einsum("a,baij->bij", fit.weights, part.gram)
-    # Coordinates in which the whole information is the unit matrix.
-    root = np.linalg.cholesky(grams[:, :k, :k].sum(0))
-    inverse = solve_triangular(root, np.eye(k), lower=True)
-    x = fit.value[list(fit.kept)]
-    z = np.append(S[:k, k] - S[:k, :k] @ x, S[k, k])  # τ - W x = Z z
-    scores = (grams[:, :k] @ z) @ inverse.T
-    values, vectors = np.linalg.eigh(np.eye(k) - inverse @ grams[:, :k, :k] @ inverse.T)
-    lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
-    scores = np.einsum("bij,bj,bkj,bk->bi", vectors, lever, vectors, scores, optimize=True)
-    to_x = solve_triangular(S[:k, :k], inverse.T)
-    variance = ((scores @ to_x.T) ** 2).sum(0)
+    variance = (fit.estimator.influence(merged, fit) ** 2).sum(0)
     length = merged.samples / B
-    sd = np.full(information.size, np.inf)
-    sd[list(fit.kept)] = np.sqrt(variance * _extrapolate(variance / _white(fit), length))
+    sd = np.sqrt(variance * _extrapolate(variance / _white(fit), length))
     return ScoreScatter(np.where(fit.determined, sd, np.inf), B)
 
 
 def _white(fit: Estimate) -> Array:
-    square = np.diag(fit.covariance)[list(fit.kept)]
+    square = np.diag(fit.covariance)
     return np.where(np.isfinite(square) & (square > 0), square, np.inf)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.estimation.bootstrap import FEWEST_BLOCKS, Bootstrap, bootstrap
-from identifiability.estimation.estimate import Estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time, block_length
 from identifiability.estimation.scores import MEMORIES, ScoreScatter, scatter_scores
 from identifiability.estimation.verdict import Thresholds

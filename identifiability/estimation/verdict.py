@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
-from identifiability.estimation.estimate import PAPER_FACTOR, Estimate
+from identifiability.estimation.estimator import PAPER_FACTOR, Estimate
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Share, check_fields
 from identifiability.foundation.shares import REACH

@@ -16,7 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from identifiability.estimation.estimate import Estimate, settle_signs
+from identifiability.estimation.estimator import Estimate, settle_signs
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
@@ -154,7 +154,7 @@ def _stated(robot: Robot, body: str) -> Array:
 def full_problem(
     information: Information, estimate: Estimate, rung: Rung, G: Array
 ) -> LeastSquares:
-    """Return the data on the standard parameters under a model, weighted like the estimate.
+    """Return the estimate's loss in the standard parameters under a model.
 
     The model says that base parameters are ``held + M x``; the part of ``G phi`` outside the span
     of M is what the model leaves out, and does not enter the prediction.
@@ -168,7 +168,7 @@ def full_problem(
     G : (b, p)
         Base parameters of standard parameters.
     """
-    R = information.factor(estimate.weights)
+    R = estimate.estimator.loss(information, estimate)
     m = len(rung)
     # x of the standard parameters: tied columns take the mean of their members.
     to_x = np.linalg.pinv(rung.M) @ G if m else np.zeros((0, G.shape[1]))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.estimation.bootstrap import draw_blocks, merge_blocks, refit
+from identifiability.estimation.bootstrap import draw_blocks, merge_blocks
+from identifiability.estimation.least_squares import refit
 from identifiability.workflows.analyze.analysis import Analysis
 from inside.pair import Pair, all_rows, difference, timed
 

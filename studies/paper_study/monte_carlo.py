@@ -9,7 +9,8 @@ from functools import cache, partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identifiability.estimation.estimate import Estimate, estimate
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evaluation import Prediction, parameter_error, predict
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.names import Array

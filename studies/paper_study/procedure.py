@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from identifiability.estimation.estimate import Estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evaluation import Prediction, predict
 from identifiability.foundation.names import Array
 from identifiability.logs import signals

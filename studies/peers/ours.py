@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identifiability.estimation.estimate import Estimate, estimate
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.information import Information, gather_information

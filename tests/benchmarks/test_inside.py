@@ -5,7 +5,8 @@ from inside import elimination, program, refits, scores
 from posterior_speed import analyse
 from threadpoolctl import threadpool_limits
 
-from identifiability.estimation.bootstrap import draw_blocks, merge_blocks, refit
+from identifiability.estimation.bootstrap import draw_blocks, merge_blocks
+from identifiability.estimation.least_squares import refit
 from identifiability.posterior.ensemble import sample_posterior
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import dependence, estimate
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.least_squares import dependence
 from identifiability.foundation.names import Parameter
 from identifiability.regression.base_parameters import (
     find_base_parameters,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, estimate, simulate
-from identifiability.estimation.estimate import settle_signs
+from identifiability.estimation.estimator import settle_signs
 from identifiability.physical.feasibility import assess_feasibility
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.prune.stability import Stability
@@ -34,7 +34,7 @@ def test_a_rotor_that_is_zero_up_to_rounding_is_possible(arm, exact, rotor, poss
     value[at] = rotor
     fit = replace(model.estimate, value=value)
     reduced = model.rung.reduce(exact.information)
-    found = assess_feasibility(arm, exact.base, model.rung, exact.information, reduced, fit)
+    found = assess_feasibility(exact.structure, model.rung, exact.information, reduced, fit)
     assert found.feasible is possible, found.sentence
 
 

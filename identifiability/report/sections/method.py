@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from identifiability.estimation.estimate import PAPER_FACTOR
+from identifiability.estimation.estimator import PAPER_FACTOR
 from identifiability.estimation.evaluation import STRETCHES
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.linalg import RANK_TOLERANCE
@@ -55,16 +55,10 @@ def section_preparation(analysis: Analysis) -> Section:
     seen = format_count(analysis.information.samples, "sample")
     out = analysis.held_out.samples
     lead = (
-        f"Fitted to {seen} by {_METHOD.get(analysis.method, analysis.method)}; checked on "
+        f"Fitted to {seen} by {analysis.chosen.estimate.estimator.description}; checked on "
         f"{format_count(out, 'sample')} ({analysis.validation_kind})."
     )
     return Section("motion", "How the motion was made", lead, (Table("", columns, tuple(rows)),))
-
-
-_METHOD = {
-    "wls": "least squares with each actuator weighted by its own residual variance",
-    "ols": "ordinary least squares",
-}
 
 
 def _sample_row(samples: Prepared, use: str) -> tuple[Cell, ...]:

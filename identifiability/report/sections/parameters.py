@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.estimation.estimate import PAPER_FACTOR
+from identifiability.estimation.estimator import PAPER_FACTOR
 from identifiability.report.blocks import Fold, Gallery, Picture, Section
 from identifiability.report.figures import draw_precision, draw_pulls
 from identifiability.report.numbers import format_count, format_measured

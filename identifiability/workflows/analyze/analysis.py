@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identifiability.estimation.estimate import Method
+from identifiability.estimation.estimate import Method, find_estimator
 from identifiability.estimation.evaluation import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine
@@ -73,7 +73,8 @@ def analyze(
         file, else asymmetric and symmetric friction.
     preparation : Preparation, optional
         How derivatives are made.
-    method : {"wls", "ols"}
+    method : str or Estimator
+        ``"wls"`` weights actuators by their own residual variance, ``"ols"`` all alike.
     replicates : int
         Refits of the block bootstrap; 0 for none.
     posterior : bool
@@ -95,6 +96,7 @@ def analyze(
         With one sentence on what to do.
     """
     say = progress or (lambda _text, _share: None)
+    estimator = find_estimator(method)
     streams = np.random.default_rng(seed).spawn(3)
     with threadpool_limits(1, "blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
@@ -119,13 +121,13 @@ def analyze(
             mixed = "" if silence else find_mix_up(regression, structure.base.nonnegative)
             say("fitting models", 0.6)
             fits, physical, values = fit_ladder(
-                structure, rungs, information, method, cad_weight, silence
+                structure, rungs, information, estimator, cad_weight, silence
             )
             in_file = np.stack([p.in_file for p in physical], 1)
             tasks = [Task(np.hstack([values, in_file])[None])]
             if not held and not silence:
                 tasks.append(
-                    plan_cross_validation(regression, structure, information, rungs, method)
+                    plan_cross_validation(regression, structure, information, rungs, estimator)
                 )
             predicting = share(say, "predicting torque", 0.65, 0.9)
             fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
@@ -141,13 +143,13 @@ def analyze(
         )  # fmt: skip
         at = select_model(results)
         results, nothing = doubt(train, results, at, out)
-        bands = check_cutoff(regression, held, raw, results[at], method, preparation)
+        bands = check_cutoff(regression, held, raw, results[at], estimator, preparation)
         belief = None
         if posterior:
             results, belief = believe(structure, information, results, at, streams[2], say, train)
         return Analysis(
             structure, train, held, information, results, at,
-            fitted.first(len(rungs)), out.first(len(rungs)), method, seed, belief,
+            fitted.first(len(rungs)), out.first(len(rungs)), estimator.name, seed, belief,
             thresholds, (*find_hints(robot, train, mixed), *hints, *bands), source,
             {
                 "replicates": replicates, "posterior": posterior, "cad_weight": cad_weight,

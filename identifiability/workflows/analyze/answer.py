@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.estimate import Method
 from identifiability.estimation.evaluation import Prediction
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.options import check_choice
@@ -75,7 +74,7 @@ class Analysis(OfStructure, Result):
     selected: int
     fitted: Prediction
     held_out: Prediction
-    method: Method
+    method: str
     seed: int
     belief: Belief | None = None
     thresholds: Thresholds = field(default_factory=Thresholds)

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from identifiability.estimation.estimate import Estimate, Method, estimate
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
@@ -47,12 +47,12 @@ def check_cutoff(
     held: Sequence[Prepared],
     logs: Sequence[Log | LogFile],
     result: RungResult,
-    method: Method,
+    estimator: Estimator,
     how: Preparation | None,
 ) -> tuple[str, ...]:
     """Return the hints of `compare_bands`, on all logs, and of `vary_cutoff`."""
     bands = compare_bands((*regression.samples, *held))
-    return tuple(filter(None, (bands, vary_cutoff(regression, logs, result, method, how))))
+    return tuple(filter(None, (bands, vary_cutoff(regression, logs, result, estimator, how))))
 
 
 def compare_bands(samples: Sequence[Prepared]) -> str:
@@ -73,7 +73,7 @@ def vary_cutoff(
     regression: Regression,
     logs: Sequence[Log | LogFile],
     result: RungResult,
-    method: Method,
+    estimator: Estimator,
     how: Preparation | None,
 ) -> str:
     """Return one sentence on identifiable values that follow the cut-off, or nothing.
@@ -86,7 +86,8 @@ def vary_cutoff(
         What its samples were prepared from.
     result : RungResult
         The model whose values are looked at.
-    method, how
+    estimator : Estimator
+    how
         As in `analyze`.
     """
     known = np.array([v.verdict is Class.IDENTIFIABLE for v in result.verdicts])
@@ -104,7 +105,7 @@ def vary_cutoff(
             except IdentifiabilityError:  # nothing is left of it at such a cut-off
                 return None
         again = replace(regression, samples=tuple(samples))
-        return estimate(result.rung.reduce(gather_information(again, 1)), method)
+        return estimator.fit(result.rung.reduce(gather_information(again, 1)))
 
     whole = sum(b - a for _, a, b in windows) == sum(len(log) for log in logs)
     base = result.estimate if whole else refit(1.0)

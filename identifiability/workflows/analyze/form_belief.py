@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.estimation.estimate import Estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS
@@ -128,7 +128,7 @@ def _sample_signs(
     effort: Effort,
 ) -> Summary:
     """Sample the model's own parameters under their signs, flat prior."""
-    R = information.factor(estimate.weights)
+    R = estimate.estimator.loss(information, estimate)
     m = len(rung)
     data = LeastSquares(R[:m, :m], R[:m, m], _rss(estimate, R), float(max(estimate.dof, 1)))
     region = PhysicalSet(np.empty((0, 10), int), rung.nonnegative, columns=rung.columns)

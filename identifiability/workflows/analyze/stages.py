@@ -11,8 +11,9 @@ from typing import Annotated, TypeVar
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.estimate import Estimate, Method, estimate, leave_open
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evaluation import Task, choose_folds, leave_out, take_turns
+from identifiability.estimation.least_squares import leave_open
 from identifiability.foundation.engines.local import Processes, Serial
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import LogError, listing
@@ -230,7 +231,7 @@ def fit_ladder(
     structure: Structure,
     rungs: Sequence[Rung],
     information: Information,
-    method: Method,
+    estimator: Estimator,
     cad_weight: float = 0.0,
     silence: str = "",
 ) -> tuple[list[Estimate], list[PhysicalResult], Array]:
@@ -242,10 +243,10 @@ def fit_ladder(
     for rung in rungs:
         reduced = rung.reduce(information)
         if silence:
-            fits.append(leave_open(reduced))
+            fits.append(leave_open(reduced, estimator))
             physical.append(leave_undecided(structure, rung, silence))
             continue
-        fits.append(estimate(reduced, method))
+        fits.append(estimator.fit(reduced))
         physical.append(
             assess_feasibility(structure, rung, information, reduced, fits[-1], cad_weight)
         )
@@ -257,7 +258,7 @@ def plan_cross_validation(
     structure: Structure,
     information: Information,
     rungs: Sequence[Rung],
-    method: Method,
+    estimator: Estimator,
 ) -> Task:
     """Return how every stretch of the logs is predicted by models fitted to the others."""
     folds = choose_folds(information)
@@ -265,7 +266,7 @@ def plan_cross_validation(
     for fold in range(int(folds.max()) + 1):
         rest = leave_out(information, folds, fold)
         parts = [rung.reduce(rest) for rung in rungs]
-        fits = [estimate(part, method) for part in parts]
+        fits = [estimator.fit(part) for part in parts]
         real = [
             find_nearest(structure, rung, rest, part, fit)
             for rung, part, fit in zip(rungs, parts, fits, strict=True)

@@ -241,7 +241,13 @@ def calibrate(
     pairs = [(level, r) for r in rho for level in noise]
     *streams, last = np.random.default_rng(seed).spawn(len(pairs) + 1)
     judged = Judged(
-        experiment, runs, result.rung, truth, replicates, analysis.method, analysis.thresholds
+        experiment,
+        runs,
+        result.rung,
+        truth,
+        replicates,
+        result.estimate.estimator,
+        analysis.thresholds,
     )
     noises = [own if np.isnan(r) else ResidualNoise.first_order(own.sd, r) for _, r in pairs]
     counts = [FIRST * trials, *[trials] * (len(pairs) - 1)]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.estimation.estimate import Estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evaluation import Prediction, Task, predict_all, take_turns
 from identifiability.estimation.prediction import standard_error
 from identifiability.foundation.engines.mapping import Engine, Steps

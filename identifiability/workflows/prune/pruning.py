@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from identifiability.estimation.estimate import Method
 from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
@@ -73,7 +72,7 @@ class Pruning(OfStructure):
     stability: Stability
     absorption: Absorption
     criterion: Criterion
-    method: Method
+    method: str
     seed: int
     least: int
     source: LadderSource

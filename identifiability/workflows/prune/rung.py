@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.estimate import Estimate, settle_signs
+from identifiability.estimation.estimator import Estimate, settle_signs
 from identifiability.estimation.uncertainty import Uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, judge
 from identifiability.foundation.values import frozen

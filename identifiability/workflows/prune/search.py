@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.estimate import MIXED, Estimate, Method, dependence, estimate
+from identifiability.estimation.estimate import Method, estimate
+from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.least_squares import MIXED, dependence
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen

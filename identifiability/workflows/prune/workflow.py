@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identifiability.estimation.estimate import Method, estimate
+from identifiability.estimation.estimate import Method, find_estimator
+from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.uncertainty import resample
 from identifiability.estimation.verdict import Thresholds, withdraw
 from identifiability.foundation.engines.mapping import Engine, Steps
@@ -111,7 +112,8 @@ def prune(
         only slow motion shows badly weighs more then.
     preparation : Preparation, optional
         How derivatives are made.
-    method : {"wls", "ols"}
+    method : str or Estimator
+        As for `analyze`.
     replicates : int
         Resampled logs on which the pruning is repeated.
     cad_weight : float
@@ -130,6 +132,7 @@ def prune(
         With one sentence on what to do.
     """
     say = progress or (lambda _text, _share: None)
+    estimator = find_estimator(method)
     streams = np.random.default_rng(seed).spawn(4)
     with threadpool_limits(1, "blas"), running(engine) as runner:
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
@@ -143,7 +146,7 @@ def prune(
         require_signal(held, "verified")
         say("building the regression", 0.1)
         building = share(say, "building the regression", 0.1, 0.4)
-        task = _set_up(robot, source.entry, train, held, method, streams[0], runner, building)
+        task = _set_up(robot, source.entry, train, held, estimator, streams[0], runner, building)
         say("walking down the ladder", 0.4)
         wishes = _check_wishes(task.start, forbid, force)
         search = _search(task, wishes, streams[1], propose=propose, reach=reach)
@@ -162,7 +165,7 @@ def prune(
             samples=task.information.samples, say=lambda s: say("resampling", 0.7 + 0.3 * s),
             engine=engine,
         )  # fmt: skip
-        hints += check_cutoff(task.regression, held, raw, result, method, preparation)
+        hints += check_cutoff(task.regression, held, raw, result, estimator, preparation)
         absorption = absorb(
             task.start.reduce(task.information), rungs[0].estimate, rungs[chosen].estimate,
             search.path.steps[chosen].partition,
@@ -170,7 +173,7 @@ def prune(
         return Ladder(
             task.structure, train, held, task.information, task.start, rungs, chosen, result,
             search.path.refused, stability, absorption,
-            criterion, method, seed, least_error(search.path.steps), source,
+            criterion, estimator.name, seed, least_error(search.path.steps), source,
             {
                 "forbid": list(forbid), "force": list(force), "propose": propose, "reach": reach,
                 "replicates": replicates, "cad_weight": cad_weight,
@@ -191,7 +194,7 @@ class _Task:
     held: tuple[Prepared, ...]
     regression: Regression
     information: Information
-    method: Method
+    estimator: Estimator
 
 
 def _set_up(
@@ -199,7 +202,7 @@ def _set_up(
     ladder: LadderEntry,
     train: tuple[Prepared, ...],
     held: tuple[Prepared, ...],
-    method: Method,
+    estimator: Estimator,
     rng: np.random.Generator,
     engine: Engine,
     progress: Steps,
@@ -208,7 +211,7 @@ def _set_up(
     start = build_ladder(LadderEntry(models=ladder.models[:1]), structure)[0]
     regression = structure.regression(train)
     information = gather_information(regression, engine=engine, progress=progress)
-    return _Task(structure, start, train, held, regression, information, method)
+    return _Task(structure, start, train, held, regression, information, estimator)
 
 
 def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> Wishes:
@@ -236,7 +239,7 @@ def _search(
     )
     return find_path(
         start.reduce(task.information), start.nonnegative, unseen=unseen, suggested=suggested,
-        wishes=wishes, method=task.method,
+        wishes=wishes, method=task.estimator,
     )  # fmt: skip
 
 
@@ -250,7 +253,7 @@ def _choose(
     for k in good_steps(steps, criterion)[:CERTIFIED]:
         rung = rung_of(task.start, steps[k])
         part = rung.reduce(task.information)
-        fit = estimate(part, task.method)
+        fit = task.estimator.fit(part)
         try:
             physical = assess_feasibility(
                 task.structure, rung, task.information, part, fit, cad_weight
@@ -281,7 +284,7 @@ def _measure(
     steps = search.path.steps
     models = [rung_of(task.start, s) for s in steps]
     parts = [m.reduce(task.information) for m in models]
-    fits = [estimate(p, task.method) for p in parts]
+    fits = [task.estimator.fit(p) for p in parts]
     held = task.structure.regression(task.held) if task.held else None
     found = predict_rungs(
         task.regression, held, models, fits, chosen, physical,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.estimation.estimate import Estimate
+from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.least_squares import OrdinaryLeastSquares
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.regression.information import Information
 
@@ -53,6 +54,7 @@ def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=
         condition=1.0,
         singular_values=np.ones(k),
         weights=np.asarray(weights, float),
+        estimator=OrdinaryLeastSquares(),
     )
 
 

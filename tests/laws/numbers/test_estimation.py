@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import PAPER_FACTOR, dependence, estimate
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimator import PAPER_FACTOR
+from identifiability.estimation.least_squares import dependence
 
 from .made import fit_of, gather
 

@@ -1,0 +1,232 @@
+"""Least squares on `Information`: ordinary, or weighted per actuator.
+
+What to use when: ``ols`` reproduces the literature (one variance for all actuators); ``wls``
+weights each actuator by its own residual variance and is the better estimate whenever joints
+differ in size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.foundation.linalg import RANK_TOLERANCE, scan_columns
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
+
+#: Share of a unit column in a dependent one from which on the two are not told apart.
+MIXED = 1e-6
+
+#: A residual below this share of the torque is rounding, which must weigh no actuator.
+ROUNDING = 1e-12
+
+#: What a block leaves of a direction that it determines almost alone is raised to this.
+ALONE = 0.05
+
+#: Replicates solved at a time; bounds the memory.
+BATCH = 1000
+
+
+@frozen
+class OrdinaryLeastSquares:
+    """Least squares, all actuators alike; refits keep the weights of the fit."""
+
+    name: str = "ols"
+    description: str = "ordinary least squares"
+
+    def fit(self, information: Information) -> Estimate:
+        """Return the estimate with the smallest sum of squares."""
+        return _solve(information, np.ones(information.actuators), self)
+
+    def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
+        """Return the values for weighted sums of blocks, (replicates, k)."""
+        values = np.zeros((len(counts), information.size))
+        part = information.select(fit.kept)
+        values[:, list(fit.kept)] = refit(part, fit.weights, counts)
+        return values
+
+    def influence(self, information: Information, fit: Estimate) -> Array:
+        """Return the score of each block, leverage corrected [Bell & McCaffrey 2002], (B, k)."""
+        k = len(fit.kept)
+        part = information.select(fit.kept)
+        S = part.basis
+        grams = np.einsum("a,baij->bij", fit.weights, part.gram)
+        # Coordinates in which the whole information is the unit matrix.
+        root = np.linalg.cholesky(grams[:, :k, :k].sum(0))
+        inverse = solve_triangular(root, np.eye(k), lower=True)
+        x = fit.value[list(fit.kept)]
+        z = np.append(S[:k, k] - S[:k, :k] @ x, S[k, k])  # τ - W x = Z z
+        scores = (grams[:, :k] @ z) @ inverse.T
+        values, vectors = np.linalg.eigh(np.eye(k) - inverse @ grams[:, :k, :k] @ inverse.T)
+        lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
+        scores = np.einsum("bij,bj,bkj,bk->bi", vectors, lever, vectors, scores, optimize=True)
+        to_x = solve_triangular(S[:k, :k], inverse.T)
+        moved = np.zeros((len(scores), information.size))
+        moved[:, list(fit.kept)] = scores @ to_x.T
+        return moved
+
+    def loss(self, information: Information, fit: Estimate) -> Array:
+        """Return the triangular factor of the weighted rows, (k + 1, k + 1)."""
+        return information.factor(fit.weights)
+
+
+@frozen
+class WeightedLeastSquares(OrdinaryLeastSquares):
+    """Least squares with each actuator weighted by its own residual variance."""
+
+    name: str = "wls"
+    description: str = "least squares with each actuator weighted by its own residual variance"
+
+    def fit(self, information: Information) -> Estimate:
+        """Return the estimate with weights from the residual of the ordinary one."""
+        plain = _solve(information, np.ones(information.actuators), self)
+        floor = 1e-12 * float(np.max(plain.variance, initial=0.0))
+        floor = max(floor, ROUNDING**2 * _mean_square(information))
+        if floor == 0.0:
+            return plain
+        variance = np.maximum(plain.variance, floor)
+        return _solve(information, float(np.mean(variance)) / variance, self)
+
+
+def _mean_square(information: Information) -> float:
+    """Return the mean square of the torque over all rows."""
+    root = information.factor()[:, -1]
+    return float(root @ root) / max(information.rows, 1)
+
+
+def leave_open(information: Information, estimator: Estimator) -> Estimate:
+    """Return the estimate from logs that have nothing to explain: it determines no parameter."""
+    plain = _solve(information.select([]), np.ones(information.actuators), estimator)
+    return _embed(plain, information, [], np.empty(0))
+
+
+def _solve(information: Information, weights: Array, estimator: Estimator) -> Estimate:
+    k, n = information.size, information.actuators
+    G = information.total(weights)
+    S = information.basis
+    kept, singular = _determined(information, weights)
+    if len(kept) < k:
+        return _embed(
+            _solve(information.select(kept), weights, estimator), information, kept, singular
+        )
+    # Unknowns in the basis are y = S11 x - s12; the large part of τ that the basis already
+    # explains never enters a difference of squares.
+    g11, g12 = G[:k, :k], G[:k, k]
+    s22 = S[k, k]
+    if k:
+        y = np.linalg.solve(g11, g12) * s22
+        x = solve_triangular(S[:k, :k], S[:k, k] + y)
+    else:
+        y, x = np.empty(0), np.empty(0)
+    z = np.append(-y, s22)  # τ - W x = Z z
+    rss = np.maximum(np.einsum("i,aij,j->a", z, information.per_actuator, z), 0.0)
+    dof = information.rows - k
+    # Each actuator pays for its share of the parameters in proportion to its rows.
+    variance = rss / max(information.samples - k / n, 1.0)
+    sigma2 = float(weights @ rss) / max(dof, 1)
+    inverse = solve_triangular(S[:k, :k], np.eye(k)) if k else np.empty((0, 0))
+    covariance = sigma2 * inverse @ np.linalg.solve(g11, inverse.T) if k else np.empty((0, 0))
+    low = float(singular[-1]) if len(singular) else 1.0
+    return Estimate(
+        information.columns, x, 0.5 * (covariance + covariance.T), np.ones(k, bool),
+        tuple(range(k)), variance, rss,
+        dof, 1.0 / low if low > 0 else np.inf, singular, weights, estimator,
+    )  # fmt: skip
+
+
+def _determined(information: Information, weights: Array) -> tuple[list[int], Array]:
+    """Return the columns that this motion tells apart, and the scaled singular values."""
+    k = information.size
+    R = information.factor(weights)[:, :k]
+    length = np.linalg.norm(R, axis=0)
+    longest = length.max(initial=0.0)
+    used = [c for c in range(k) if length[c] > RANK_TOLERANCE * longest and length[c] > 0]
+    if not used:
+        return [], np.empty(0)
+    scaled = R / np.where(length > 0, length, 1.0)
+    s = np.linalg.svd(scaled[:, used], compute_uv=False)
+    return scan_columns(scaled, used), s / s[0]
+
+
+def _embed(part: Estimate, whole: Information, kept: list[int], singular: Array) -> Estimate:
+    """Return the estimate of the independent columns among all columns."""
+    k = whole.size
+    value, determined = np.zeros(k), np.zeros(k, bool)
+    covariance = np.diag(np.full(k, np.inf))
+    value[kept] = part.value
+    # A column that a dropped one leans on has a value only as long as that one is zero.
+    alone = np.abs(dependence(whole, kept, part.weights)).max(1, initial=0.0) < MIXED
+    determined[np.array(kept, int)[alone]] = True
+    covariance[np.ix_(kept, kept)] = part.covariance
+    mixed = np.flatnonzero(~determined)
+    covariance[mixed, :] = 0.0
+    covariance[:, mixed] = 0.0
+    covariance[mixed, mixed] = np.inf
+    return Estimate(
+        whole.columns, value, covariance, determined, tuple(kept), part.variance, part.rss,
+        part.dof, part.condition, singular, part.weights, part.estimator,
+    )  # fmt: skip
+
+
+def dependence(information: Information, kept: Sequence[int], weights: Array) -> Array:
+    """Return how the dropped columns depend on the kept ones, (kept, dropped).
+
+    Columns are scaled to unit length; a column that never acts depends on nothing.
+    """
+    k = information.size
+    dropped = [c for c in range(k) if c not in set(kept)]
+    R = information.factor(weights)[:, :k]
+    length = np.linalg.norm(R, axis=0)
+    acts = length > RANK_TOLERANCE * length.max(initial=0.0)
+    unit = np.where(acts, R / np.where(acts, length, 1.0), 0.0)
+    if not kept or not dropped:
+        return np.zeros((len(kept), len(dropped)))
+    solved: Array = np.linalg.lstsq(unit[:, list(kept)], unit[:, dropped], rcond=None)[0]
+    return solved
+
+
+def refit(information: Information, weights: Array, counts: Array) -> Array:
+    """Return least-squares values for weighted sums of blocks, (replicates, k).
+
+    Parameters
+    ----------
+    information : Information
+        Of independent columns.
+    weights : (n,)
+        Of the actuators.
+    counts : (replicates, B)
+        How often each block counts.
+    """
+    k = information.size
+    if not k:
+        return np.empty((len(counts), 0))
+    S = information.basis
+    grams = np.einsum("a,baij->bij", weights, information.gram)
+    flat = grams.reshape(len(grams), -1)
+    inverse = solve_triangular(S[:k, :k], np.eye(k))
+    out = [_solve_replicates(batch @ flat, k, S) for batch in _batches(counts)]
+    values: Array = np.concatenate(out) @ inverse.T
+    return values
+
+
+def _batches(counts: Array) -> Iterator[Array]:
+    for start in range(0, len(counts), BATCH):
+        yield counts[start : start + BATCH]
+
+
+def _solve_replicates(flat: Array, k: int, S: Array) -> Array:
+    """Return the unknowns ``S11 x`` of every replicate; NaN where it leaves columns dependent."""
+    G = flat.reshape(-1, k + 1, k + 1)
+    try:
+        y = np.linalg.solve(G[:, :k, :k], G[:, :k, k:])[..., 0]
+    except np.linalg.LinAlgError:
+        y = np.full((len(G), k), np.nan)
+        for i, gram in enumerate(G):
+            if np.linalg.matrix_rank(gram[:k, :k]) == k:
+                y[i] = np.linalg.solve(gram[:k, :k], gram[:k, k])
+    unknowns: Array = S[:k, k] + S[k, k] * y
+    return unknowns
