@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +14,7 @@ from identifiability.cli.common import (
     escaped,
     load_robot,
     percent,
+    print_errors,
     progress,
     running,
     sentences,
@@ -22,13 +22,7 @@ from identifiability.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
-    from rich.table import Table
-
     from identifiability.workflows.analyze.analysis import Analysis
-
-#: Joints, and logs, whose errors are listed.
-LISTED = 12
 
 
 def analyze(
@@ -108,24 +102,6 @@ def analyze(
     print_analysis(result, written)
 
 
-def _error_table(model: str, errors: DataFrame) -> Table:
-    """Return the errors of a model by joint and by log, largest first where they are many."""
-    from rich.table import Table  # noqa: PLC0415
-
-    table = Table(title=f"Errors of {escaped(model)} by joint and by log", title_justify="left")
-    for heading in ("joint or log", "error", "held out"):
-        table.add_column(heading, justify="left" if heading == "joint or log" else "right")
-    for _, part in errors.groupby("of"):
-        order = part.sort_values("error_validation", ascending=False)[:LISTED].index
-        for row in part.loc[sorted(order)].itertuples():
-            numbers = (f"{100 * e:.1f} %" if isfinite(e) else "—" for e in (row[3], row[4]))
-            table.add_row(escaped(str(row[2])), *numbers)
-        if len(part) > LISTED:
-            table.add_row(f"… {len(part) - LISTED} with smaller errors", "", "")
-        table.add_section()
-    return table
-
-
 def print_analysis(result: Analysis, written: list[Path]) -> None:
     """Print the ladder, the errors, the statement, and last the paths of what was written."""
     from rich.console import Console  # noqa: PLC0415
@@ -147,10 +123,7 @@ def print_analysis(result: Analysis, written: list[Path]) -> None:
             percent(m.error_ra), percent(m.error_ra_validation), m.possible,
         )  # fmt: skip
     console.print(table)
-    errors = result.error_frame()
-    errors = errors[errors.groupby("of")["of"].transform("size") > 1]
-    if len(errors):
-        console.print(_error_table(result.chosen.name, errors))
+    print_errors(console, result.chosen.name, result.error_frame())
     console.print(escaped(result.statement), highlight=False, soft_wrap=not console.is_terminal)
     for path in written:
         sys.stdout.write(f"{path}\n")

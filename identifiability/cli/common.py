@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 from identifiability.foundation.errors import IdentifiabilityError
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+    from rich.console import Console
+
     from identifiability.foundation.engines.local import OpenEngine
     from identifiability.robot import Robot
 
@@ -120,3 +123,31 @@ def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ())
 
     outputs = [check_writable(path) for path in paths if path is not None]
     check_apart(outputs, [path for path in inputs if path is not None])
+
+
+#: Joints, and logs, whose errors are listed.
+LISTED = 12
+
+
+def print_errors(console: Console, model: str, errors: DataFrame) -> None:
+    """Print the errors of a model by joint and by log, the largest where they are many."""
+    from rich.table import Table  # noqa: PLC0415
+
+    errors = errors[errors.groupby("of")["of"].transform("size") > 1]
+    if not len(errors):
+        return
+    table = Table()  # its title would be wrapped to its width
+    console.print(
+        f"[italic]Errors of {escaped(model)} by joint and by log[/italic]", soft_wrap=True
+    )
+    for heading in ("joint or log", "error", "held out"):
+        table.add_column(heading, justify="left" if heading == "joint or log" else "right")
+    for _, part in errors.groupby("of"):
+        order = part.sort_values("error_validation", ascending=False)[:LISTED].index
+        for row in part.loc[sorted(order)].itertuples():
+            numbers = (f"{100 * e:.1f} %" if math.isfinite(e) else "—" for e in (row[3], row[4]))
+            table.add_row(escaped(str(row[2])), *numbers)
+        if len(part) > LISTED:
+            table.add_row(f"… {len(part) - LISTED} with smaller errors", "", "")
+        table.add_section()
+    console.print(table)

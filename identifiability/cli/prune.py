@@ -15,6 +15,7 @@ from identifiability.cli.common import (
     escaped,
     load_robot,
     percent,
+    print_errors,
     progress,
     running,
     sentences,
@@ -130,6 +131,7 @@ def print_pruning(result: Ladder, written: list[Path]) -> None:
             escaped(f"{move.kind.value}: {_short(move.text)}") if move is not None else "",
         )  # fmt: skip
     console.print(table)
+    print_errors(console, result.chosen.name, result.error_frame())
     wide = not console.is_terminal
     console.print(escaped(result.statement), highlight=False, soft_wrap=wide)
     if not result.nothing:

@@ -22,6 +22,7 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows.analyze.arviz import Which, build_datatree
 from identifiability.workflows.analyze.assessment import RungResult, physical_dict
 from identifiability.workflows.analyze.belief import Belief, belief_dict
+from identifiability.workflows.analyze.errors import errors_dict, tell_errors
 from identifiability.workflows.analyze.statement import (
     state_answer,
     state_physics,
@@ -139,14 +140,7 @@ class Analysis(OfStructure, Result):
         part, or the torque does not vary.
         """
         fitted, unseen = (p.select([self.selected]) for p in (self.fitted, self.held_out))
-        joints = zip(self.robot.joints, fitted.joint_error(), unseen.joint_error(), strict=True)
-        rows = [("joint", name, float(a[0]), float(b[0])) for name, a, b in joints]
-        for k, s in enumerate(self.samples):
-            crossed = float("nan") if self.validation else float(unseen.relative_error(k)[0])
-            rows.append(("log", s.name, float(fitted.relative_error(k)[0]), crossed))
-        for k, s in enumerate(self.validation):
-            rows.append(("log", s.name, float("nan"), float(unseen.relative_error(k)[0])))
-        return pd.DataFrame(rows, columns=["of", "name", "error", "error_validation"])
+        return tell_errors(self.robot.joints, self.samples, self.validation, fitted, unseen)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -159,7 +153,7 @@ class Analysis(OfStructure, Result):
             "validation": self.validation_kind,
             "models": [m.row() for m in self.models],
             "selected": self.chosen.name,
-            "errors": self._errors(),
+            "errors": errors_dict(self.error_frame()),
             "parameters": [v.to_row() for v in self.chosen.verdicts],
             "full_parameters": [v.to_row() for v in self.full.verdicts],
             "physical": {
@@ -183,13 +177,6 @@ class Analysis(OfStructure, Result):
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
             "method": self.method,
             "provenance": self.provenance,
-        }
-
-    def _errors(self) -> dict[str, Any]:
-        frame = self.error_frame()
-        return {
-            f"{kind}s": part.drop(columns="of").rename(columns={"name": kind}).to_dict("records")
-            for kind, part in frame.groupby("of")
         }
 
     def to_arviz(self, posterior: Which = "physical") -> DataTree:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
@@ -53,6 +54,9 @@ class Pruning(OfStructure):
         Where the model that pruning started from came from.
     settings : mapping
         Other options that decided the numbers.
+    fitted, held_out : Prediction
+        Torque predicted by the rung to use on the logs that were fitted, and on validation logs or,
+        without any, on stretches (or logs) by models fitted to the others; sums only.
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check, and what was not
         used.
@@ -77,6 +81,8 @@ class Pruning(OfStructure):
     least: int
     source: LadderSource
     settings: Mapping[str, object]
+    fitted: Prediction
+    held_out: Prediction
     hints: tuple[str, ...] = ()
     nothing: str = ""
 

@@ -17,6 +17,7 @@ from identifiability.regression.reduction import (
     rung_entry,
 )
 from identifiability.workflows.analyze.assessment import physical_dict
+from identifiability.workflows.analyze.errors import errors_dict, tell_errors
 from identifiability.workflows.analyze.statement import state_provenance
 from identifiability.workflows.prune.pruning import Pruning
 from identifiability.workflows.prune.words import statement
@@ -48,6 +49,12 @@ class Ladder(Result, Pruning):
         """Return one row a rung."""
         return pd.DataFrame([r.row() for r in self.rungs])
 
+    def error_frame(self) -> pd.DataFrame:
+        """Return the errors of the rung to use by joint and by log, as `Analysis.error_frame`."""
+        return tell_errors(
+            self.robot.joints, self.samples, self.validation, self.fitted, self.held_out
+        )
+
     def stability_frame(self) -> pd.DataFrame:
         """Return how often each parameter of the starting model survives."""
         kept = self.partition.survivors()
@@ -67,6 +74,7 @@ class Ladder(Result, Pruning):
             "nothing": self.nothing or None,
             "models": [r.row() for r in self.rungs],
             "selected": self.chosen.name,
+            "errors": errors_dict(self.error_frame()),
             "parameters": [v.to_row() for v in self.verdicts],
             "full_parameters": [v.to_row() for v in self.full.verdicts],
             "refused": [

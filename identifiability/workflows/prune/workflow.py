@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.estimation.estimate import Method, find_estimator
 from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.uncertainty import resample
 from identifiability.estimation.verdict import Thresholds, withdraw
 from identifiability.foundation.engines.mapping import Engine, Steps
@@ -151,7 +152,7 @@ def prune(
         wishes = _check_wishes(task.start, forbid, force)
         search = _search(task, wishes, streams[1], propose=propose, reach=reach)
         chosen, physical = _choose(task, search, criterion, cad_weight)
-        rungs, result, nothing = _measure(
+        rungs, result, nothing, found = _measure(
             task, search, chosen, physical, streams[2], replicates, runner,
             share(say, "measuring errors", 0.5, 0.7),
         )  # fmt: skip
@@ -179,7 +180,7 @@ def prune(
                 "replicates": replicates, "cad_weight": cad_weight,
                 "preparation": preparation or Preparation(),
             },
-            (*find_hints(robot, train), *hints, *unused_ladder(robot, ladder)),
+            *found, (*find_hints(robot, train), *hints, *unused_ladder(robot, ladder)),
             nothing,
         )  # fmt: skip
 
@@ -279,8 +280,8 @@ def _measure(
     replicates: int,
     engine: Engine,
     progress: Steps,
-) -> tuple[tuple[PrunedRung, ...], RungResult, str]:
-    """Return the rungs, the chosen one with verdicts, and why no verdict is believed."""
+) -> tuple[tuple[PrunedRung, ...], RungResult, str, tuple[Prediction, Prediction]]:
+    """Return the rungs, the chosen one with verdicts, why no verdict is believed, its errors."""
     steps = search.path.steps
     models = [rung_of(task.start, s) for s in steps]
     parts = [m.reduce(task.information) for m in models]
@@ -311,7 +312,9 @@ def _measure(
         )
         for k in range(len(steps))
     )  # fmt: skip
+    outer = found.unseen if found.outside is None else found.outside
+    errors = (found.fitted.select([chosen]), outer.select([chosen]))
     if len(rungs[chosen]) and unseen.error_ra[chosen] < found.unseen.constant_error():
-        return rungs, result, ""
+        return rungs, result, "", errors
     doubted = tuple(replace(r, verdicts=withdraw(r.verdicts, WORSE)) for r in rungs)
-    return doubted, result.withdraw(WORSE), WORSE
+    return doubted, result.withdraw(WORSE), WORSE, errors
