@@ -31,6 +31,7 @@ def analyze(
     validate: options.Validate = None,
     ladder: options.Ladder = None,
     sidecar: options.Sidecar = None,
+    plugin: options.Plugin = None,
     report: options.Report = None,
     json: options.Json = None,
     derivatives: options.Source = options.Derivatives.auto,

@@ -38,6 +38,7 @@ def calibrate(
         typer.Option(min=0, help="Repetitions with nothing missing that are diagnosed; 0: none."),
     ] = 40,
     sidecar: options.Sidecar = None,
+    plugin: options.Plugin = None,
     report: options.Report = None,
     json: options.Json = None,
     seed: options.Seed = 0,

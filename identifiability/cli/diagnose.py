@@ -35,6 +35,7 @@ def diagnose(
         bool, typer.Option("--fixed", help="Keep the robot file's values instead of refitting.")
     ] = False,
     sidecar: options.Sidecar = None,
+    plugin: options.Plugin = None,
     report: options.Report = None,
     json: options.Json = None,
     seed: options.Seed = 0,

@@ -74,6 +74,7 @@ def excite(
         typer.Option(help="Stop after this time [s]; the motion then depends on the machine."),
     ] = None,
     sidecar: options.Sidecar = None,
+    plugin: options.Plugin = None,
     report: options.Report = None,
     seed: options.Seed = 0,
 ) -> None:

@@ -16,6 +16,7 @@ def export(
     result: Annotated[Path, typer.Argument(help="JSON that analyze, prune or diagnose wrote.")],
     out: Annotated[Path, typer.Option(help="Robot file to write: .xml (MJCF) or .urdf.")],
     sidecar: options.Sidecar = None,
+    plugin: options.Plugin = None,
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file.
 

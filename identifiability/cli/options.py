@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from identifiability.cli.common import sentences
+
 #: Where ``--help`` shows the options of velocity and acceleration, and of processes.
 DERIVATIVES, COMPUTING = "Velocity and acceleration", "Where it runs"
 
@@ -36,6 +38,17 @@ def _robots(typed: str) -> list[str]:
     return sorted({p.parent.name for p in shipped if p.parent.name.startswith(typed)})
 
 
+def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path]:
+    """Register the effects of the user's files before the command asks for any."""
+    if paths and not context.resilient_parsing:
+        from identifiability.effects import load_plugin  # noqa: PLC0415
+
+        with sentences():
+            for path in paths:
+                load_plugin(path)
+    return paths or []
+
+
 Robot = Annotated[
     str,
     typer.Argument(
@@ -62,6 +75,13 @@ Model = Annotated[
     ),
 ]
 Sidecar = Annotated[str | None, typer.Option(help="TOML with what the robot file cannot say.")]
+Plugin = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="Python file that registers effects of your own; may be given several times.",
+        callback=_load_plugins,
+    ),
+]
 Report = Annotated[Path | None, typer.Option(help="Write an HTML report here.")]
 Json = Annotated[Path | None, typer.Option(help="Write the result as JSON here.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of every random choice.")]

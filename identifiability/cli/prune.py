@@ -61,6 +61,7 @@ def prune(
         float, typer.Option(min=0.1, help="How many times faster than in the logs it will move.")
     ] = 1.0,
     sidecar: options.Sidecar = None,
+    plugin: options.Plugin = None,
     report: options.Report = None,
     json: options.Json = None,
     model: Annotated[

@@ -38,6 +38,7 @@ def simulate(
         bool, typer.Option(help="Whether the log has velocities and accelerations.")
     ] = True,
     sidecar: options.Sidecar = None,
+    plugin: options.Plugin = None,
     seed: options.Seed = 0,
 ) -> None:
     """Make the log of a simulated robot along a prescribed motion.
@@ -50,6 +51,7 @@ def simulate(
     with sentences():
         import numpy as np  # noqa: PLC0415
 
+        from identifiability.effects import effect_laws  # noqa: PLC0415
         from identifiability.simulation import Noise  # noqa: PLC0415
         from identifiability.simulation import simulate as run  # noqa: PLC0415
         from identifiability.simulation.motion import find_motion  # noqa: PLC0415
@@ -59,7 +61,7 @@ def simulate(
         rng = np.random.default_rng(seed)
         move = find_motion(machine, motion, samples, rng)
         log = run(
-            machine, move, noise=Noise.parse(noise), hide=hide or (), rng=rng,
+            machine, move, noise=Noise.parse(noise), hide=hide or (), laws=effect_laws(), rng=rng,
             derivatives=derivatives,
         )  # fmt: skip
         log.write(out)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import sys
+import traceback
 from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import ModuleType
 
 import cloudpickle
 
@@ -11,6 +14,7 @@ from identifiability.effects.effect import Effect
 from identifiability.effects.family import Family, Law
 from identifiability.foundation.errors import ModelError, near_match
 from identifiability.robot import Robot
+from identifiability.robot.holding import COULOMB, file_joints
 
 #: Modules that workers have, or that are sent to them with what is defined there.
 _WITH_WORKERS = ("identifiability", "__main__")
@@ -119,3 +123,59 @@ def stated_effects(robot: Robot) -> tuple[str, ...]:
 def effect_laws() -> Mapping[str, Law]:
     """Return the laws by which effects can be hidden in a simulated robot, by name."""
     return {name: f.law for name, f in FAMILIES.items() if f.law is not None}
+
+
+def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of a model's parameters of which only the robot file's part is left.
+
+    Parameters
+    ----------
+    robot : Robot
+        Whose file is written.
+    values : mapping
+        By name.
+    """
+    form, joints = "mjcf" if robot.mjcf else "urdf", list(file_joints(robot))
+    owners = {*robot.bodies, *joints}
+    effects = [f.effect for f in FAMILIES.values() if form in f.held]
+    held = {p.name for e in effects for p in e.parameters(robot) if p.owner in owners}
+    out = {name: value if name in held else 0.0 for name, value in values.items()}
+    for joint in joints:
+        ways = [f"{joint}.{kind}" for kind in COULOMB[1:] if f"{joint}.{kind}" in values]
+        out |= dict.fromkeys(ways, 0.5 * sum(values[name] for name in ways))
+    return out
+
+
+def load_plugin(path: str | Path) -> tuple[str, ...]:
+    """Run a Python file that registers effects; return their names.
+
+    Raises
+    ------
+    ModelError
+        If there is no such file, it fails, or it registers nothing.
+    """
+    path = Path(path).resolve()
+    name = f"identifiability_plugin_{path.stem}"
+    known = set(FAMILIES)
+    if not path.is_file():
+        raise ModelError(f"The plugin '{path}' is not a file; give a Python file.")
+    module = ModuleType(name)
+    module.__file__ = str(path)
+    sys.modules[name] = module
+    try:
+        exec(compile(path.read_bytes(), str(path), "exec"), vars(module))
+    except ModelError:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever the user's file does
+        at = traceback.extract_tb(error.__traceback__)[-1].lineno
+        raise ModelError(
+            f"The plugin '{path}' fails in line {getattr(error, 'lineno', at)} "
+            f"({type(error).__name__}: {error}); mend it."
+        ) from None
+    added = tuple(n for n in FAMILIES if n not in known)
+    if not added:
+        raise ModelError(
+            f"The plugin '{path}' registers no effect; end it with "
+            "identifiability.effects.register(Family(...))."
+        )
+    return added

@@ -16,6 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from identifiability.effects import held_by_file
 from identifiability.estimation.estimator import Estimate, settle_signs
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
@@ -31,7 +32,6 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.robot.holding import held_by_file
 
 #: Share of the torque from which on what a model leaves out, and bodies need, is spoken of.
 LEFT_OUT = 1e-3

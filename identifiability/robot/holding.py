@@ -25,27 +25,6 @@ def file_joints(robot: Description) -> Iterator[str]:
             yield joint.dofs[0]
 
 
-def held_by_file(robot: Description, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values of a model's parameters of which only the robot file's part is left.
-
-    Parameters
-    ----------
-    robot : Description
-        Whose file is written.
-    values : mapping
-        By name.
-    """
-    payload = tuple(f"payload_{kind}" for kind in INERTIAL_KINDS)
-    held = {f"{body}.{kind}" for body in robot.bodies for kind in (*INERTIAL_KINDS, *payload)}
-    kinds = ("Fv", "Fc", *((*robot.inertia_parts, "K") if robot.mjcf else ()))
-    held |= {f"{joint}.{kind}" for joint in file_joints(robot) for kind in kinds}
-    out = {name: value if name in held else 0.0 for name, value in values.items()}
-    for joint in file_joints(robot):
-        ways = [f"{joint}.{kind}" for kind in COULOMB[1:] if f"{joint}.{kind}" in values]
-        out |= dict.fromkeys(ways, 0.5 * sum(values[name] for name in ways))
-    return out
-
-
 def complete_values(
     robot: Description, given: Mapping[str, float], *, keep: bool = True
 ) -> dict[str, float]:

@@ -64,11 +64,11 @@ class Campaign:
         index = np.repeat(np.arange(len(moves)), [len(m.t) for m in moves])
         return Campaign(robot, whole, rigid, tau, index)
 
-    def hidden(self, hide: Sequence[str]) -> Array:
-        """Return the torque of hidden effects, (N, n)."""
+    def hidden(self, hide: Sequence[str], laws: Mapping[str, forces.Law] | None = None) -> Array:
+        """Return the torque of hidden effects as in `simulate`, (N, n)."""
         out = np.zeros_like(self.torque)
         for text in hide:
-            found = forces.parse_hidden(text)
+            found = forces.parse_hidden(text, laws)
             out += hidden_torque(self.robot, self.move, self.rigid, self.torque, found)
         return out
 

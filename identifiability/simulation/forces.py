@@ -113,15 +113,24 @@ class Hidden:
         Its rms as a share of that of the joint's torque.
     joints : tuple of str
         Where it is; everywhere if empty.
+    law : callable(speed, position from home, load) -> force, optional
+        Of an effect of the user's own.
     """
 
     name: str
     share: float
     joints: tuple[str, ...] = ()
+    law: Law | None = None
 
 
-def parse_hidden(text: str) -> Hidden:
+def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
     """Return what ``stribeck_friction``, ``stribeck_friction=0.1`` or ``…@slider1+slider3`` hides.
+
+    Parameters
+    ----------
+    text : str
+    laws : mapping of name to law, optional
+        Of effects that are not known here.
 
     Raises
     ------
@@ -129,7 +138,8 @@ def parse_hidden(text: str) -> Hidden:
     """
     left, given, number = text.partition("=")
     name, _, joints = left.partition("@")
-    known = [*HIDDEN, HIDDEN_PASSIVE, *HIDDEN_WHOLE]
+    own = laws or {}
+    known = [*HIDDEN, HIDDEN_PASSIVE, *HIDDEN_WHOLE, *own]
     if name not in known:
         raise IdentifiabilityError(
             f"The effect '{name}' cannot be hidden{near_match(name, known)} Those that can are "
@@ -144,7 +154,7 @@ def parse_hidden(text: str) -> Hidden:
             f"The size of the hidden effect '{text}' is not understood; give its share of the "
             "joint's torque, such as stribeck_friction=0.05."
         )
-    return Hidden(name, share, tuple(j for j in joints.split("+") if j))
+    return Hidden(name, share, tuple(j for j in joints.split("+") if j), own.get(name))
 
 
 def scaled(force: Array, tau: Array, share: float) -> Array:

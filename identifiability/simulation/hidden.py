@@ -40,8 +40,8 @@ def hidden_torque(
     out = np.zeros_like(tau)
     home = robot.actuated_positions(robot.home[None])[0]
     for k in _chosen(robot.joints, hidden, robot):
-        if hidden.name in forces.HIDDEN:
-            law = forces.HIDDEN[hidden.name]
+        law = hidden.law or forces.HIDDEN.get(hidden.name)
+        if law is not None:
             force = law(move.dq[:, k], move.q[:, k] - home[k], rigid.tau[:, k])
         else:
             force = _record(move, tau, k, hidden.name)

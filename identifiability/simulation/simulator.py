@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -29,6 +29,7 @@ def simulate(
     *,
     noise: Annotated[Noise | str, Expected(NOISE)] | None = None,
     hide: Names = (),
+    laws: Mapping[str, Callable[..., Any]] | None = None,
     parameters: Mapping[str, float] | None = None,
     rng: Rng | None = None,
     derivatives: bool = True,
@@ -46,6 +47,9 @@ def simulate(
         Effects that are in the data and not in the robot file: ``effect``, ``effect=share`` or
         ``effect@joint+joint=share``. The share and the effect's shape are those of this motion:
         logs of one effect along several motions come from `Campaign`.
+    laws : mapping of name to callable(speed, position from home, load) -> force, optional
+        Further effects that can be hidden in a joint, arrays (N,), each up to a factor;
+        `identifiability.effects.effect_laws` gives those that were registered.
     parameters : mapping, optional
         Joint parameters that differ from the nominal ones (``slider1.Fv`` …).
     rng : numpy.random.Generator
@@ -66,7 +70,7 @@ def simulate(
     tau = rigid.tau + joint_torque(robot, move, rigid, values)
     added = np.zeros_like(tau)
     for text in hide:
-        added += hidden_torque(robot, move, rigid, tau, forces.parse_hidden(text))
+        added += hidden_torque(robot, move, rigid, tau, forces.parse_hidden(text, laws))
     tau = noise.on_torque(tau + added, rng)
     q = noise.on_encoder(noise.on_motion(move.q, rng))
     dq = noise.on_motion(move.dq, rng)

@@ -182,7 +182,7 @@ def test_only_the_families_that_are_asked_for_are_named(logs_of):
     logs = logs_of("3-rps", HIDDEN)
     d = diagnose("3-rps", logs[:4], logs[4:], effects=["position_ripple"], quick=True)
     assert {e.name for e in d.effects} <= {"position_ripple"}
-    with pytest.raises(ModelError, match="no family of effects 'ripple'"):
+    with pytest.raises(ModelError, match="no effect 'ripple'"):
         diagnose("3-rps", logs[:1], effects=["ripple"])
     with pytest.raises(LogError, match="at least one"):
         diagnose("3-rps", [])
