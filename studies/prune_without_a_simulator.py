@@ -33,7 +33,6 @@ import staubli_tx40
 
 from identifiability import Log, Robot, estimate
 from identifiability.estimation.evaluation import predict
-from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.output import write_json
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import build_ladder, ladder_path, read_ladder
@@ -156,15 +155,8 @@ def plant(
 
 def compress(W: np.ndarray, tau: np.ndarray, blocks: int = 256) -> Information:
     N, _, k = W.shape
-    Z = np.concatenate([W, tau[:, :, None]], axis=2)
-    basis = triangular_factor(Z[:: max(1, N // 4096)].reshape(-1, k + 1))
-    Z = Z @ np.linalg.inv(basis)
-    size = -(-N // blocks)
-    parts = [Z[a : a + size] for a in range(0, N, size)]
-    grams = np.array([np.einsum("tai,taj->aij", p, p, optimize=True) for p in parts])
-    counts = np.array([len(p) for p in parts])
-    columns = tuple(f"p{j}" for j in range(k))
-    return Information(columns, basis, grams, counts, np.zeros(len(parts), int))
+    columns = [f"p{j}" for j in range(k)]
+    return Information.of_rows(columns, W, tau, np.zeros(N, int), -(-N // blocks))
 
 
 def question_3(sizes: list[int]) -> dict[str, Any]:

@@ -79,14 +79,7 @@ def merge_blocks(information: Information, length: float) -> Information:
         first = np.unique(np.concatenate([[0], np.minimum(edges, len(rows) - 1)]))
         starts.append(rows[first])
         counts.append(len(first))
-    at = np.concatenate(starts)
-    return Information(
-        information.columns,
-        information.basis,
-        np.add.reduceat(information.gram, at, axis=0),
-        np.add.reduceat(information.counts, at),
-        information.log[at],
-    )
+    return information.merge(np.concatenate(starts))
 
 
 def draw_blocks(blocks: int, replicates: int, rng: np.random.Generator) -> Array:

@@ -174,11 +174,7 @@ def take_turns(information: Information, folds: np.ndarray) -> Turns:
 
 def leave_out(information: Information, folds: np.ndarray, fold: int) -> Information:
     """Return the information of all blocks but those of one fold."""
-    kept = folds != fold
-    return Information(
-        information.columns, information.basis, information.gram[kept],
-        information.counts[kept], information.log[kept],
-    )  # fmt: skip
+    return information.take(folds != fold)
 
 
 def parameter_error(value: Array, exact: Array, chosen: Sequence[bool] | np.ndarray) -> float:

@@ -54,7 +54,7 @@ class OrdinaryLeastSquares:
         k = len(fit.kept)
         part = information.select(fit.kept)
         S = part.basis
-        grams = np.einsum("a,baij->bij", fit.weights, part.gram)
+        grams = part.blocks(fit.weights)
         # Coordinates in which the whole information is the unit matrix.
         root = np.linalg.cholesky(grams[:, :k, :k].sum(0))
         inverse = solve_triangular(root, np.eye(k), lower=True)
@@ -123,7 +123,7 @@ def _solve(information: Information, weights: Array, estimator: Estimator) -> Es
     else:
         y, x = np.empty(0), np.empty(0)
     z = np.append(-y, s22)  # τ - W x = Z z
-    rss = np.maximum(np.einsum("i,aij,j->a", z, information.per_actuator, z), 0.0)
+    rss = np.maximum(information.squares(z), 0.0)
     dof = information.rows - k
     # Each actuator pays for its share of the parameters in proportion to its rows.
     variance = rss / max(information.samples - k / n, 1.0)
@@ -205,8 +205,7 @@ def refit(information: Information, weights: Array, counts: Array) -> Array:
     if not k:
         return np.empty((len(counts), 0))
     S = information.basis
-    grams = np.einsum("a,baij->bij", weights, information.gram)
-    flat = grams.reshape(len(grams), -1)
+    flat = information.blocks(weights).reshape(len(information.counts), -1)
     inverse = solve_triangular(S[:k, :k], np.eye(k))
     out = [_solve_replicates(batch @ flat, k, S) for batch in _batches(counts)]
     values: Array = np.concatenate(out) @ inverse.T

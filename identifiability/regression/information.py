@@ -1,8 +1,9 @@
 """`Information`: all that a regression says about its parameters, independent of its length.
 
 The sufficient statistic of the linear model per block of time and per actuator: Gram matrices of
-``[W τ]``, held in a basis that makes them well conditioned. The basis is a triangular factor of a
-subsample of the rows, so ``[W τ] basis⁻¹`` has columns of about unit length and right angles, and
+``[W τ]`` (or the rows themselves while they are fewer), over the columns that the actuator can see
+and in a basis that makes them well conditioned. A basis is a triangular factor of a subsample of
+the actuator's rows, so ``[W τ] basis⁻¹`` has columns of about unit length and right angles, and
 nothing is lost by squaring (plain Gram matrices lose half the digits, QR of all rows costs five
 times as much). Adding is concatenation of blocks, so chunks, files and processes are one sum.
 """
@@ -22,30 +23,35 @@ from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen
+from identifiability.regression.actuator_blocks import (
+    ActuatorBlocks,
+    choose_basis,
+    hold,
+    merge_held,
+    stack,
+)
 from identifiability.regression.regression import Part, Regression, map_parts
 
 #: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
 BLOCKS = 256
 
-#: Rows of the subsample that the basis is made of.
+#: Rows of the subsample that the bases are made of, at least.
 BASIS_ROWS = 4096
 
-#: Directions that the subsample does not excite get this share of their column's length.
-FLOOR = 1e-6
+#: Samples of that subsample for every column, at least.
+ROWS_A_COLUMN = 4
 
 
 @frozen
 class Information:
-    """Gram matrices of ``[W τ]`` in a basis.
+    """Blocks of ``[W τ]`` by actuator.
 
     Attributes
     ----------
     columns : tuple of str
         Names of the k columns of W.
-    basis : (k + 1, k + 1)
-        Upper triangular; ``[W τ] = Z basis``.
-    gram : (B, n, k + 1, k + 1)
-        ``Zᵀ Z`` of each block of time and actuator.
+    parts : tuple of ActuatorBlocks
+        One for each of the n actuators.
     counts : (B,) int
         Samples in each block.
     log : (B,) int
@@ -53,10 +59,37 @@ class Information:
     """
 
     columns: tuple[str, ...]
-    basis: Array
-    gram: Array
+    parts: tuple[ActuatorBlocks, ...]
     counts: np.ndarray
     log: np.ndarray
+
+    @staticmethod
+    def of_rows(columns: Sequence[str], W: Array, tau: Array, log: Array, size: int) -> Information:
+        """Return the information of rows in memory.
+
+        Parameters
+        ----------
+        columns : sequence of str
+        W : (N, n, k)
+        tau : (N, n) [N·m or N]
+        log : (N,) int
+            Which log each sample comes from; ascending.
+        size : int
+            Samples a block; none crosses a log.
+        """
+        first = np.unique(log, return_index=True)[1]
+        ends = [*first[1:], len(log)]
+        at = np.array([s for a, b in zip(first, ends, strict=True) for s in range(a, b, size)])
+        parts = []
+        for a in range(tau.shape[1]):
+            rows = np.column_stack([W[:, a], tau[:, a]])
+            seen = np.flatnonzero(rows[:, :-1].any(0))
+            basis = choose_basis(rows, seen)
+            Z = rows[:, [*seen, -1]] @ _inverse(basis)
+            blocks = stack([hold(block) for block in np.split(Z, at[1:])])
+            parts.append(ActuatorBlocks(seen, basis, blocks))
+        counts = np.diff([*at, len(log)])
+        return Information(tuple(columns), tuple(parts), counts, np.asarray(log)[at])
 
     @property
     def size(self) -> int:
@@ -71,24 +104,54 @@ class Information:
     @property
     def actuators(self) -> int:
         """Number of actuators n."""
-        return int(self.gram.shape[1])
+        return len(self.parts)
 
     @property
     def rows(self) -> int:
         """Number of rows, samples × actuators."""
         return self.samples * self.actuators
 
+    @property
+    def nbytes(self) -> int:
+        """Size of what is held [bytes]."""
+        return sum(p.blocks.nbytes + p.basis.nbytes for p in self.parts)
+
     @cached_property
-    def per_actuator(self) -> Array:
-        """Gram matrices of each actuator over all blocks, (n, k + 1, k + 1)."""
-        total: Array = self.gram.sum(0)
-        return total
+    def _common(self) -> tuple[Array, tuple[Array, ...]]:
+        """A basis of all actuators' rows, and how each one's own coordinates turn into it."""
+        wide = [part.widen(self.size) for part in self.parts]
+        short = max(0, self.size + 1 - sum(map(len, wide)))
+        Q, basis = np.linalg.qr(np.vstack([*wide, np.zeros((short, self.size + 1))]))
+        return basis, tuple(np.split(Q, np.cumsum([len(w) for w in wide]))[: len(wide)])
+
+    @property
+    def basis(self) -> Array:
+        """Upper triangular, (k + 1, k + 1), with ``[W τ] = Z basis`` for all rows."""
+        return self._common[0]
+
+    def squares(self, z: Array) -> Array:
+        """Return each actuator's sum of squares of ``Z z``, (n,) or (n, m).
+
+        Parameters
+        ----------
+        z : (k + 1,) or (k + 1, m)
+        """
+        own = [Q @ z for Q in self._common[1]]
+        pairs = zip(own, self.parts, strict=True)
+        return np.array([np.einsum("i...,i...->...", u, p.total @ u) for u, p in pairs])
+
+    def blocks(self, weights: Array) -> Array:
+        """Return ``Zᵀ Z`` of each block, actuators weighted, (B, k + 1, k + 1)."""
+        out = np.zeros((len(self.counts), self.size + 1, self.size + 1))
+        for weight, part, Q in zip(weights, self.parts, self._common[1], strict=True):
+            out += part.grams(np.sqrt(weight) * Q)
+        return out
 
     def total(self, weights: Array | None = None) -> Array:
-        """Return the Gram matrix in the basis, actuators weighted, (k + 1, k + 1)."""
-        if weights is None:
-            weights = np.ones(self.actuators)
-        total: Array = np.einsum("a,aij->ij", weights, self.per_actuator)
+        """Return ``Zᵀ Z`` of all blocks, actuators weighted, (k + 1, k + 1)."""
+        weights = np.ones(self.actuators) if weights is None else weights
+        triples = zip(weights, self.parts, self._common[1], strict=True)
+        total: Array = sum(w * (Q.T @ p.total @ Q) for w, p, Q in triples)
         return total
 
     def factor(self, weights: Array | None = None) -> Array:
@@ -115,31 +178,33 @@ class Information:
         map_[k, m] = 1.0
         if held is not None:
             map_[:k, m] = -held
-        Q, basis = np.linalg.qr(self.basis @ map_)
-        return Information(tuple(columns), basis, Q.T @ self.gram @ Q, self.counts, self.log)
+        parts = tuple(part.reduce(map_) for part in self.parts)
+        return Information(tuple(columns), parts, self.counts, self.log)
 
     def select(self, columns: Sequence[int]) -> Information:
         """Return the information about some columns, the others held at zero."""
         names = [self.columns[c] for c in columns]
         return self.reduce(np.eye(self.size)[:, list(columns)], names)
 
-    def rebase(self, basis: Array) -> Information:
-        """Return the same information in another basis."""
-        change = self.basis @ solve_triangular(basis, np.eye(len(basis)))
-        return Information(
-            self.columns, basis, change.T @ self.gram @ change, self.counts, self.log
-        )
+    def take(self, kept: np.ndarray) -> Information:
+        """Return some of the blocks."""
+        parts = tuple(part.take(kept) for part in self.parts)
+        return replace(self, parts=parts, counts=self.counts[kept], log=self.log[kept])
+
+    def merge(self, at: np.ndarray) -> Information:
+        """Return blocks that each hold those from one of `at` up to the next."""
+        parts = tuple(part.merge(at) for part in self.parts)
+        counts = np.add.reduceat(self.counts, at)
+        return replace(self, parts=parts, counts=counts, log=self.log[at])
 
     def __add__(self, other: Information) -> Information:
         """Return the information of both; blocks and logs stay apart."""
         if self.columns != other.columns:
             raise ValueError("only information about the same columns can be added")
-        other = other.rebase(self.basis)
         later = other.log + (self.log.max(initial=-1) + 1)
         return Information(
             self.columns,
-            self.basis,
-            np.concatenate([self.gram, other.gram]),
+            tuple(a.join(b) for a, b in zip(self.parts, other.parts, strict=True)),
             np.concatenate([self.counts, other.counts]),
             np.concatenate([self.log, later]),
         )
@@ -165,70 +230,96 @@ def gather_information(
     progress : callable(int, int), optional
     """
     names = tuple(p.name for p in regression.parameters)
-    basis = choose_basis(regression)
+    factors = _survey(regression)
     size = max(1, -(-regression.outputs // blocks))
-    edges: list[tuple[int, int]] = []  # (log, block within the log)
-    grams: list[Array] = []
-    counts: list[int] = []
-    gather = partial(_gather_part, basis=basis, size=size)
-    for part in map_parts(gather, regression, engine, progress):
-        for edge, gram, count in part:
-            if edges and edges[-1] == edge:
-                grams[-1] = grams[-1] + gram
-                counts[-1] += count
-            else:
-                edges.append(edge)
-                grams.append(gram)
-                counts.append(count)
-    logs = np.array([log for log, _ in edges], int)
-    return Information(names, basis, np.array(grams), np.array(counts), logs)
+    while True:
+        seen = np.array([R[:, :-1].any(0) for R in factors])
+        bases = [choose_basis(R, np.flatnonzero(s)) for R, s in zip(factors, seen, strict=True)]
+        gather = partial(_gather_part, seen=seen, bases=bases, size=size)
+        gathered = _Gathered()
+        missed = np.zeros(seen.shape)
+        for found, unseen in map_parts(gather, regression, engine, progress):
+            gathered.extend(found)
+            missed += unseen
+        if not missed.any():
+            break
+        # In the subsample these columns did not act.
+        lengths = [np.diag(np.append(np.sqrt(squares), 0.0)) for squares in missed]
+        factors = [np.vstack(pair) for pair in zip(factors, lengths, strict=True)]
+    parts = tuple(
+        ActuatorBlocks(np.flatnonzero(s), S, stack(held))
+        for s, S, held in zip(seen, bases, zip(*gathered.held, strict=True), strict=True)
+    )
+    logs = np.array([log for log, _ in gathered.edges], int)
+    return Information(names, parts, np.array(gathered.counts), logs)
 
 
-def _gather_part(part: Part, basis: Array, size: int) -> list[tuple[tuple[int, int], Array, int]]:
-    """Return (log, block), Gram matrices (n, k + 1, k + 1) and samples of each block touched."""
-    k = len(basis)
-    inverse = solve_triangular(basis, np.eye(k))
-    out: list[tuple[tuple[int, int], Array, int]] = []
+class _Gathered:
+    """Blocks in order of time: (log, block), what is held by actuator, samples."""
+
+    def __init__(self) -> None:
+        self.edges: list[tuple[int, int]] = []
+        self.held: list[list[Array]] = []
+        self.counts: list[int] = []
+
+    def add(self, edge: tuple[int, int], held: list[Array], count: int) -> None:
+        """Add samples to the last block, or as a new one."""
+        if self.edges and self.edges[-1] == edge:
+            pairs = zip(self.held[-1], held, strict=True)
+            self.held[-1] = [merge_held(one, other) for one, other in pairs]
+            self.counts[-1] += count
+        else:
+            self.edges.append(edge)
+            self.held.append(held)
+            self.counts.append(count)
+
+    def extend(self, later: _Gathered) -> None:
+        """Add blocks of later samples."""
+        for block in zip(later.edges, later.held, later.counts, strict=True):
+            self.add(*block)
+
+
+def _gather_part(
+    part: Part, seen: np.ndarray, bases: Sequence[Array], size: int
+) -> tuple[_Gathered, Array]:
+    """Return the blocks of a part, and the squared lengths (n, k) of columns not in `seen`."""
+    out = _Gathered()
+    missed = np.zeros(seen.shape)
+    own = [(np.flatnonzero(s), _inverse(S)) for s, S in zip(seen, bases, strict=True)]
     for chunk in part.chunks():
         log, start, W, tau = chunk.log, chunk.start, chunk.W, chunk.tau
-        n = tau.shape[1]
-        Z = np.concatenate([W, tau[:, :, None]], axis=2).reshape(-1, k) @ inverse
-        Z = Z.reshape(len(tau), n, k).transpose(1, 0, 2)
+        if not seen.all():
+            missed[~seen] += np.square(W[:, ~seen]).sum(0)
+        Z = [np.column_stack([W[:, a, c], tau[:, a]]) @ inv for a, (c, inv) in enumerate(own)]
         at = 0
         while at < len(tau):
             block = (start + at) // size
             stop = min(len(tau), (block + 1) * size - start)
-            piece = Z[:, at:stop]
-            gram = piece.transpose(0, 2, 1) @ piece
-            if out and out[-1][0] == (log, block):
-                _, before, count = out[-1]
-                before += gram
-                out[-1] = ((log, block), before, count + stop - at)
-            else:
-                out.append(((log, block), gram, stop - at))
+            out.add((log, block), [hold(rows[at:stop]) for rows in Z], stop - at)
             at = stop
-    return out
+    return out, missed
 
 
-def choose_basis(regression: Regression) -> Array:
-    """Return a triangular factor of evenly spaced rows of ``[W τ]``, (k + 1, k + 1).
+def _survey(regression: Regression) -> list[Array]:
+    """Return a factor (…, k + 1) of evenly spaced rows of each actuator.
 
-    The rows are taken before any decimation: a basis need not be exact, only of the right size
-    and direction.
+    The rows are taken before any decimation: a basis need not be exact.
     """
-    total = sum(s.survey.kept for s in regression.samples) * len(regression.robot.actuated)
-    step = max(1, total // BASIS_ROWS)
+    n, k = len(regression.robot.actuated), len(regression.parameters)
+    wanted = max(BASIS_ROWS // n, ROWS_A_COLUMN * (k + 1))
+    step = max(1, sum(s.survey.kept for s in regression.samples) // wanted)
     thin = replace(regression, samples=tuple(s.thin(step) for s in regression.samples))
-    k = len(regression.parameters)
-    R = np.zeros((0, k + 1))
-    squares = np.zeros(k + 1)
+    factors = [np.zeros((0, k + 1))] * n
     for _, _, W, tau in thin.chunks():
-        flat = np.concatenate([W, tau[:, :, None]], axis=2).reshape(-1, k + 1)
-        squares += np.einsum("ij,ij->j", flat, flat)
-        R = triangular_factor(np.vstack([R, flat]))
-    length = np.sqrt(squares)
-    # A column that never acts gets the length of a typical one: it must not divide by zero.
-    length[length == 0] = float(np.median(length[length > 0])) if length.any() else 1.0
-    basis = triangular_factor(np.vstack([R, FLOOR * np.diag(length)]))
-    signs: Array = np.where(np.diag(basis) < 0, -1.0, 1.0)
-    return signs[:, None] * basis
+        for a in range(n):
+            rows = np.vstack([factors[a], np.column_stack([W[:, a], tau[:, a]])])
+            acts = rows.any(0)
+            R = triangular_factor(rows[:, acts])
+            factors[a] = np.zeros((len(R), k + 1))
+            factors[a][:, acts] = R
+    return factors
+
+
+def _inverse(basis: Array) -> Array:
+    inverse: Array = solve_triangular(basis, np.eye(len(basis)))
+    return inverse

@@ -6,8 +6,9 @@ import pytest
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.evaluation import leave_out
 from identifiability.logs.prepare import prepare_samples
+from identifiability.regression import information as information_module
 from identifiability.regression.base_parameters import find_base_parameters
-from identifiability.regression.information import gather_information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import build_ladder, read_ladder
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
@@ -132,3 +133,68 @@ def test_the_triangular_factor_reproduces_the_gram_matrix(regression, rows):
     np.testing.assert_allclose(
         (R.T @ R) / np.outer(length, length), (flat.T @ flat) / np.outer(length, length), atol=1e-11
     )
+
+
+def seen_rows(samples=600, seed=3):
+    """Rows of three actuators: the second sees two columns of five, the third the last alone."""
+    rng = np.random.default_rng(seed)
+    W = rng.normal(size=(samples, 3, 5))
+    W[:, 1, 2:] = 0.0
+    W[:, 2, :4] = 0.0
+    tau = W @ [1.0, -2.0, 0.5, 3.0, 0.1] + rng.normal(size=(samples, 3)) * [0.1, 1.0, 0.3]
+    return W, tau
+
+
+@pytest.mark.parametrize("size", [2, 50])  # few samples a block, and more than columns
+def test_every_view_of_blocks_over_seen_columns_equals_the_rows(size):
+    W, tau = seen_rows()
+    log = np.repeat([0, 1], 300)
+    information = Information.of_rows("abcde", W, tau, log, size)
+    assert [p.columns.tolist() for p in information.parts] == [[0, 1, 2, 3, 4], [0, 1], [4]]
+    M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 0], [0, 1]])
+    held = np.array([0, 0, 0, 3.0, 0])
+    reduced = information.reduce(M, "xy", held)
+    assert [p.columns.tolist() for p in reduced.parts] == [[0, 1], [0], [1]]
+    halves = [
+        Information.of_rows("abcde", W[log == k], tau[log == k], np.zeros(300, int), size)
+        for k in (0, 1)
+    ]
+    both, merged = halves[0] + halves[1], information.merge(np.arange(0, 600 // size, 3))
+    weights = np.array([1.0, 0.1, 4.0])
+    rows = np.concatenate([W, tau[:, :, None]], 2)
+    fewer = np.concatenate([W @ M, (tau - W @ held)[:, :, None]], 2)
+    for found, Z in (
+        (information, rows),
+        (reduced, fewer),
+        (merged, rows),
+        (both, rows),
+    ):
+        S = found.basis
+        expected = np.einsum("a,tai,taj->ij", weights, Z, Z)
+        scale = {"rtol": 1e-10, "atol": 1e-9 * np.abs(expected).max()}
+        np.testing.assert_allclose(S.T @ found.total(weights) @ S, expected, **scale)
+        R = found.factor(weights)
+        np.testing.assert_allclose(R.T @ R, expected, **scale)
+        blocks = S.T @ found.blocks(weights) @ S
+        ends = np.cumsum(found.counts)
+        for block, stop, count in zip(blocks, ends, found.counts, strict=True):
+            own = Z[stop - count : stop]
+            inside = np.einsum("a,tai,taj->ij", weights, own, own)
+            np.testing.assert_allclose(block, inside, **scale)
+        squares = np.einsum("tai,tai->ai", Z, Z)
+        np.testing.assert_allclose(found.squares(S), squares, **scale)
+
+
+def test_columns_that_act_where_the_subsample_did_not_look_are_not_lost(monkeypatch, regression):
+    whole = gather_information(regression)
+    survey = information_module._survey
+
+    def short_sighted(of):
+        return [np.where(np.arange(R.shape[1]) % 7 == 3, 0.0, R) for R in survey(of)]
+
+    monkeypatch.setattr(information_module, "_survey", short_sighted)
+    again = gather_information(regression)
+    a, b = estimate(again), estimate(whole)
+    np.testing.assert_allclose((a.value - b.value) / b.sigma, 0.0, atol=1e-6)
+    for one, other in zip(again.parts, whole.parts, strict=True):
+        np.testing.assert_array_equal(one.columns, other.columns)

@@ -23,13 +23,8 @@ def problem(rps, paper_model):
 
 def information_of(W, tau):
     """The information of rows by itself, in the basis of their own triangular factor."""
-    k = W.shape[2]
-    A = np.concatenate([W, tau[:, :, None]], 2)
-    basis = np.linalg.qr(A.reshape(-1, k + 1), mode="r")
-    Z = (A.reshape(-1, k + 1) @ np.linalg.inv(basis)).reshape(A.shape).transpose(1, 0, 2)
-    gram = (Z.transpose(0, 2, 1) @ Z)[None]
-    names = tuple(f"c{i}" for i in range(k))
-    return Information(names, basis, gram, np.array([len(W)]), np.zeros(1, int))
+    names = [f"c{i}" for i in range(W.shape[2])]
+    return Information.of_rows(names, W, tau, np.zeros(len(W), int), len(W))
 
 
 def test_the_groupings_do_not_depend_on_units(problem):
@@ -80,9 +75,7 @@ def test_undetermined_parameters_are_said_to_be_so():
     W[:, :, 2] = W[:, :, 0] + 2 * W[:, :, 1]
     W[:, :, 3] = 0.0
     tau = W @ np.array([1.0, 2.0, 0.0, 0.0, 3.0]) + 0.01 * rng.normal(size=(50, 1))
-    A = np.concatenate([W, tau[:, :, None]], 2)[:, 0]
-    gram = (A.T @ A)[None, None]
-    information = Information(tuple("abcde"), np.eye(6), gram, np.array([50]), np.zeros(1, int))
+    information = Information.of_rows("abcde", W, tau, np.zeros(50, int), 50)
     fit = estimate(information)
     assert fit.kept == (0, 1, 4)
     assert fit.determined.tolist() == [False, False, False, False, True]

@@ -6,7 +6,6 @@ from scipy.signal import lfilter
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.scores import FEWEST, scatter_scores
-from identifiability.foundation.linalg import triangular_factor
 from identifiability.regression.information import Information
 
 SAMPLES, BLOCK = 2400, 8
@@ -19,12 +18,7 @@ def columns():
 
 
 def information_of(W, tau):
-    Z = np.column_stack([W, tau])
-    basis = triangular_factor(Z)
-    Z = np.linalg.solve(basis.T, Z.T).T.reshape(-1, BLOCK, Z.shape[1])
-    gram = np.einsum("bti,btj->bij", Z, Z)[:, None]
-    counts = np.full(len(gram), BLOCK)
-    return Information(("a", "b", "c"), basis, gram, counts, np.zeros(len(gram), int))
+    return Information.of_rows("abc", W[:, None], tau[:, None], np.zeros(len(tau), int), BLOCK)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.8])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identifiability.foundation.linalg import triangular_factor
 from identifiability.regression.information import Information
 from identifiability.simulation.noise import ar1
 from identifiability.workflows.prune import prune
@@ -14,19 +13,8 @@ from identifiability.workflows.prune import prune
 def gather(W, tau, blocks: int = 256, log=None) -> Information:
     """Return the information of a regressor (N, n, k) and torque (N, n)."""
     N, _, k = W.shape
-    Z = np.concatenate([W, tau[:, :, None]], axis=2)
-    basis = triangular_factor(Z.reshape(-1, k + 1))
-    Z = Z @ np.linalg.inv(basis)
     log = np.zeros(N, int) if log is None else log
-    size = -(-N // blocks)
-    at = [(s, min(s + size, N)) for s in range(0, N, size)]
-    return Information(
-        tuple(f"p{j}" for j in range(k)),
-        basis,
-        np.array([np.einsum("tai,taj->aij", Z[a:b], Z[a:b]) for a, b in at]),
-        np.array([b - a for a, b in at]),
-        np.array([log[a] for a, _ in at]),
-    )
+    return Information.of_rows([f"p{j}" for j in range(k)], W, tau, log, -(-N // blocks))
 
 
 def plant(rng, rho: float = 0.0, precision: float = 10.0, samples: int = 1000):

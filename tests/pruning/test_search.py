@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.regression.information import Information
 from identifiability.workflows.prune.folds import gather_folds
 from identifiability.workflows.prune.moves import Kind, Move, Partition
 from identifiability.workflows.prune.search import Wishes, find_path
@@ -49,10 +48,7 @@ def test_the_constrained_fit_by_updates_is_the_refit():
     # The same weights: refitted on the reduced columns, all blocks or all but one fold's.
     for f in range(-1, 3):
         kept = folds.fold[folds.stretch] != f
-        rest = Information(
-            information.columns, information.basis, information.gram[kept],
-            information.counts[kept], information.log[kept],
-        )  # fmt: skip
+        rest = information.take(kept)
         R = rest.reduce(M, [f"c{j}" for j in range(M.shape[1])]).factor(full.weights)
         x = M @ np.linalg.solve(R[:-1, :-1], R[:-1, -1])
         np.testing.assert_allclose(fit.values[f + 1], x, rtol=1e-6, atol=1e-8)

@@ -227,8 +227,7 @@ def column_rms(information: Information) -> Array:
 
 def column_noise(information: Information, fit: Estimate) -> Array:
     """Return the largest over joints of column rms over residual rms, per unit, (k,)."""
-    S, k = information.basis, information.size
-    squares = np.einsum("ki,akl,li->ai", S, information.per_actuator, S)[:, :k]
+    squares = information.squares(information.basis[:, :-1])
     floor = 1e-18 * float(np.max(fit.rss, initial=0.0)) + 1e-300
     ratio: Array = np.sqrt(np.maximum(squares, 0.0) / np.maximum(fit.rss, floor)[:, None]).max(0)
     return ratio

@@ -7,9 +7,7 @@ on the motion itself, with planted parameters and noise that we made.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
-from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -56,28 +54,7 @@ class Experiment:
         noise : (N, n)
         """
         tau = self.W @ truth + noise
-        k = len(self.columns)
-        Z = np.concatenate([self.W, tau[:, :, None]], 2)
-        basis = triangular_factor(Z.reshape(-1, k + 1))
-        Z = (Z.reshape(-1, k + 1) @ solve_triangular(basis, np.eye(k + 1))).reshape(Z.shape)
-        starts = self._starts()
-        gram = np.stack([_gram(part) for part in np.split(Z, starts[1:])])
-        counts = np.diff([*starts, len(tau)])
-        return Information(self.columns, basis, gram, counts, self.log[starts]), tau
-
-    def _starts(self) -> np.ndarray:
-        """Return where blocks start; none crosses a log."""
-        starts = []
-        for log in np.unique(self.log):
-            rows = np.flatnonzero(self.log == log)
-            starts += list(range(rows[0], rows[-1] + 1, self.block))
-        return np.array(starts, int)
-
-
-def _gram(part: Array) -> Array:
-    by_actuator = part.transpose(1, 0, 2)
-    gram: Array = by_actuator.transpose(0, 2, 1) @ by_actuator
-    return gram
+        return Information.of_rows(self.columns, self.W, tau, self.log, self.block), tau
 
 
 def spawn_seeds(rng: np.random.Generator, count: int) -> list[np.random.SeedSequence]:

@@ -246,11 +246,10 @@ def gather_folds(
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
     inverse = np.linalg.inv(R)
     change = information.basis @ inverse
-    grams = np.einsum("a,baij->bij", weights, information.gram)
     stretch, fold = _divide(information)
     return Folds(
         information.columns, inverse[:k, :k], R[:k, k].copy(), float(R[k, k]),
-        change.T @ grams @ change, stretch, fold,
+        change.T @ information.blocks(weights) @ change, stretch, fold,
         _unseen_gram(unseen, inverse[:k, :k], weights, information.samples),
         np.asarray(nonnegative, bool),
     )  # fmt: skip

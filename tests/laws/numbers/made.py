@@ -6,7 +6,6 @@ import numpy as np
 
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
-from identifiability.foundation.linalg import triangular_factor
 from identifiability.regression.information import Information
 
 
@@ -16,24 +15,9 @@ def gather(W, tau, size: int = 8, logs=(), columns=()) -> Information:
     Blocks have `size` samples; `logs` are the numbers of samples of each log.
     """
     N, _, k = W.shape
-    Z = np.concatenate([W, tau[:, :, None]], axis=2)
-    flat = Z.reshape(-1, k + 1)
-    # Columns that never act or lean on others must not spoil the basis.
-    floor = 1e-6 * np.diag(np.maximum(np.linalg.norm(flat, axis=0), 1e-3))
-    basis = triangular_factor(np.vstack([flat, floor]))
-    Z = Z @ np.linalg.inv(basis)
-    at, start = [], 0
-    for log, count in enumerate(logs or (N,)):
-        stop = start + count
-        at += [(log, s, min(s + size, stop)) for s in range(start, stop, size)]
-        start = stop
-    return Information(
-        tuple(columns) or tuple(f"p{j}" for j in range(k)),
-        basis,
-        np.array([np.einsum("tai,taj->aij", Z[a:b], Z[a:b]) for _, a, b in at]),
-        np.array([b - a for _, a, b in at]),
-        np.array([log for log, _, _ in at]),
-    )
+    names = tuple(columns) or tuple(f"p{j}" for j in range(k))
+    log = np.repeat(np.arange(len(logs) or 1), logs or (N,))
+    return Information.of_rows(names, W, tau, log, size)
 
 
 def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=()) -> Estimate:

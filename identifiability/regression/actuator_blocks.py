@@ -1,0 +1,152 @@
+"""`ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
+
+In a tree the torque of a joint depends on the bodies that it moves alone, so most entries of a
+Gram matrix over all columns would be zeros; and a block of few samples is smaller as rows than as
+their Gram matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from identifiability.foundation.linalg import triangular_factor
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+
+#: Directions that a basis' rows do not excite get this share of their column's length.
+FLOOR = 1e-6
+
+
+@frozen
+class ActuatorBlocks:
+    """Blocks of one actuator's ``[W τ]`` in a basis of its own.
+
+    Attributes
+    ----------
+    columns : (v,) int
+        Columns that it can see, ascending; all others are zero in its rows.
+    basis : (r, v + 1)
+        ``[W τ] = Z basis`` over these columns and the torque.
+    blocks : (B, m, r) or (B, r, r)
+        Rows Z of each block where there are m < r (filled up with zeros), else ``Zᵀ Z``.
+    """
+
+    columns: np.ndarray
+    basis: Array
+    blocks: Array
+
+    @property
+    def squared(self) -> bool:
+        """Whether Gram matrices are held, not rows."""
+        return bool(self.blocks.shape[1] == self.blocks.shape[2])
+
+    @cached_property
+    def total(self) -> Array:
+        """``Zᵀ Z`` over all blocks, (r, r)."""
+        if self.squared:
+            total: Array = self.blocks.sum(0)
+            return total
+        rows = self.blocks.reshape(-1, self.blocks.shape[2])
+        return rows.T @ rows
+
+    def grams(self, change: Array) -> Array:
+        """Return ``(Z change)ᵀ (Z change)`` of each block, (B, q, q), for a `change` (r, q)."""
+        if self.squared:
+            grams: Array = change.T @ self.blocks @ change
+            return grams
+        Z: Array = self.blocks @ change
+        return Z.transpose(0, 2, 1) @ Z
+
+    def widen(self, size: int) -> Array:
+        """Return the basis over all `size` columns and the torque, (r, size + 1)."""
+        wide = np.zeros((len(self.basis), size + 1))
+        wide[:, [*self.columns, size]] = self.basis
+        return wide
+
+    def reduce(self, map_: Array) -> ActuatorBlocks:
+        """Return the blocks of ``[W τ] map_``, for a map (k + 1, m + 1) that keeps the torque."""
+        k, m = np.subtract(map_.shape, 1)
+        columns = np.flatnonzero(map_[self.columns, :m].any(0))
+        part = map_[np.ix_([*self.columns, k], [*columns, m])]
+        return self.turned(*np.linalg.qr(self.basis @ part), columns)
+
+    def turned(self, Q: Array, basis: Array, columns: np.ndarray) -> ActuatorBlocks:
+        """Return the blocks of ``Z Q``, in another basis."""
+        if self.squared:
+            return ActuatorBlocks(columns, basis, Q.T @ self.blocks @ Q)
+        rows = self.blocks @ Q
+        few = rows.shape[1] < rows.shape[2]
+        return ActuatorBlocks(columns, basis, rows if few else rows.transpose(0, 2, 1) @ rows)
+
+    def take(self, kept: np.ndarray) -> ActuatorBlocks:
+        """Return some of the blocks."""
+        return replace(self, blocks=self.blocks[kept])
+
+    def merge(self, at: np.ndarray) -> ActuatorBlocks:
+        """Return blocks that each hold those from one of `at` up to the next."""
+        if self.squared:
+            return replace(self, blocks=np.add.reduceat(self.blocks, at, axis=0))
+        r = self.blocks.shape[2]
+        groups = [hold(rows.reshape(-1, r)) for rows in np.split(self.blocks, at[1:])]
+        return replace(self, blocks=stack(groups))
+
+    def join(self, other: ActuatorBlocks) -> ActuatorBlocks:
+        """Return the blocks of both, over the columns that either sees."""
+        columns = np.union1d(self.columns, other.columns)
+        wide = [
+            replace(one, columns=np.searchsorted(columns, one.columns)).widen(len(columns))
+            for one in (self, other)
+        ]
+        Q, basis = np.linalg.qr(np.vstack(wide))
+        first = self.turned(Q[: len(wide[0])], basis, columns)
+        second = other.turned(Q[len(wide[0]) :], basis, columns)
+        return replace(first, blocks=stack([*first.blocks, *second.blocks]))
+
+
+def hold(rows: Array) -> Array:
+    """Return what is held of rows (m, r): they themselves where m < r, else their Gram matrix."""
+    return rows if len(rows) < rows.shape[1] else rows.T @ rows
+
+
+def merge_held(one: Array, other: Array) -> Array:
+    """Return what is held of the rows of both."""
+    if max(len(one), len(other)) < one.shape[1]:
+        return hold(np.vstack([one, other]))
+    return _gram(one) + _gram(other)
+
+
+def stack(held: Sequence[Array]) -> Array:
+    """Return what is held of each block as one array, (B, m, r) or (B, r, r)."""
+    longest, r = max(map(len, held)), held[0].shape[1]
+    if longest == r:
+        return np.stack([_gram(one) for one in held])
+    out = np.zeros((len(held), longest, r))
+    for place, rows in zip(out, held, strict=True):
+        place[: len(rows)] = rows
+    return out
+
+
+def _gram(held: Array) -> Array:
+    return held if len(held) == held.shape[1] else held.T @ held
+
+
+def choose_basis(R: Array, columns: np.ndarray) -> Array:
+    """Return a basis of some columns and the torque from rows of ``[W τ]``, (v + 1, v + 1).
+
+    Upper triangular; the rows need not be all: a basis is of the right size and direction only.
+
+    Parameters
+    ----------
+    R : (m, k + 1)
+        Some of the rows, or a triangular factor of them.
+    columns : (v,) int
+    """
+    part = R[:, [*columns, R.shape[1] - 1]]
+    length = np.linalg.norm(part, axis=0)
+    # A column that never acts gets the length of a typical one: it must not divide by zero.
+    length[length == 0] = float(np.median(length[length > 0])) if length.any() else 1.0
+    return triangular_factor(np.vstack([part, FLOOR * np.diag(length)]))
