@@ -1,7 +1,5 @@
 """`Description`: what the rest of the library needs to know of a robot file."""
 
-from __future__ import annotations
-
 import hashlib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping

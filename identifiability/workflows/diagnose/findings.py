@@ -1,7 +1,5 @@
 """`Findings`: where model and data disagree, and what is missing."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property

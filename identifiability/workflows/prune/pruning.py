@@ -1,7 +1,5 @@
 """`Pruning`: what was found on the way down from the unpruned model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from identifiability.estimation.prediction import Prediction
