@@ -7,6 +7,7 @@ import numpy as np
 from identifiability.estimation.bootstrap import FEWEST_BLOCKS, Bootstrap, bootstrap
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time, block_length
+from identifiability.estimation.noise.residual_noise import ROUNDING
 from identifiability.estimation.scores import MEMORIES, ScoreScatter, scatter_scores
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.errors import IdentifiabilityError
@@ -107,6 +108,9 @@ def assess_uncertainty(
         Of the bootstrap; 0 for none.
     """
     times, length = residual_times(residual, series)
+    torque = information.squares(information.basis[:, -1])
+    rounded = fit.rss <= (ROUNDING * np.sqrt(torque)) ** 2
+    times = np.where(rounded, 1.0, times)  # what rounding left has no memory to speak of
     return resample(information, fit, times, length, rng, replicates)
 
 
