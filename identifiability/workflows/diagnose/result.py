@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
@@ -26,7 +27,8 @@ class Diagnosis(Result, Findings):
     @cached_property
     def physical(self) -> dict[str, Any]:
         """The real robot nearest to the data with the named effects, as `export` reads it."""
-        return nearest_dict(self)
+        with threadpool_limits(1, "blas"):  # the same bits however many threads there are
+            return nearest_dict(self)
 
     @property
     def statement(self) -> str:
