@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from identifiability.regression.regression import Model, Regression
     from identifiability.robot import Motion, Robot
     from identifiability.simulation import Noise, Trajectory, simulate
-    from identifiability.workflows.analyze.analysis import Analysis, analyze
+    from identifiability.workflows.analyze import Analysis, analyze
     from identifiability.workflows.calibrate.calibration import Calibration, calibrate
     from identifiability.workflows.diagnose import Diagnosis, diagnose
     from identifiability.workflows.excite import Excitation, excite
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Analysis": "workflows.analyze.analysis",
+    "Analysis": "workflows.analyze",
     "BaseParameters": "regression.base_parameters",
     "Calibration": "workflows.calibrate.calibration",
     "Diagnosis": "workflows.diagnose",
@@ -59,7 +59,7 @@ _HOMES = {
     "Samples": "logs.prepare",
     "Trajectory": "simulation",
     "Verdict": "estimation.verdict",
-    "analyze": "workflows.analyze.analysis",
+    "analyze": "workflows.analyze",
     "calibrate": "workflows.calibrate.calibration",
     "diagnose": "workflows.diagnose",
     "estimate": "estimation.estimate",

@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.output import write_json
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]

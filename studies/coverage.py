@@ -27,7 +27,7 @@ from identifiability.report.calibration_report import label
 from identifiability.report.figures.calibration import draw_coverage, draw_wrong
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.analyze.analysis import Analysis, analyze
+from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.calibrate.outcome import Cell, Outcome, count_outcomes, judge_outcome
 from identifiability.workflows.calibrate.replicates import Experiment

@@ -29,7 +29,7 @@ from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import Rung, build_ladder, ladder_model, read_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.analysis import Analysis, analyze
+from identifiability.workflows.analyze import Analysis, analyze
 
 #: Known relative errors [%], lowest and highest: (model, fitted to, validated on).
 KNOWN = {

@@ -30,7 +30,7 @@ from identifiability.posterior.target import Target
 from identifiability.report import Check, Section, frame_table, write_page
 from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.analyze.analysis import Analysis, analyze
+from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.analyze.belief import START_MARGIN
 from identifiability.workflows.analyze.form_belief import state_prior
 from identifiability.workflows.calibrate.ranks import build_target

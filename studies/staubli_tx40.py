@@ -30,7 +30,7 @@ from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import ladder_model, read_ladder
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.analyze.analysis import Analysis, analyze
+from identifiability.workflows.analyze import Analysis, analyze
 
 #: The model of the published parameters.
 LADDER = FOLDER / "staubli_tx40_ladder.toml"

@@ -20,7 +20,7 @@ import identifiability
 from identifiability.cli import app
 from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.analyze.analysis import Analysis, analyze
+from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.prune import prune
 

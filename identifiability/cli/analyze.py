@@ -22,7 +22,7 @@ from identifiability.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from identifiability.workflows.analyze.analysis import Analysis
+    from identifiability.workflows.analyze import Analysis
 
 
 def analyze(
@@ -85,7 +85,7 @@ def analyze(
         running(engine, workers, scheduler, resume) as runner,
     ):
         from identifiability.logs.prepare import Preparation  # noqa: PLC0415
-        from identifiability.workflows.analyze.analysis import analyze as run  # noqa: PLC0415
+        from identifiability.workflows.analyze import analyze as run  # noqa: PLC0415
 
         read = [robot, *logs, *(validate or ()), ladder, sidecar]
         check_outputs(report, json, inputs=read)

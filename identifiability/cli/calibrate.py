@@ -67,7 +67,7 @@ def calibrate(
         progress() as say,
         running(engine, workers, scheduler, resume) as runner,
     ):
-        from identifiability.workflows.analyze.analysis import analyze  # noqa: PLC0415
+        from identifiability.workflows.analyze import analyze  # noqa: PLC0415
         from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
         check_outputs(report, json)

@@ -6,8 +6,8 @@ import numpy as np
 
 from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.analyze.analysis import Analysis, analyze
-from identifiability.workflows.analyze.stages import Progress
+from identifiability.workflows.analyze import Analysis, analyze
+from identifiability.workflows.opening import Progress
 
 
 def run_demo(*, quick: bool = False, seed: int = 0, progress: Progress | None = None) -> Analysis:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any, TypeVar, dataclass_transform
+from functools import partial
+from typing import Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
 
@@ -13,13 +15,30 @@ T = TypeVar("T")
 SHORT, SCREEN = 60, 1500
 
 
+@overload
+def frozen(cls: type[T]) -> type[T]: ...
+
+
+@overload
+def frozen(*, kw_only: bool) -> Callable[[type[T]], type[T]]: ...
+
+
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def frozen(cls: type[T]) -> type[T]:
+def frozen(
+    cls: type[T] | None = None, *, kw_only: bool = False
+) -> type[T] | Callable[[type[T]], type[T]]:
     """Make a frozen dataclass with read-only arrays and a short `repr`.
 
     With arrays among its fields it equals only itself and can be hashed; without any, it is equal
-    to what holds the same. The arrays that were given stay writable for whoever made them.
+    to what holds the same. The arrays that were given stay writable for whoever made them. With
+    ``@frozen(kw_only=True)`` its own fields are given by keyword.
     """
+    if cls is None:
+        return partial(_freeze, kw_only=kw_only)
+    return _freeze(cls, kw_only=kw_only)
+
+
+def _freeze(cls: type[T], *, kw_only: bool) -> type[T]:
     annotations = vars(cls).get("__annotations__", {})
     arrays = tuple(n for n, a in annotations.items() if "ndarray" in str(a) or "Array" in str(a))
     own = getattr(cls, "__post_init__", None)
@@ -39,7 +58,8 @@ def frozen(cls: type[T]) -> type[T]:
     if cls.__repr__ is object.__repr__:
         cls.__repr__ = _short  # type: ignore[method-assign]
     above = any("ndarray" in str(f.type) or "Array" in str(f.type) for f in _inherited(cls))
-    return dataclass(frozen=True, eq=not (arrays or above), repr=False)(cls)
+    equal = not (arrays or above)
+    return dataclass(frozen=True, eq=equal, repr=False, kw_only=kw_only)(cls)
 
 
 def _inherited(cls: type) -> tuple[Any, ...]:

@@ -29,7 +29,7 @@ from identifiability.report.sections import (
     section_structure,
     section_terms,
 )
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 
 SECTIONS = (
     section_parameters,

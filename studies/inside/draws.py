@@ -13,7 +13,7 @@ from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.exact import build_sampler
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.calibrate.ranks import build_target
 from inside.pair import Array, Pair, all_rows, timed
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import null_space
 
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.prune.elimination import Path, walk
 from identifiability.workflows.prune.folds import Errors, Fit
 from identifiability.workflows.prune.proposals import propose_moves

@@ -12,7 +12,7 @@ import numpy as np
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Model, Regression
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 
 Array = Any
 T = TypeVar("T")

@@ -8,7 +8,7 @@ from peers.cvxpy_rows import pseudo_inertia
 
 from identifiability.physical.feasibility import full_problem, physical_set
 from identifiability.physical.project import project
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 from inside.pair import Pair, all_rows, timed
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from identifiability.estimation.bootstrap import draw_blocks, merge_blocks
 from identifiability.estimation.least_squares import refit
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 from inside.pair import Pair, all_rows, difference, timed
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 
 
 def _kuka(data: Path) -> Analysis:

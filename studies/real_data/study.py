@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from identifiability.foundation.output import write_json
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,7 +13,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.analyze.analysis import analyze
+from identifiability.workflows.analyze import analyze
 
 CHANNELS = (".q", ".dq", ".ddq")
 

@@ -17,7 +17,7 @@ from identifiability.cli.demo_run import run_demo
 from identifiability.robot import Robot
 from identifiability.robot.files import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
-from identifiability.workflows.analyze.analysis import analyze
+from identifiability.workflows.analyze import analyze
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.prune import prune
 

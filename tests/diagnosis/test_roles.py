@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability.foundation.errors import LogError
-from identifiability.workflows.analyze import stages
+from identifiability.workflows import opening
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.diagnose.roles import LEAST, PAUSE, assign_roles, divide
 
@@ -69,7 +69,7 @@ def test_what_verifies_changes_no_name(logs_of, monkeypatch):
     """Law: the torque of a verifying log chooses and fits nothing; it can only refute a name."""
     logs = logs_of("two-link", "joint_stiffness@elbow=0.05")
     spoiled = replace(logs[4], tau=-3.0 * logs[4].tau[::-1], sha256="")
-    monkeypatch.setattr(stages, "check_held_out", lambda *_: None)
+    monkeypatch.setattr(opening, "check_held_out", lambda *_: None)
     a, b = (diagnose("two-link", logs[:3], [last], quick=True) for last in (logs[4], spoiled))
     assert [e.name for e in a.effects] == ["joint_stiffness"]
     kept = ["effect", "joint", "shape", "p_value", "parameter", "value", "error"]

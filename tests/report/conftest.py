@@ -15,7 +15,7 @@ from identifiability import analyze
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Effort, Summary
 from identifiability.workflows.analyze.form_belief import form_belief
 

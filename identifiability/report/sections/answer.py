@@ -14,7 +14,7 @@ from identifiability.report.sections.facts import (
     sigma_inflation,
     time_text,
 )
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 
 #: σ may grow by this factor before the report warns of autocorrelation.
 MILD_INFLATION = 1.2

@@ -11,7 +11,7 @@ from identifiability.report.blocks import Block, Gallery, Note, Notes, Picture, 
 from identifiability.report.figures import draw_forest, draw_pair
 from identifiability.report.sections.facts import model_title, stated_values
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Summary
 
 #: Pairs of parameters that are drawn, and the least correlation worth a picture.

@@ -8,7 +8,7 @@ from identifiability.foundation.names import Array
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.report.numbers import format_number, format_percent
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
 
 

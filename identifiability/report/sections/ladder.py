@@ -10,7 +10,7 @@ from identifiability.report.figures import draw_errors, draw_sizes
 from identifiability.report.numbers import NONE, format_number, join
 from identifiability.report.sections.facts import error_text, model_title
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
 
 COLUMNS = (

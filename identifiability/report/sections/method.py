@@ -13,7 +13,7 @@ from identifiability.report.blocks import Fold, Section, Terms
 from identifiability.report.glossary import GLOSSARY
 from identifiability.report.numbers import format_count, format_number
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 
 _MEANING = {
     "sigma_percent": ("largest σ of an identifiable parameter", "% of the value, robust"),

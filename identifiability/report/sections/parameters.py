@@ -16,7 +16,7 @@ from identifiability.report.sections.facts import (
     stated_values,
 )
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
 
 COLUMNS = (

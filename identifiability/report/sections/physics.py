@@ -9,7 +9,7 @@ from identifiability.report.blocks import Block, Fold, Gallery, Picture, Prose, 
 from identifiability.report.figures import draw_errors, draw_pulls
 from identifiability.report.sections.facts import error_text, model_title, percents, stated_text
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 
 
 def section_physics(analysis: Analysis) -> Section:

@@ -25,7 +25,7 @@ from identifiability.report.sections.facts import (
     velocity_units,
 )
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 
 #: Joints that are shown at once; those beyond are folded.
 SHOWN = 6

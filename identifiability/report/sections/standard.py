@@ -22,7 +22,7 @@ from identifiability.report.numbers import format_count, format_measured, format
 from identifiability.report.sections.belief import posterior_notes, shown
 from identifiability.report.sections.facts import stated_text
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import LEARNED, Source, StandardBelief
 
 #: Standard parameters drawn at once, and rows of one picture.

@@ -9,7 +9,7 @@ from identifiability.report.blocks import Block, Fold, Gallery, Picture, Prose, 
 from identifiability.report.figures import draw_conditions, draw_spectrum
 from identifiability.report.numbers import format_count, format_number
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.workflows.analyze.analysis import Analysis
+from identifiability.workflows.analyze import Analysis
 
 
 def section_structure(analysis: Analysis) -> Section:

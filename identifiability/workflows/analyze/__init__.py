@@ -1,1 +1,12 @@
-"""The main job: one verdict a parameter, and the model to use."""
+"""The main job: one verdict a parameter, and the model to use.
+
+What to use when: `analyze` does it all and gives an `Analysis`. The method, in the order of the
+files: models are fitted (`fit`), assessed and one selected (`assessment`); its values are tried in
+other bands (`cutoff_check`) and believed (`form_belief`, `belief`); and the answer is told
+(`result`, `words`).
+"""
+
+from identifiability.workflows.analyze.result import Analysis
+from identifiability.workflows.analyze.workflow import analyze
+
+__all__ = ["Analysis", "analyze"]

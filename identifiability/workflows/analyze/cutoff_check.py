@@ -25,6 +25,7 @@ from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.opening import Opening, Recordings
 
 #: Multiples of the cut-off that are tried.
 FACTORS = (0.5, 2.0)
@@ -43,16 +44,16 @@ NAMED = 3
 
 
 def check_cutoff(
-    regression: Regression,
-    held: Sequence[Prepared],
-    logs: Sequence[Log | LogFile],
+    opening: Opening,
+    recordings: Recordings,
     result: RungResult,
     estimator: Estimator,
     how: Preparation | None,
 ) -> tuple[str, ...]:
     """Return the hints of `compare_bands`, on all logs, and of `vary_cutoff`."""
-    bands = compare_bands((*regression.samples, *held))
-    return tuple(filter(None, (bands, vary_cutoff(regression, logs, result, estimator, how))))
+    bands = compare_bands((*opening.samples, *opening.validation))
+    varied = vary_cutoff(opening.regression, recordings.fitted, result, estimator, how)
+    return tuple(filter(None, (bands, varied)))
 
 
 def compare_bands(samples: Sequence[Prepared]) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate
@@ -24,6 +27,7 @@ from identifiability.posterior.target import Target, make_proper
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
+from identifiability.workflows.analyze.assessment import RungResult
 from identifiability.workflows.analyze.belief import (
     LEARNED,
     SHOWN,
@@ -34,7 +38,35 @@ from identifiability.workflows.analyze.belief import (
     Source,
     StandardBelief,
     Summary,
+    refine_verdicts,
 )
+
+
+def believe(
+    structure: Structure,
+    information: Information,
+    results: tuple[RungResult, ...],
+    at: int,
+    rng: np.random.Generator,
+    say: Callable[[str, float], None],
+    silence: str,
+) -> tuple[tuple[RungResult, ...], Belief]:
+    """Sample the posteriors of one model and let its verdicts know.
+
+    Where there is nothing to explain nothing is sampled: the posterior of a robot that never moved
+    is the prior along a handful of exact equations, which no chain walks.
+    """
+    if silence:
+        return results, Belief(None, None, None, silence)
+    chosen = results[at]
+    belief = form_belief(
+        structure, chosen.rung, chosen.rung.reduce(information), chosen.estimate,
+        chosen.physical, float(chosen.autocorrelation_time.mean()), rng,
+        progress=lambda done, total: say("sampling the posterior", 0.9 + 0.09 * done / total),
+    )  # fmt: skip
+    verdicts = refine_verdicts(chosen, belief)
+    updated = replace(chosen, verdicts=verdicts)
+    return (*results[:at], updated, *results[at + 1 :]), belief
 
 
 def form_belief(

@@ -34,9 +34,7 @@ from identifiability.foundation.options import (
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
-from identifiability.regression.regression import Regression
-from identifiability.workflows.analyze.analysis import Analysis
-from identifiability.workflows.analyze.stages import Logs, Progress, in_memory, require_signal
+from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.calibrate.outcome import Cell, count_outcomes
 from identifiability.workflows.calibrate.ranks import RankCheck, check_ranks
 from identifiability.workflows.calibrate.repetitions import (
@@ -47,6 +45,7 @@ from identifiability.workflows.calibrate.repetitions import (
 )
 from identifiability.workflows.calibrate.replicates import Experiment, spawn_seeds
 from identifiability.workflows.diagnose import FalseNames, measure_false_names
+from identifiability.workflows.opening import Logs, Progress, in_memory, require_signal
 
 #: How many times more repetitions the first cell has, by which single parameters are judged.
 FIRST = 4
@@ -232,7 +231,7 @@ def calibrate(
     require_signal(analysis.samples, "calibrated")
     result = analysis.models[analysis.find_model(model or analysis.first)]
     samples = in_memory(analysis.samples, Samples)
-    regression = _regression(analysis)
+    regression = analysis.structure.regression(analysis.samples)
     experiment = Experiment.of(regression, result.rung.M, result.rung.columns)
     truth = result.estimate.value
     tau = np.concatenate([t for *_, t in regression.chunks()])
@@ -291,10 +290,6 @@ def calibrate(
         },
         analysis.hints,
     )  # fmt: skip
-
-
-def _regression(analysis: Analysis) -> Regression:
-    return analysis.structure.regression(analysis.samples)
 
 
 def _noise_words(cell: Cell) -> str:

@@ -25,9 +25,9 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.stages import LogLike, Progress, in_memory, read_logs
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.workflow import diagnose
+from identifiability.workflows.opening import LogLike, Progress, in_memory, read_logs
 
 #: Order of the autoregression that the residual at the full rate is copied with.
 ORDER = 8

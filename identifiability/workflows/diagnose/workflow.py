@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -16,14 +17,6 @@ from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.reduction import ModelLike, choose_model, free_again, unused_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.stages import (
-    Logs,
-    Progress,
-    find_hints,
-    open_logs,
-    require_signal,
-)
-from identifiability.workflows.analyze.statement import state_provenance
 from identifiability.workflows.diagnose.conclude import conclude, stress_named
 from identifiability.workflows.diagnose.forward import simulate_forward
 from identifiability.workflows.diagnose.material import DRAWS, gather
@@ -32,6 +25,16 @@ from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.roles import assign_roles
 from identifiability.workflows.diagnose.rules import Rules
 from identifiability.workflows.diagnose.thinning import prepare_thin
+from identifiability.workflows.opening import (
+    Logs,
+    Progress,
+    Recordings,
+    in_memory,
+    open_logs,
+    read_recordings,
+    require_signal,
+)
+from identifiability.workflows.provenance import state_provenance
 
 #: Simulated noises without which no p-value falls below 5 %.
 FEWEST = 19
@@ -99,20 +102,22 @@ def diagnose(
     with threadpool_limits(1):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         say("reading logs", 0.0)
-        train_logs, held_logs, hints = open_logs(logs, validate)
-        roles = assign_roles(train_logs, held_logs)
-        train = [prepare_rows(robot, log, preparation) for log in roles.fit]
-        require_signal(train, "diagnosed")
-        choose, verify = (
-            [prepare_rows(robot, log, preparation) for log in part]
-            for part in (roles.choose, roles.verify)
+        given = read_recordings(logs, validate)
+        roles = assign_roles(given.fitted, given.held)
+        structure = Structure.of(robot, choose_model(model, usual_effects(robot)))
+        opening = open_logs(
+            structure,
+            Recordings(roles.fit, (*roles.choose, *roles.verify), given.hints),
+            partial(prepare_rows, robot, how=preparation),
+            "diagnosed",
         )
+        train, held = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
+        choose, verify = held[: len(roles.choose)], held[len(roles.choose) :]
         require_signal(verify, "verified")
         say("building columns", 0.1)
         material = gather(
-            Structure.of(robot, choose_model(model, usual_effects(robot))), train, choose,
-            streams[0], effects=effects, fixed=fixed, rules=rules, verify=verify,
-            draws=max(draws // 2, FEWEST) if quick else draws,
+            structure, train, choose, streams[0], effects=effects, fixed=fixed, rules=rules,
+            verify=verify, draws=max(draws // 2, FEWEST) if quick else draws,
         )  # fmt: skip
         say("naming effects", 0.4)
         naming = name_effects(
@@ -135,11 +140,10 @@ def diagnose(
             "effects": "all" if effects is None else list(effects), "fixed": fixed, "rules": rules,
             "draws": draws, "quick": quick, "preparation": preparation or Preparation(),
         }  # fmt: skip
-        hints = (*find_hints(robot, train), *hints, *free_again(model))
         found = replace(
             found,
-            hints=(*hints, *unused_ladder(robot, model)),
-            provenance=state_provenance(robot, [*train, *choose, *verify], seed, None, options),
+            hints=(*opening.hints, *free_again(model), *unused_ladder(robot, model)),
+            provenance=state_provenance(robot, [*train, *held], seed, None, options),
         )
         if not (forward and found.effects):
             return found

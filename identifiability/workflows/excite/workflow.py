@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
@@ -23,11 +24,10 @@ from identifiability.foundation.options import (
     within,
 )
 from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.trajectory import MOST_SAMPLES
-from identifiability.workflows.analyze.stages import Logs, Progress, prepare_logs
-from identifiability.workflows.analyze.statement import state_provenance
 from identifiability.workflows.excite.criteria import Criterion, Separation, scaled
 from identifiability.workflows.excite.limits import Limits, find_limits
 from identifiability.workflows.excite.objective import OPEN, Objective
@@ -36,6 +36,8 @@ from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import Search, search
 from identifiability.workflows.excite.series import Series
 from identifiability.workflows.excite.workspace import Workspace
+from identifiability.workflows.opening import Logs, Progress, read_logs
+from identifiability.workflows.provenance import state_provenance
 
 #: Samples at which the search looks, for each harmonic; the regressor has harmonics of its own.
 LOOKS = 12
@@ -128,7 +130,10 @@ def excite(
         say("reading logs", 0.0)
         bounds = find_limits(robot, limits)
         question = pose_question(robot, rule, model, parameters, separate)
-        logs = () if start_from is None else prepare_logs(robot, start_from, preparation)
+        logs = [
+            prepare_log(robot, log, preparation, engine=Serial())
+            for log in read_logs(() if start_from is None else start_from)
+        ]
         if start_from is not None and not logs:
             raise LogError("No log was given to start from; give at least one, or none at all.")
         objective = Objective(

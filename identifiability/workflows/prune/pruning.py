@@ -5,14 +5,13 @@ from collections.abc import Mapping
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderSource,
     Rung,
 )
-from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.opening import Opening
 from identifiability.workflows.prune.absorption import Absorption
 from identifiability.workflows.prune.elimination import Refusal
 from identifiability.workflows.prune.moves import Partition
@@ -21,15 +20,12 @@ from identifiability.workflows.prune.selection import Criterion
 from identifiability.workflows.prune.stability import Stability
 
 
-@frozen
-class Pruning(OfStructure):
+@frozen(kw_only=True)
+class Pruning(Opening):
     """The rungs from the unpruned model down, and which one to use.
 
     Attributes
     ----------
-    structure : Structure
-        The robot under the unpruned model.
-    samples, validation : tuple of Samples
     information : Information
         About the base parameters.
     start : Rung
@@ -55,16 +51,10 @@ class Pruning(OfStructure):
     fitted, held_out : Prediction
         Torque predicted by the rung to use on the logs that were fitted, and on validation logs or,
         without any, on stretches (or logs) by models fitted to the others; sums only.
-    hints : tuple of str
-        What seems to be wrong with robot file and logs, for the user to check, and what was not
-        used.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
     """
 
-    structure: Structure
-    samples: tuple[Prepared, ...]
-    validation: tuple[Prepared, ...]
     information: Information
     start: Rung
     rungs: tuple[PrunedRung, ...]
@@ -81,7 +71,6 @@ class Pruning(OfStructure):
     settings: Mapping[str, object]
     fitted: Prediction
     held_out: Prediction
-    hints: tuple[str, ...] = ()
     nothing: str = ""
 
     @property

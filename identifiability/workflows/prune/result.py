@@ -18,7 +18,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.workflows.analyze.assessment import physical_dict
 from identifiability.workflows.analyze.errors import errors_dict, tell_errors
-from identifiability.workflows.analyze.statement import state_provenance
+from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.prune.pruning import Pruning
 from identifiability.workflows.prune.words import statement
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import listing
-from identifiability.workflows.analyze.statement import state_physics
+from identifiability.workflows.analyze.words import state_physics
 from identifiability.workflows.prune.pruning import Pruning
 
 

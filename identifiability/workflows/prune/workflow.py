@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -25,7 +26,7 @@ from identifiability.foundation.options import (
 )
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.physical.feasibility import PhysicalResult, assess_feasibility
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
@@ -37,22 +38,20 @@ from identifiability.regression.reduction import (
     ladder_model,
     unused_ladder,
 )
-from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import RungResult, assess_ladder
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.stages import (
+from identifiability.workflows.analyze.words import WORSE
+from identifiability.workflows.opening import (
     Logs,
+    Opening,
     Progress,
-    find_hints,
     open_logs,
-    prepare_logs,
-    require_signal,
+    read_recordings,
     running,
     share,
 )
-from identifiability.workflows.analyze.statement import WORSE
 from identifiability.workflows.prune.absorption import absorb
 from identifiability.workflows.prune.moves import Move
 from identifiability.workflows.prune.prediction import RungErrors, plan_unseen, predict_rungs
@@ -139,15 +138,15 @@ def prune(
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         source = find_ladder(robot, ladder, beside=False)
         say("reading logs", 0.0)
+        recordings = read_recordings(logs, validate)
+        structure = Structure.of(robot, ladder_model(source.entry), streams[0])
         reading = share(say, "reading logs", 0.0, 0.1)
-        raw, raw_held, hints = open_logs(logs, validate)
-        train = prepare_logs(robot, raw, preparation, runner, reading)
-        held = prepare_logs(robot, raw_held, preparation, runner)
-        require_signal(train, "pruned")
-        require_signal(held, "verified")
-        say("building the regression", 0.1)
+        prepare = partial(prepare_log, robot, how=preparation, engine=runner, progress=reading)
+        opening = open_logs(structure, recordings, prepare, "pruned")
         building = share(say, "building the regression", 0.1, 0.4)
-        task = _set_up(robot, source.entry, train, held, estimator, streams[0], runner, building)
+        information = gather_information(opening.regression, engine=runner, progress=building)
+        start = build_ladder(LadderEntry(models=source.entry.models[:1]), structure)[0]
+        task = _Task(opening, information, start, estimator)
         say("walking down the ladder", 0.4)
         wishes = _check_wishes(task.start, forbid, force)
         search = _search(task, wishes, streams[1], propose=propose, reach=reach)
@@ -157,7 +156,7 @@ def prune(
             share(say, "measuring errors", 0.5, 0.7),
         )  # fmt: skip
     with threadpool_limits(1, "blas"):
-        if not held:
+        if not opening.validation:
             result = replace(result, error_ra_validation=rungs[chosen].error_ra_unseen)
         say("resampling", 0.7)
         stability = assess_stability(
@@ -166,53 +165,57 @@ def prune(
             samples=task.information.samples, say=lambda s: say("resampling", 0.7 + 0.3 * s),
             engine=engine,
         )  # fmt: skip
-        hints += check_cutoff(task.regression, held, raw, result, estimator, preparation)
+        bands = check_cutoff(opening, recordings, result, estimator, preparation)
         absorption = absorb(
             task.start.reduce(task.information), rungs[0].estimate, rungs[chosen].estimate,
             search.path.steps[chosen].partition,
         )  # fmt: skip
         return Ladder(
-            task.structure, train, held, task.information, task.start, rungs, chosen, result,
-            search.path.refused, stability, absorption,
-            criterion, estimator.name, seed, least_error(search.path.steps), source,
-            {
-                "forbid": list(forbid), "force": list(force), "propose": propose, "reach": reach,
-                "replicates": replicates, "cad_weight": cad_weight,
+            structure=structure,
+            samples=opening.samples,
+            validation=opening.validation,
+            hints=(*opening.hints, *bands, *unused_ladder(robot, ladder)),
+            information=task.information,
+            start=task.start,
+            rungs=rungs,
+            selected=chosen,
+            result=result,
+            refused=search.path.refused,
+            stability=stability,
+            absorption=absorption,
+            criterion=criterion,
+            method=estimator.name,
+            seed=seed,
+            least=least_error(search.path.steps),
+            source=source,
+            settings={
+                "forbid": list(forbid),
+                "force": list(force),
+                "propose": propose,
+                "reach": reach,
+                "replicates": replicates,
+                "cad_weight": cad_weight,
                 "preparation": preparation or Preparation(),
             },
-            *found, (*find_hints(robot, train), *hints, *unused_ladder(robot, ladder)),
-            nothing,
-        )  # fmt: skip
+            fitted=found[0],
+            held_out=found[1],
+            nothing=nothing,
+        )
 
 
 @frozen
 class _Task:
-    """What is pruned."""
+    """What is pruned: a model, and what the logs say of all its base parameters."""
 
-    structure: Structure
-    start: Rung
-    train: tuple[Prepared, ...]
-    held: tuple[Prepared, ...]
-    regression: Regression
+    opening: Opening
     information: Information
+    start: Rung
     estimator: Estimator
 
-
-def _set_up(
-    robot: Robot,
-    ladder: LadderEntry,
-    train: tuple[Prepared, ...],
-    held: tuple[Prepared, ...],
-    estimator: Estimator,
-    rng: np.random.Generator,
-    engine: Engine,
-    progress: Steps,
-) -> _Task:
-    structure = Structure.of(robot, ladder_model(ladder), rng)
-    start = build_ladder(LadderEntry(models=ladder.models[:1]), structure)[0]
-    regression = structure.regression(train)
-    information = gather_information(regression, engine=engine, progress=progress)
-    return _Task(structure, start, train, held, regression, information, estimator)
+    @property
+    def structure(self) -> Structure:
+        """The robot under the unpruned model."""
+        return self.opening.structure
 
 
 def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> Wishes:
@@ -232,7 +235,7 @@ def _search(
     task: _Task, wishes: Wishes, rng: np.random.Generator, *, propose: bool, reach: float
 ) -> Search:
     start, structure = task.start, task.structure
-    unseen = unseen_regressor(structure, task.train, rng, reach) @ start.M
+    unseen = unseen_regressor(structure, task.opening.samples, rng, reach) @ start.M
     suggested: list[Move] = (
         propose_moves(structure, start.columns)
         if propose
@@ -286,9 +289,10 @@ def _measure(
     models = [rung_of(task.start, s) for s in steps]
     parts = [m.reduce(task.information) for m in models]
     fits = [task.estimator.fit(p) for p in parts]
-    held = task.structure.regression(task.held) if task.held else None
+    opening = task.opening
+    held = opening.structure.regression(opening.validation) if opening.validation else None
     found = predict_rungs(
-        task.regression, held, models, fits, chosen, physical,
+        opening.regression, held, models, fits, chosen, physical,
         plan_unseen(search, task.start, task.information), engine=engine, progress=progress,
     )  # fmt: skip
     (result,) = assess_ladder(

@@ -8,7 +8,8 @@ import pytest
 
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import INERTIAL
-from identifiability.workflows.analyze.statement import doubt, state_answer, state_physics
+from identifiability.logs.prepare.survey import explain_silence
+from identifiability.workflows.analyze.words import doubt, state_answer, state_physics
 
 
 @dataclass
@@ -113,7 +114,8 @@ def log(*, moves=True, varies=True):
 def doubted(error, constant, *logs):
     models = (Judged(error_ra_validation=error), Judged(error_ra_validation=0.01))
     held_out = SimpleNamespace(constant_error=lambda: constant)
-    results, why = doubt(logs or (log(),), models, 0, held_out)
+    silence = explain_silence([x.survey for x in logs or (log(),)])
+    results, why = doubt(silence, models, 0, held_out)
     assert [r.withdrawn for r in results] == [why, why]
     return why
 

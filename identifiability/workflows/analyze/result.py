@@ -1,7 +1,5 @@
 """`Analysis`: the answer to which parameters the logs determine; a table, JSON or a report."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
@@ -15,33 +13,26 @@ from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource
-from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows.analyze.arviz import Which, build_datatree
 from identifiability.workflows.analyze.assessment import RungResult, physical_dict
 from identifiability.workflows.analyze.belief import Belief, belief_dict
 from identifiability.workflows.analyze.errors import errors_dict, tell_errors
-from identifiability.workflows.analyze.statement import (
-    state_answer,
-    state_physics,
-    state_provenance,
-)
+from identifiability.workflows.analyze.words import state_answer, state_physics
+from identifiability.workflows.opening import Opening
+from identifiability.workflows.provenance import state_provenance
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
 
-@frozen
-class Analysis(OfStructure, Result):
+@frozen(kw_only=True)
+class Analysis(Result, Opening):
     """The answer. `to_frame`, `to_json` and `write_report` give it away.
 
     Attributes
     ----------
-    structure : Structure
-        The robot under the unpruned model.
-    samples, validation : tuple of Samples
     information : Information
         Of the full base model on the fitted logs.
     models : tuple of RungResult
@@ -55,8 +46,6 @@ class Analysis(OfStructure, Result):
         Posteriors of the selected model, where they were asked for.
     method, seed, thresholds
         As asked for.
-    hints : tuple of str
-        What seems to be wrong with the logs, for the user to check.
     source : LadderSource or None
         Where the models came from.
     settings : mapping
@@ -67,9 +56,6 @@ class Analysis(OfStructure, Result):
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
-    structure: Structure
-    samples: tuple[Prepared, ...]
-    validation: tuple[Prepared, ...]
     information: Information
     models: tuple[RungResult, ...]
     selected: int
@@ -79,7 +65,6 @@ class Analysis(OfStructure, Result):
     seed: int
     belief: Belief | None = None
     thresholds: Thresholds = field(default_factory=Thresholds)
-    hints: tuple[str, ...] = ()
     source: LadderSource | None = None
     settings: Mapping[str, object] = field(default_factory=dict)
     nothing: str = ""
@@ -179,7 +164,7 @@ class Analysis(OfStructure, Result):
             "provenance": self.provenance,
         }
 
-    def to_arviz(self, posterior: Which = "physical") -> DataTree:
+    def to_arviz(self, posterior: Which = "physical") -> "DataTree":
         """Return a posterior of the selected model for ArviZ; needs the extra ``arviz``.
 
         Parameters

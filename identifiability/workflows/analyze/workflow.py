@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -11,7 +13,7 @@ from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.survey import explain_silence
+from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.regression.information import gather_information
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.regression.reduction import (
@@ -22,25 +24,20 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.analyze.answer import Analysis
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.stages import (
+from identifiability.workflows.analyze.fit import fit_ladder, plan_cross_validation
+from identifiability.workflows.analyze.form_belief import believe
+from identifiability.workflows.analyze.result import Analysis
+from identifiability.workflows.analyze.words import doubt
+from identifiability.workflows.opening import (
     Logs,
     Progress,
-    believe,
-    find_hints,
-    fit_ladder,
     open_logs,
-    plan_cross_validation,
-    prepare_logs,
-    require_signal,
+    read_recordings,
     running,
     share,
 )
-from identifiability.workflows.analyze.statement import doubt
-
-__all__ = ["Analysis", "analyze"]
 
 
 @checked
@@ -101,22 +98,16 @@ def analyze(
     with threadpool_limits(1, "blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         source = find_ladder(robot, ladder, beside=True)
-        model = ladder_model(source.entry)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
             say("reading logs", 0.0)
-            reading = share(say, "reading logs", 0.0, 0.2)
-            raw, raw_held, hints = open_logs(logs, validate)
-            train = prepare_logs(robot, raw, preparation, runner, reading)
-            held = prepare_logs(robot, raw_held, preparation, runner)
-            silence = explain_silence([s.survey for s in train])
-            require_signal(held, "verified")
-            held = () if silence else held
-            say("finding base parameters", 0.2)
-            structure = Structure.of(robot, model, streams[0])
+            recordings = read_recordings(logs, validate)
+            structure = Structure.of(robot, ladder_model(source.entry), streams[0])
+            reading = share(say, "reading logs", 0.1, 0.3)
+            prepare = partial(prepare_log, robot, how=preparation, engine=runner, progress=reading)
+            opening = open_logs(structure, recordings, prepare)
             rungs = build_comparison(source.entry, structure)
-            say("building the regression", 0.3)
-            regression = structure.regression(train)
             building = share(say, "building the regression", 0.3, 0.6)
+            regression, silence = opening.regression, opening.silence
             information = gather_information(regression, engine=runner, progress=building)
             mixed = "" if silence else find_mix_up(regression, structure.base.nonnegative)
             say("fitting models", 0.6)
@@ -125,15 +116,16 @@ def analyze(
             )
             in_file = np.stack([p.in_file for p in physical], 1)
             tasks = [Task(np.hstack([values, in_file])[None])]
-            if not held and not silence:
+            if not opening.validation and not silence:
                 tasks.append(
                     plan_cross_validation(regression, structure, information, rungs, estimator)
                 )
             predicting = share(say, "predicting torque", 0.65, 0.9)
             fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
             crossed = [fitted] if silence else crossed
-            if held:
-                crossed = [predict(structure.regression(held), values, engine=runner)]
+            if opening.validation:
+                held = structure.regression(opening.validation)
+                crossed = [predict(held, values, engine=runner)]
         say("judging parameters", 0.9)
         thresholds = Thresholds()
         out = crossed[0]
@@ -142,18 +134,31 @@ def analyze(
             thresholds, streams[1], replicates,
         )  # fmt: skip
         at = select_model(results)
-        results, nothing = doubt(train, results, at, out)
-        bands = check_cutoff(regression, held, raw, results[at], estimator, preparation)
+        results, nothing = doubt(silence, results, at, out)
+        bands = check_cutoff(opening, recordings, results[at], estimator, preparation)
         belief = None
         if posterior:
-            results, belief = believe(structure, information, results, at, streams[2], say, train)
+            results, belief = believe(structure, information, results, at, streams[2], say, silence)
         return Analysis(
-            structure, train, held, information, results, at,
-            fitted.first(len(rungs)), out.first(len(rungs)), estimator.name, seed, belief,
-            thresholds, (*find_hints(robot, train, mixed), *hints, *bands), source,
-            {
-                "replicates": replicates, "posterior": posterior, "cad_weight": cad_weight,
+            structure=structure,
+            samples=opening.samples,
+            validation=opening.validation,
+            hints=tuple(filter(None, (mixed, *opening.hints, *bands))),
+            information=information,
+            models=results,
+            selected=at,
+            fitted=fitted.first(len(rungs)),
+            held_out=out.first(len(rungs)),
+            method=estimator.name,
+            seed=seed,
+            belief=belief,
+            thresholds=thresholds,
+            source=source,
+            settings={
+                "replicates": replicates,
+                "posterior": posterior,
+                "cad_weight": cad_weight,
                 "preparation": preparation or Preparation(),
             },
-            nothing,
-        )  # fmt: skip
+            nothing=nothing,
+        )

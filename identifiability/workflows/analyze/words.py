@@ -1,30 +1,19 @@
-"""The answer of an analysis in plain words, and what it was made from."""
+"""The answer of an analysis in plain words."""
 
 from __future__ import annotations
 
-import platform
-from collections.abc import Mapping, Sequence
-from hashlib import sha256
-from importlib import metadata
-
-import clarabel
+from collections.abc import Sequence
 
 from identifiability.estimation.evaluation import Prediction
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.engines.fingerprint import NUMERICS
 from identifiability.foundation.errors import listing
-from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.logs.prepare.survey import explain_silence
 from identifiability.physical.mass import state_mass
 from identifiability.regression.base_parameters import BaseParameters
-from identifiability.regression.reduction import LadderSource
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import RungResult
 
 #: Why no verdict is believed where a model would be used that is no better than no model.
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"
-
-_PACKAGES = ("identifiability", *NUMERICS, "pandas")
 
 
 def state_answer(
@@ -96,20 +85,20 @@ def _state_certificate(chosen: RungResult) -> str:
 
 
 def doubt(
-    samples: Sequence[Prepared], results: tuple[RungResult, ...], at: int, held_out: Prediction
+    silence: str, results: tuple[RungResult, ...], at: int, held_out: Prediction
 ) -> tuple[tuple[RungResult, ...], str]:
     """Take the verdicts back where none can be believed; return them, and why not.
 
     Parameters
     ----------
-    samples : sequence of Samples
-        That were fitted.
+    silence : str
+        Why the fitted logs have nothing to explain; empty if they do.
     results : tuple of RungResult
     at : int
         The selected model.
     held_out : Prediction
     """
-    why = explain_silence([s.survey for s in samples])
+    why = silence
     if not why and not results[at].error_ra_validation < held_out.constant_error():
         why = WORSE
     return (tuple(r.withdraw(why) for r in results) if why else results), why
@@ -126,41 +115,3 @@ def _why_none(base: BaseParameters, models: Sequence[RungResult], chosen: RungRe
             "noise hides these"
         )
     return "the residual hides every parameter"
-
-
-def state_provenance(
-    robot: Robot,
-    samples: Sequence[Prepared],
-    seed: int,
-    source: LadderSource | None = None,
-    options: Mapping[str, object] | None = None,
-) -> dict[str, str]:
-    """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
-    out = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            out[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            out[package] = "not installed"
-    out["seed"] = str(seed)
-    out["solver"] = _solver_settings()
-    out.update({name: str(value) for name, value in (options or {}).items()})
-    out[f"sha256 {robot.path.name}"] = robot.sha256
-    if robot.sidecar is not None:
-        out["sidecar"] = robot.sidecar.name
-        out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
-    if source is not None:
-        out["ladder"] = source.origin
-        out["sha256 ladder"] = source.sha256
-    for s in samples:
-        out[f"sha256 {s.name}"] = s.sha256
-    return out
-
-
-def _solver_settings() -> str:
-    """Return the solver of the physical set and its tolerances, which are its own defaults."""
-    own = clarabel.DefaultSettings()
-    return (
-        f"clarabel, tol_gap_rel {own.tol_gap_rel:g}, tol_feas {own.tol_feas:g}, "
-        f"max_iter {own.max_iter}"
-    )

@@ -1,0 +1,78 @@
+"""Fit the models of a ladder and find the real robots nearest to them; plan cross-validation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.evaluation import Task, choose_folds, leave_out, take_turns
+from identifiability.estimation.least_squares import leave_open
+from identifiability.foundation.names import Array
+from identifiability.physical.feasibility import (
+    PhysicalResult,
+    assess_feasibility,
+    find_nearest,
+    leave_undecided,
+)
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import Rung
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
+
+
+def fit_ladder(
+    structure: Structure,
+    rungs: Sequence[Rung],
+    information: Information,
+    estimator: Estimator,
+    cad_weight: float = 0.0,
+    silence: str = "",
+) -> tuple[list[Estimate], list[PhysicalResult], Array]:
+    """Return the estimates, the nearest real robots, and the base parameters of both, (b, 2 m).
+
+    With `silence`, which says why there is nothing to explain, nothing is fitted.
+    """
+    fits, physical = [], []
+    for rung in rungs:
+        reduced = rung.reduce(information)
+        if silence:
+            fits.append(leave_open(reduced, estimator))
+            physical.append(leave_undecided(structure, rung, silence))
+            continue
+        fits.append(estimator.fit(reduced))
+        physical.append(
+            assess_feasibility(structure, rung, information, reduced, fits[-1], cad_weight)
+        )
+    return fits, physical, _base_values(rungs, fits, physical)
+
+
+def plan_cross_validation(
+    regression: Regression,
+    structure: Structure,
+    information: Information,
+    rungs: Sequence[Rung],
+    estimator: Estimator,
+) -> Task:
+    """Return how every stretch of the logs is predicted by models fitted to the others."""
+    folds = choose_folds(information)
+    values = []
+    for fold in range(int(folds.max()) + 1):
+        rest = leave_out(information, folds, fold)
+        parts = [rung.reduce(rest) for rung in rungs]
+        fits = [estimator.fit(part) for part in parts]
+        real = [
+            find_nearest(structure, rung, rest, part, fit)
+            for rung, part, fit in zip(rungs, parts, fits, strict=True)
+        ]
+        values.append(_base_values(rungs, fits, real))
+    return Task(np.stack(values), take_turns(information, folds))
+
+
+def _base_values(
+    rungs: Sequence[Rung], fits: Sequence[Estimate], physical: Sequence[PhysicalResult]
+) -> Array:
+    """Return the base parameters of all fits, then of all nearest real robots, (b, 2 m)."""
+    values = [r.expand(e.value) for r, e in zip(rungs, fits, strict=True)]
+    return np.stack([*values, *(p.base for p in physical)], 1)

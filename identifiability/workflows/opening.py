@@ -1,0 +1,242 @@
+"""`Opening`: what a verb knows before it judges: a robot under a model, logs that say something.
+
+What to use when: `read_recordings` gives the logs, every row once; `open_logs` prepares them and
+refuses those that have nothing to explain; `running` and `share` say where that is done and how far
+it is.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import pandas as pd
+
+from identifiability.foundation.engines.local import Processes
+from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.options import Expected
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile, open_log
+from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare.longsamples import LongSamples, Prepared
+from identifiability.logs.prepare.survey import explain_silence, torque_varies
+from identifiability.logs.repeats import Recording, drop_repeats
+from identifiability.physical.feasibility import find_impossible_bodies
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import OfStructure, Structure
+from identifiability.robot import Robot
+
+LogLike = Log | LogFile | str | Path | pd.DataFrame
+Logs = Annotated[
+    Sequence[LogLike] | LogLike,
+    Expected("a log (the path of a file, a DataFrame or a Log) or a list of logs"),
+]
+Progress = Annotated[
+    Callable[[str, float], None], Expected("a function that takes a text and the share done")
+]
+
+
+@frozen
+class Recordings:
+    """Logs as they were measured, every row once.
+
+    Attributes
+    ----------
+    fitted, held : tuple of Log or LogFile
+    hints : tuple of str
+        On those that repeat others.
+    """
+
+    fitted: tuple[Recording, ...]
+    held: tuple[Recording, ...] = ()
+    hints: tuple[str, ...] = ()
+
+
+@frozen(kw_only=True)
+class Opening(OfStructure):
+    """What a verb knows before it judges anything.
+
+    Attributes
+    ----------
+    structure : Structure
+        The robot under the unpruned model.
+    samples, validation : tuple of Samples
+        Logs that are fitted, and that are held out.
+    hints : tuple of str
+        What seems to be wrong with robot file and logs, for the user to check.
+    """
+
+    structure: Structure
+    samples: tuple[Prepared, ...]
+    validation: tuple[Prepared, ...]
+    hints: tuple[str, ...]
+
+    @cached_property
+    def regression(self) -> Regression:
+        """Columns of the base parameters along the fitted motion."""
+        return self.structure.regression(self.samples)
+
+    @cached_property
+    def silence(self) -> str:
+        """Why the fitted logs have nothing to explain, for after "because"; nothing if they do."""
+        return explain_silence([s.survey for s in self.samples])
+
+
+@contextmanager
+def running(engine: Engine | None) -> Iterator[Engine]:
+    """Give the engine that was asked for, or else several processes that end with the work."""
+    if engine is not None:
+        yield engine
+        return
+    with Processes() as processes:
+        yield processes
+
+
+def share(say: Progress, text: str, start: float, stop: float) -> Steps:
+    """Return what tells the progress of one stage, which takes so much of the whole."""
+    return lambda done, total: say(text, start + (stop - start) * done / max(total, 1))
+
+
+def read_logs(logs: Logs) -> list[Log | LogFile]:
+    """Return logs, however they are given; long files stay files."""
+    one = isinstance(logs, (Log, LogFile, str, Path, pd.DataFrame))
+    several: list[LogLike] = [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
+    out: list[Log | LogFile] = []
+    for k, item in enumerate(several):
+        if isinstance(item, pd.DataFrame):
+            out.append(Log.from_frame(item, f"log {k + 1}"))
+        else:
+            out.append(item if isinstance(item, (Log, LogFile)) else open_log(item))
+    return out
+
+
+def read_recordings(logs: Logs, validate: Logs = ()) -> Recordings:
+    """Return fitted and held-out logs, every row once.
+
+    Raises
+    ------
+    LogError
+        If there is none to fit, or one is given twice.
+    """
+    train, held = read_logs(logs), read_logs(validate)
+    if not train:
+        raise LogError("No log was given; give at least one.")
+    check_held_out(train, held)
+    fitted, unseen, hints = drop_repeats(train, held)
+    return Recordings(tuple(fitted), tuple(unseen), hints)
+
+
+def check_held_out(
+    train: Sequence[Prepared | Log | LogFile], held: Sequence[Prepared | Log | LogFile]
+) -> None:
+    """Refuse a log that is given twice: its repetition would pass for new evidence."""
+    seen: dict[str, str] = {}
+    for s in train:
+        if s.sha256 and s.sha256 in seen:
+            raise LogError(
+                f"The log {s.name} is given twice (as {seen[s.sha256]} before); give each log once."
+            )
+        seen[s.sha256] = s.name
+    for s in held:
+        if s.sha256 in seen:
+            raise LogError(
+                f"The validation log {s.name} is the log {seen[s.sha256]} that is fitted; its "
+                "error would say nothing about unseen motion: give another log, or none for "
+                "cross-validation."
+            )
+
+
+Held = TypeVar("Held", Log, Samples)
+
+
+def in_memory(
+    logs: Sequence[Log | LogFile | Samples | LongSamples], kind: type[Held]
+) -> list[Held]:
+    """Return logs, or samples, for what needs all of them at once.
+
+    Raises
+    ------
+    LogError
+        If one is too long.
+    """
+    out: list[Held] = []
+    for log in logs:
+        if not isinstance(log, kind):
+            raise LogError(
+                f"{log.name} is too long to be held in memory, which this needs; give a stretch "
+                "of it."
+            )
+        out.append(log)
+    return out
+
+
+def open_logs(
+    structure: Structure,
+    recordings: Recordings,
+    prepare: Callable[[Recording], Prepared],
+    done: str = "",
+) -> Opening:
+    """Prepare the logs and look for something to explain in them.
+
+    Parameters
+    ----------
+    structure : Structure
+    recordings : Recordings
+    prepare : callable(Log or LogFile) -> Samples
+    done : str
+        What cannot be done, as a participle, with fitted logs that have nothing to explain;
+        empty where that is an answer too: then nothing is held out either.
+
+    Raises
+    ------
+    LogError
+    """
+    train = tuple(map(prepare, recordings.fitted))
+    held = tuple(map(prepare, recordings.held))
+    if done:
+        require_signal(train, done)
+    require_signal(held, "verified")
+    hints = (*find_hints(structure.robot, train), *recordings.hints)
+    opening = Opening(structure=structure, samples=train, validation=held, hints=hints)
+    return replace(opening, validation=()) if opening.silence else opening
+
+
+def require_signal(samples: Sequence[Prepared], done: str) -> None:
+    """Refuse logs that have nothing to explain.
+
+    Parameters
+    ----------
+    samples : sequence of Samples
+    done : str
+        What cannot be done, as a participle.
+
+    Raises
+    ------
+    LogError
+    """
+    why = explain_silence([s.survey for s in samples]) if samples else ""
+    if why:
+        names = listing([s.name for s in samples], 4)
+        raise LogError(
+            f"Nothing can be {done}, because {why} ({names}); give logs in which the robot moves "
+            "and its torque changes."
+        )
+
+
+def find_hints(robot: Robot, samples: Sequence[Prepared]) -> tuple[str, ...]:
+    """Return what seems to be wrong with robot file and torque columns, a sentence each."""
+    surveys = [s.survey for s in samples]
+    varies = torque_varies(surveys)
+    dead = [j for j, good in zip(robot.joints, varies, strict=True) if not good]
+    found = [find_impossible_bodies(robot)]
+    if dead and varies.any():
+        columns = listing([f"'{j}.tau'" for j in dead], 6)
+        found.append(
+            f"The torque in {columns} never changes: if it was not measured, every number and "
+            "verdict here is wrong; check the column."
+        )
+    return tuple(text for text in found if text)

@@ -1,0 +1,55 @@
+"""What decided the numbers of a result: versions, seed, options, and hashes of what went in."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+from importlib import metadata
+
+import clarabel
+
+from identifiability.foundation.engines.fingerprint import NUMERICS
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.regression.reduction import LadderSource
+from identifiability.robot import Robot
+
+_PACKAGES = ("identifiability", *NUMERICS, "pandas")
+
+
+def state_provenance(
+    robot: Robot,
+    samples: Sequence[Prepared],
+    seed: int,
+    source: LadderSource | None = None,
+    options: Mapping[str, object] | None = None,
+) -> dict[str, str]:
+    """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
+    out = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            out[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            out[package] = "not installed"
+    out["seed"] = str(seed)
+    out["solver"] = _solver_settings()
+    out.update({name: str(value) for name, value in (options or {}).items()})
+    out[f"sha256 {robot.path.name}"] = robot.sha256
+    if robot.sidecar is not None:
+        out["sidecar"] = robot.sidecar.name
+        out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
+    if source is not None:
+        out["ladder"] = source.origin
+        out["sha256 ladder"] = source.sha256
+    for s in samples:
+        out[f"sha256 {s.name}"] = s.sha256
+    return out
+
+
+def _solver_settings() -> str:
+    """Return the solver of the physical set and its tolerances, which are its own defaults."""
+    own = clarabel.DefaultSettings()
+    return (
+        f"clarabel, tol_gap_rel {own.tol_gap_rel:g}, tol_feas {own.tol_feas:g}, "
+        f"max_iter {own.max_iter}"
+    )
