@@ -2,78 +2,93 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import null_space
 
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.prune.elimination import Path, walk
-from identifiability.workflows.prune.folds import Errors, Fit
+from identifiability.workflows.prune.folds import Errors, Fit, Folds
+from identifiability.workflows.prune.moves import Move
 from identifiability.workflows.prune.proposals import propose_moves
 from identifiability.workflows.prune.search import find_path
 from inside.pair import Array, Pair, all_rows, difference, timed
 
 
 @dataclass(frozen=True)
-class RowFit(Fit):
-    """The fits that the walk asks for, each by least squares on all rows.
+class RowRefits:
+    """Fits to everything and without each fold, each by least squares on all rows.
 
     Attributes
     ----------
+    folds : Folds
     Y, target : (R, k), (R,)
-        Rows in the walk's coordinates.
+        Rows in the coordinates of the folds.
     stretch : (R,) int
     held : (r, k)
         Constraints so far, ``held @ y = 0``.
     """
 
+    folds: Folds
     Y: Array
     target: Array
     stretch: np.ndarray
     held: Array
 
-    def _solve(self, free: Array, rows: np.ndarray | slice = slice(None)) -> Array:
-        z = np.linalg.lstsq(self.Y[rows] @ free, self.target[rows], rcond=None)[0]
-        return free @ z
+    @cached_property
+    def free(self) -> Array:
+        """A basis of what the constraints leave free, (k, m)."""
+        return null_space(self.held, rcond=1e-7)
 
-    def _rss(self, y: Array) -> float:
-        residual = self.target - self.Y @ y
+    def solve(self, rows: np.ndarray | slice = slice(None)) -> Array:
+        """Return the fit to some rows, (k,)."""
+        part = self.Y[rows] @ self.free
+        return self.free @ np.linalg.lstsq(part, self.target[rows], rcond=None)[0]
+
+    @property
+    def rss(self) -> float:
+        """The residual sum of squares of the fit to everything."""
+        residual = self.target - self.Y @ self.solve()
         return float(residual @ residual)
 
-    def _free(self, L: Array) -> Array:
-        return null_space(np.vstack([self.held, L]), rcond=1e-7)
+    @cached_property
+    def delta(self) -> Array:
+        """Each fit less that of all columns, (F + 1, k)."""
+        fold = self.folds.fold[self.stretch]
+        rest = [self.solve(fold != k) for k in range(self.folds.count)]
+        return np.array([self.solve(), *rest]) - self.folds.centre
 
-    def cost(self, L: Array) -> tuple[float, int]:
-        """Return the rise of the sum of squares under more constraints, and their rank."""
-        now = self._free(np.empty((0, self.held.shape[1])))
-        then = self._free(L)
-        rise = self._rss(self._solve(then)) - self._rss(self._solve(now))
-        return rise, now.shape[1] - then.shape[1]
+    @cached_property
+    def C(self) -> Array:
+        """Inverse information of everything, (k, k)."""
+        part = self.Y @ self.free
+        return self.free @ np.linalg.inv(part.T @ part) @ self.free.T
 
-    def costs(self, L: Array) -> tuple[Array, np.ndarray]:
-        """Return the same for each row of L by itself."""
-        found = [self.cost(row[None]) for row in L]
-        return np.array([c for c, _ in found]), np.array([r > 0 for _, r in found])
-
-    def constrain(self, L: Array) -> Fit:
+    def constrain(self, L: Array, _model: Array | None = None) -> RowRefits:
         """Return the fits under more constraints."""
-        held = np.vstack([self.held, L])
-        free = null_space(held, rcond=1e-7)
-        folds = self.folds
-        rest = [folds.fold[self.stretch] != fold for fold in range(int(folds.fold.max()) + 1)]
-        y = [self._solve(free), *(self._solve(free, rows) for rows in rest)]
-        C = free @ np.linalg.inv(free.T @ self.Y.T @ self.Y @ free) @ free.T
-        return replace(self, held=held, delta=np.array(y) - folds.centre, C=C[None])
+        return replace(self, held=np.vstack([self.held, L]))
+
+
+class RowFit(Fit):
+    """The fits that the walk asks for, each from all rows."""
+
+    def _rise(self, L: Array) -> tuple[float, int]:
+        then = self.refits.constrain(L)
+        return then.rss - self.refits.rss, self.refits.free.shape[1] - then.free.shape[1]
+
+    def costs(self, moves: Sequence[Move]) -> Array:
+        """Return the rise of the sum of squares per parameter, move by move."""
+        rises = [self._rise(self.rows(m)) for m in moves]
+        return np.array([rise / max(rank, 1) for rise, rank in rises])
 
     def errors(self) -> Errors:
         """Return the held-out errors."""
-        held = []
-        for s, fold in enumerate(self.folds.fold):
-            rows = self.stretch == s
-            y = self.folds.centre + self.delta[1 + fold]
-            held.append(float(((self.target[rows] - self.Y[rows] @ y) ** 2).sum()))
-        return Errors(np.array(held), super().errors().scatter)
+        rows, y = self.refits, self.y[1:]
+        residual = rows.target - np.einsum("rk,rk->r", rows.Y, y[self.folds.fold[rows.stretch]])
+        return Errors(np.bincount(rows.stretch, residual**2), super().errors().scatter)
 
 
 def measure(analysis: Analysis, repeats: int) -> Pair:
@@ -84,20 +99,18 @@ def measure(analysis: Analysis, repeats: int) -> Pair:
     nonnegative = np.asarray(full.rung.nonnegative)
 
     search = find_path(information, nonnegative, suggested=suggested)
-    ours, path = timed(lambda: walk(search.folds.fit(), search.start, search.plan), repeats)
+    ours, path = timed(lambda: walk(search.folds.fit(), search.plan), repeats)
 
     folds, kept = search.folds, list(search.full.kept)
     rows = all_rows(analysis, full.rung, information)
     W, tau = rows.weighted(search.full.weights)
     stretch = np.repeat(folds.stretch[rows.block], rows.tau.shape[1])
+    none = np.empty((0, folds.size))
     some = folds.fit()
-    start = RowFit(
-        folds, some.parts, some.delta, some.C, W[:, kept] @ folds.inverse, tau, stretch,
-        np.empty((0, folds.size)),
-    )  # fmt: skip
 
     def naive() -> Path:
-        return walk(start.constrain(np.empty((0, folds.size))), search.start, search.plan)
+        refits = RowRefits(folds, W[:, kept] @ folds.inverse, tau, stretch, none)
+        return walk(RowFit(folds, some.partition, some.parts, refits), search.plan)
 
     slow, other = timed(naive)
     return Pair(

@@ -38,12 +38,10 @@ def test_the_constrained_fit_by_updates_is_the_refit():
     information, _ = plant(np.random.default_rng(0))
     full = estimate(information)
     folds = gather_folds(information, full.weights, FREE)
-    start = Partition.of(information.columns)
     moves = [Move(Kind.DROP, ("p3",)), Move(Kind.TIE, tie=(("p1", "p2", "p9"),))]
-    fit, partition = folds.fit(), start
+    fit, partition = folds.fit(), Partition.of(information.columns)
     for move in moves:
-        fit = fit.constrain(folds.whiten(partition.rows(move)))
-        partition = partition.apply(move)
+        fit, partition = fit.after(move), partition.apply(move)
     M = np.stack([partition.group == g for g in partition.leaders], 1).astype(float)
     # The same weights: refitted on the reduced columns, all blocks or all but one fold's.
     for f in range(-1, 3):

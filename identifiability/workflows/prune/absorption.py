@@ -102,11 +102,10 @@ def absorb(
         elif group != k:
             rows.append(unit[k] - unit[group])
             names.append(f"{columns[k]} − {columns[group]}")
-    M = np.array([unit[partition.group == g].sum(0) for g in partition.leaders])
     return assess_absorption(
         information,
         full,
-        M.reshape(-1, len(columns)).T,
+        partition.matrix,
         survivors,
         np.array(rows).reshape(-1, len(columns)),
         tuple(names),

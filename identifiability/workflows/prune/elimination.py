@@ -111,6 +111,11 @@ class Step:
     move: Move | None = None
     evidence: Evidence | None = None
 
+    @staticmethod
+    def of(fit: Fit, move: Move | None = None, evidence: Evidence | None = None) -> Step:
+        """Return the step to the model of some fits."""
+        return Step(fit.partition, fit.errors(), fit.violations(), fit.values, move, evidence)
+
 
 @frozen
 class Refusal:
@@ -129,17 +134,16 @@ class Path:
     refused: tuple[Refusal, ...] = ()
 
 
-def walk(fit: Fit, partition: Partition, plan: Plan) -> Path:
+def walk(fit: Fit, plan: Plan) -> Path:
     """Return the path from a fit down.
 
     Parameters
     ----------
     fit : Fit
-        Of all free columns of the partition.
-    partition : Partition
+        Of all columns.
     plan : Plan
     """
-    walker = _Walker(fit, partition, plan)
+    walker = _Walker(fit, plan)
     for move in plan.forced:
         walker.make(move)
     for kind in (Kind.MERGE, Kind.ZERO, Kind.TIE):
@@ -152,83 +156,76 @@ def walk(fit: Fit, partition: Partition, plan: Plan) -> Path:
 class _Walker:
     """The state of a walk; it lives as long as `walk`."""
 
-    def __init__(self, fit: Fit, partition: Partition, plan: Plan) -> None:
-        self.fit, self.partition, self.plan = fit, partition, plan
+    def __init__(self, fit: Fit, plan: Plan) -> None:
+        self.fit, self.plan = fit, plan
         self.unit = max(fit.errors().total, 1e-300)
         self.base = max(fit.folds.scale**2, 1e-300)
-        self.steps = [Step(partition, fit.errors(), fit.violations(), fit.values)]
+        self.steps = [Step.of(fit)]
         self.refused: list[Refusal] = []
 
     def make(self, move: Move) -> None:
         """Make a move, if there is anything left for it to do."""
-        rows = self.partition.rows(move)
-        if len(rows):
-            L = self.fit.folds.whiten(rows)
-            self._step(move, L, self.fit.constrain(L))
+        if len(self.fit.rows(move)):
+            after = self.fit.after(move)
+            self._step(after, move, self._evidence(move, after))
 
-    def _step(self, move: Move, L: Array, after: Fit) -> None:
-        evidence = self._evidence(move, L, after)
-        self.fit, self.partition = after, self.partition.apply(move)
-        self.steps.append(
-            Step(self.partition, after.errors(), after.violations(), after.values, move, evidence)
-        )
+    def _step(self, after: Fit, move: Move, evidence: Evidence) -> None:
+        self.fit = after
+        self.steps.append(Step.of(after, move, evidence))
 
     def suggest(self, moves: Sequence[Move]) -> None:
         """Make those moves that the data do not contradict, cheapest first."""
         left = list(moves)
-        while left:
-            rows = [self.partition.rows(m) for m in left]
-            left = [m for m, r in zip(left, rows, strict=True) if len(r)]
-            costs = []
-            for r in rows:
-                if len(r):
-                    rise, rank = self.fit.cost(self.fit.folds.whiten(r))
-                    costs.append(rise / max(rank, 1))
-            if not left:
-                return
-            self._try(left.pop(int(np.argmin(costs))))
+        while left := [m for m in left if len(self.fit.rows(m))]:
+            self._try(left.pop(int(np.argmin(self.fit.costs(left)))))
 
     def _try(self, move: Move) -> None:
-        L = self.fit.folds.whiten(self.partition.rows(move))
-        after = self.fit.constrain(L)
-        evidence = self._evidence(move, L, after)
-        if evidence.rise > evidence.rise_se and evidence.p_value < LEVEL:
+        after = self.fit.after(move)
+        evidence = self._evidence(move, after)
+        significant = evidence.p_value < LEVEL
+        if significant and evidence.rise > evidence.rise_se:
             reason = (
                 f"The data contradict it: {evidence.say_rise('would ')}, and what it denies is "
                 f"significant (p = {evidence.p_value:.2g})."
             )
-            self.refused.append(Refusal(move, evidence, reason))
-        elif after.violations() > self.fit.violations() and evidence.p_value < LEVEL:
+        elif significant and after.violations() > self.fit.violations():
             reason = "It would give another parameter a sign that physics forbids."
-            self.refused.append(Refusal(move, evidence, reason))
         else:
-            self._step(move, L, after)
+            self._step(after, move, evidence)
+            return
+        self.refused.append(Refusal(move, evidence, reason))
 
-    def _evidence(self, move: Move, L: Array, after: Fit) -> Evidence:
+    def _evidence(self, move: Move, after: Fit) -> Evidence:
         rise, spread = after.errors().above(self.fit.errors())
+        p_value, percent = _significance(*self.fit.jackknife(move), self.fit.folds.count)
         return Evidence(
-            self.fit.cost(L)[0] / self.base, *_significance(self.fit, L), rise / self.unit,
-            spread / self.unit, self._either(move),
-        )  # fmt: skip
+            cost=self.fit.cost(move) / self.base,
+            p_value=p_value,
+            sigma_percent=percent,
+            rise=rise / self.unit,
+            rise_se=spread / self.unit,
+            either=self._either(move),
+        )
 
     def _either(self, move: Move) -> str:
         """Return the parameter that a dropped one can hardly be told from."""
         if move.kind is not Kind.DROP:
             return ""
-        gone = self.partition.alive(move.zero)
-        others = [g for g in self.partition.leaders if g not in gone]
+        partition = self.fit.partition
+        gone = partition.alive(move.zero)
+        others = [g for g in partition.leaders if g not in gone]
         if len(gone) != 1 or not others:
             return ""
         X = self.fit.folds.inverse[[*gone, *others]]
-        C = X @ self.fit.C[0] @ X.T
+        C = X @ self.fit.refits.C @ X.T
         size = np.sqrt(np.maximum(np.diag(C), 1e-300))
         rho = np.abs(C[0, 1:]) / (size[0] * size[1:])
         best = int(np.argmax(rho))
-        return self.partition.columns[others[best]] if rho[best] > EITHER else ""
+        return partition.columns[others[best]] if rho[best] > EITHER else ""
 
     def cheapest(self) -> Move | None:
         """Return the move whose loss raises the sum of squares least per parameter."""
-        p = self.partition
+        p = self.fit.partition
         paired: set[int] = set()
         moves = []
         for pair in self.plan.pairs:
@@ -242,33 +239,23 @@ class _Walker:
             m for m in [*singles, *moves]
             if m.kind is not Kind.DROP or not self.plan.kept.intersection(m.zero)
         ]  # fmt: skip
-        costs = self._costs(moves)
-        return moves[int(np.argmin(costs))] if moves else None
-
-    def _costs(self, moves: Sequence[Move]) -> list[float]:
-        rows = [self.partition.rows(m) for m in moves]
-        if not rows:
-            return []
-        whole = self.fit.folds.whiten(np.concatenate(rows))
-        single, _ = self.fit.costs(whole)
-        costs, at = [], 0
-        for r in rows:
-            if len(r) == 1:
-                costs.append(float(single[at]))
-            else:
-                rise, rank = self.fit.cost(whole[at : at + len(r)])
-                costs.append(rise / max(rank, 1))
-            at += len(r)
-        return costs
+        return moves[int(np.argmin(self.fit.costs(moves)))] if moves else None
 
 
-def _significance(fit: Fit, L: Array) -> tuple[float, float]:
-    """Return the p-value of ``L y = 0`` by Hotelling's T², and σ%, by the jackknife over folds."""
-    d, covariance = fit.jackknife(L)
-    F, r = len(fit.delta) - 1, len(d)
-    single = float(np.mean(d**2 / np.maximum(np.diag(covariance), 1e-300)))
+def _significance(denied: Array, covariance: Array, folds: int) -> tuple[float, float]:
+    """Return the p-value of what a move denies being zero by Hotelling's T², and its σ%.
+
+    Parameters
+    ----------
+    denied : (r,)
+    covariance : (r, r)
+        By the jackknife over the folds.
+    folds : int
+    """
+    F, r = folds, len(denied)
+    single = float(np.mean(denied**2 / np.maximum(np.diag(covariance), 1e-300)))
     percent = 100.0 / np.sqrt(max(single, 1e-300))
     if r + 1 >= F:  # too few folds for their covariance: the mean of the single tests
         return float(f_distribution.sf(single, 1, max(F - 1, 1))), percent
-    t2 = float(d @ np.linalg.pinv(covariance, hermitian=True) @ d)
+    t2 = float(denied @ np.linalg.pinv(covariance, hermitian=True) @ denied)
     return float(f_distribution.sf(t2 * (F - r) / (r * (F - 1)), r, F - r)), percent

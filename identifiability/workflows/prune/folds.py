@@ -1,8 +1,8 @@
 """Held-out errors of many models of one regression, from `Information` alone.
 
-Every model is the full one under linear constraints (a column zero, two columns equal), so it is
-reached from the full fit by an update that costs k², for all folds at once. The coordinates are
-those in which the full information is the unit matrix: nothing is lost by squaring.
+Every model is the full one under linear constraints (a column zero, two columns equal); its fits
+to everything and without each fold are the estimator's own (`estimation.refits`). The coordinates
+are those in which the full information is the unit matrix: nothing is lost by squaring.
 
 Two things make up the error of a model on motion that it was not fitted to. Stretches of the log
 that a fit has not seen show what the model lacks and what noise does to it along *this* motion. A
@@ -13,11 +13,22 @@ joints take positions, velocities and accelerations within the ranges of the log
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
+from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.least_squares import (
+    OrdinaryLeastSquares,
+    UpdatedRefits,
+    refits_like_least_squares,
+)
+from identifiability.estimation.refits import Asked, Refits
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
+from identifiability.workflows.prune.moves import Move, Partition
 
 #: Stretches of time that errors are counted over; with one log also the folds.
 STRETCHES = 16
@@ -25,12 +36,11 @@ STRETCHES = 16
 #: Fewest stretches of a log among several.
 FEWEST = 4
 
-#: Keeps a fold solvable in which a column never acts; columns have about unit length.
-RIDGE = 1e-9
-
 #: A constraint whose share of its first variance is below this holds already.
 HELD = 1e-10
 
+#: What refits where nobody says.
+LEAST_SQUARES = OrdinaryLeastSquares()
 
 #: From this many logs on, whole logs are left out; fewer are divided into stretches.
 FEWEST_LOGS = 4
@@ -46,9 +56,9 @@ class Folds:
     inverse : (k, k)
         ``x = inverse @ y``.
     centre : (k,)
-        y of the full fit.
+        y of the full least-squares fit.
     scale : float
-        Root of the full fit's residual sum of squares.
+        Root of its residual sum of squares.
     blocks : (B, k + 1, k + 1)
         Gram matrices of the blocks; residual ``Z (centre - y, scale)``.
     stretch : (B,) int
@@ -58,6 +68,8 @@ class Folds:
     unseen : (k, k)
         Gram matrix of as many states drawn from the ranges of the log; zero without.
     nonnegative : (k,) bool
+    asked : Asked or None
+        What refits; None where updates of the Gram matrices are what the estimator does.
     """
 
     columns: tuple[str, ...]
@@ -69,11 +81,17 @@ class Folds:
     fold: np.ndarray
     unseen: Array
     nonnegative: np.ndarray
+    asked: Asked | None
 
     @property
     def size(self) -> int:
         """Number of columns k."""
         return len(self.columns)
+
+    @property
+    def count(self) -> int:
+        """Number of folds F."""
+        return int(self.fold.max()) + 1
 
     def whiten(self, rows: Array) -> Array:
         """Return constraints ``L x = 0`` (r, k) in the coordinates y, rows of unit length."""
@@ -82,7 +100,7 @@ class Folds:
         return unit
 
     def fit(self, counts: Array | None = None) -> Fit:
-        """Return the unconstrained fits to everything and to each fold's rest.
+        """Return the fits of all columns to everything and to each fold's rest.
 
         Parameters
         ----------
@@ -90,88 +108,109 @@ class Folds:
             How often each block counts, for a bootstrap replicate.
         """
         weights = np.ones(len(self.blocks)) if counts is None else counts
-        S, F = len(self.fold), int(self.fold.max()) + 1
+        S, F = len(self.fold), self.count
         member = np.zeros((S, len(self.blocks)))
         member[self.stretch, np.arange(len(self.blocks))] = weights
         shape = (-1, self.size + 1, self.size + 1)
         parts = (member @ self.blocks.reshape(len(self.blocks), -1)).reshape(shape)
-        of_fold = np.zeros((F, S))
-        of_fold[self.fold, np.arange(S)] = 1.0
-        held = (of_fold @ parts.reshape(S, -1)).reshape(shape)
-        whole = held.sum(0)
-        A = np.concatenate([whole[None], whole - held])
-        k = self.size
-        C = np.linalg.inv(A[:, :k, :k] + RIDGE * np.eye(k))
-        delta = np.einsum("fij,fj->fi", C, A[:, :k, k]) * self.scale
-        return Fit(self, parts, delta, 0.5 * (C + C.transpose(0, 2, 1)))
+        of_fold = (np.arange(F)[:, None] == self.fold).astype(float)
+        refits: Refits
+        if self.asked is None:
+            held = (of_fold @ parts.reshape(S, -1)).reshape(shape)
+            refits = UpdatedRefits.of(held, self.centre, self.scale)
+        else:
+            left_out = np.vstack([np.zeros(S), of_fold])[:, self.stretch]
+            refits = self.asked.start(weights, 1.0 - left_out)
+        return Fit(self, Partition.of(self.columns), parts, refits)
 
 
 @frozen
 class Fit:
-    """Fits of one model to everything (first) and to the rest of each fold.
+    """Fits of one model to everything (first) and to the rest of each of F folds.
 
     Attributes
     ----------
     folds : Folds
+    partition : Partition
+        What became of each column.
     parts : (S, k + 1, k + 1)
         Gram matrix of each stretch.
-    delta : (F + 1, k)
-        ``y - centre``.
-    C : (F + 1, k, k)
-        Inverse information under the constraints so far.
+    refits : Refits
     """
 
     folds: Folds
+    partition: Partition
     parts: Array
-    delta: Array
-    C: Array
+    refits: Refits
+
+    @property
+    def y(self) -> Array:
+        """Parameters of each fit in the coordinates of the folds, (F + 1, k)."""
+        return self.folds.centre + self.refits.delta
 
     @property
     def values(self) -> Array:
         """Parameters of each fit, (F + 1, k)."""
-        x: Array = (self.folds.centre + self.delta) @ self.folds.inverse.T
+        x: Array = self.y @ self.folds.inverse.T
         return x
 
-    def cost(self, L: Array) -> tuple[float, int]:
-        """Return the rise of the sum of squares under more constraints L y = 0, and their rank."""
-        d = L @ (self.folds.centre + self.delta[0])
-        values, vectors = np.linalg.eigh(L @ self.C[0] @ L.T)
+    def rows(self, move: Move) -> Array:
+        """Return what a move denies, ``L y = 0`` with L (r, k); none if it is void."""
+        return self.folds.whiten(self.partition.rows(move))
+
+    def after(self, move: Move) -> Fit:
+        """Return the fits of the model after a move."""
+        L, partition = self.rows(move), self.partition.apply(move)
+        values, vectors = np.linalg.eigh(L @ self.refits.C @ L.T)
+        L = vectors[:, values > HELD].T @ L
+        refits = self.refits.constrain(L, partition.matrix) if len(L) else self.refits
+        return replace(self, partition=partition, refits=refits)
+
+    def costs(self, moves: Sequence[Move]) -> Array:
+        """Return the rise of the estimator's loss per parameter that each move takes away."""
+        rows = [self.partition.rows(m) for m in moves]
+        if not rows:
+            return np.empty(0)
+        L = self.folds.whiten(np.concatenate(rows))
+        d = L @ self.y[0]
+        variance = np.einsum("ci,ij,cj->c", L, self.refits.C, L)
+        free = variance > HELD
+        single = np.where(free, d**2 / np.where(free, variance, 1.0), 0.0)
+        costs, at = [], 0
+        for r in rows:
+            if len(r) == 1:
+                costs.append(float(single[at]))
+            else:
+                rise, rank = self._rise(L[at : at + len(r)])
+                costs.append(rise / max(rank, 1))
+            at += len(r)
+        return np.array(costs)
+
+    def cost(self, move: Move) -> float:
+        """Return the rise of the estimator's loss under a move; the sum of squares has no other."""
+        return self._rise(self.rows(move))[0]
+
+    def _rise(self, L: Array) -> tuple[float, int]:
+        """Return the rise of the loss under more constraints L y = 0, and their rank."""
+        d = L @ self.y[0]
+        values, vectors = np.linalg.eigh(L @ self.refits.C @ L.T)
         free = values > HELD
         return float(((vectors.T @ d)[free] ** 2 / values[free]).sum()), int(free.sum())
 
-    def costs(self, L: Array) -> tuple[Array, np.ndarray]:
-        """Return the same for each row of L by itself: rises (c,) and whether it is free (c,)."""
-        d = L @ (self.folds.centre + self.delta[0])
-        variance = np.einsum("ci,ij,cj->c", L, self.C[0], L)
-        free = variance > HELD
-        return np.where(free, d**2 / np.where(free, variance, 1.0), 0.0), free
-
-    def constrain(self, L: Array) -> Fit:
-        """Return the fits under more constraints L y = 0."""
-        values, vectors = np.linalg.eigh(L @ self.C[0] @ L.T)
-        L = vectors[:, values > HELD].T @ L
-        if not len(L):
-            return self
-        CL = self.C @ L.T
-        gain = CL @ np.linalg.inv(L @ CL)
-        miss = (self.folds.centre + self.delta) @ L.T
-        delta = self.delta - np.einsum("fij,fj->fi", gain, miss)
-        return Fit(self.folds, self.parts, delta, self.C - gain @ CL.transpose(0, 2, 1))
-
-    def jackknife(self, L: Array) -> tuple[Array, Array]:
-        """Return ``L y`` (r,) and its covariance by leaving out folds (r, r)."""
-        y = (self.folds.centre + self.delta) @ L.T
+    def jackknife(self, move: Move) -> tuple[Array, Array]:
+        """Return what a move denies (r,) and its covariance by leaving out folds (r, r)."""
+        y = self.y @ self.rows(move).T
         F = len(y) - 1
         apart = y[1:] - y[1:].mean(0)
         return y[0], (F - 1) / F * apart.T @ apart
 
     def errors(self) -> Errors:
         """Return the held-out errors."""
-        f = self.folds
-        z = np.column_stack([-self.delta[1:], np.full(len(self.delta) - 1, f.scale)])[f.fold]
+        f, delta = self.folds, self.refits.delta[1:]
+        F = len(delta)
+        z = np.column_stack([-delta, np.full(F, f.scale)])[f.fold]
         held = np.einsum("si,sij,sj->s", z, self.parts, z)
-        apart = self.delta[1:] - self.delta[1:].mean(0)
-        F = len(apart)
+        apart = delta - delta.mean(0)
         scatter = (F - 1) / F * np.einsum("fi,ij,fj->f", apart, f.unseen, apart)
         return Errors(held, scatter)
 
@@ -228,6 +267,7 @@ def gather_folds(
     weights: Array,
     nonnegative: np.ndarray,
     unseen: Array | None = None,
+    estimator: Estimator = LEAST_SQUARES,
 ) -> Folds:
     """Return the folds of a regression whose columns are independent.
 
@@ -239,6 +279,8 @@ def gather_folds(
     nonnegative : (k,) bool
     unseen : (m, n, k), optional
         Regressor at states that are not in the logs.
+    estimator : Estimator
+        Whose refits the fits without a fold are.
     """
     k = information.size
     R = information.factor(weights)
@@ -247,12 +289,20 @@ def gather_folds(
     inverse = np.linalg.inv(R)
     change = information.basis @ inverse
     stretch, fold = _divide(information)
+    centre, turned = R[:k, k].copy(), inverse[:k, :k]
+    quick = refits_like_least_squares(estimator)
     return Folds(
-        information.columns, inverse[:k, :k], R[:k, k].copy(), float(R[k, k]),
-        change.T @ information.blocks(weights) @ change, stretch, fold,
-        _unseen_gram(unseen, inverse[:k, :k], weights, information.samples),
-        np.asarray(nonnegative, bool),
-    )  # fmt: skip
+        columns=information.columns,
+        inverse=turned,
+        centre=centre,
+        scale=float(R[k, k]),
+        blocks=change.T @ information.blocks(weights) @ change,
+        stretch=stretch,
+        fold=fold,
+        unseen=_unseen_gram(unseen, turned, weights, information.samples),
+        nonnegative=np.asarray(nonnegative, bool),
+        asked=None if quick else Asked(estimator, information, turned, centre),
+    )
 
 
 def _unseen_gram(unseen: Array | None, inverse: Array, weights: Array, samples: int) -> Array:

@@ -128,6 +128,12 @@ class Partition:
                 group[group == g] = first
         return after
 
+    @property
+    def matrix(self) -> Array:
+        """Columns of the starting model from the m free parameters, (k, m)."""
+        M: Array = (self.group[:, None] == self.leaders).astype(float)
+        return M
+
     def survivors(self) -> np.ndarray:
         """Return whether each column of the starting model is not zero, (k,) bool."""
         alive: np.ndarray = self.group != ZERO

@@ -46,8 +46,6 @@ class Search:
         Of the starting model.
     folds : Folds
         Of its independent columns.
-    start : Partition
-        Of the same.
     plan : Plan
     path : Path
         Its partitions are of all columns of the starting model.
@@ -55,7 +53,6 @@ class Search:
 
     full: Estimate
     folds: Folds
-    start: Partition
     plan: Plan
     path: Path
 
@@ -99,7 +96,8 @@ def find_path(
     suggested : sequence of Move
         What knowledge of the robot suggests.
     wishes : Wishes, optional
-    method : {"wls", "ols"}
+    method : str or Estimator
+        Its refits are the fits of the path.
     """
     wishes = wishes or Wishes()
     full = estimate(information, method)
@@ -107,12 +105,11 @@ def find_path(
     part = information.select(kept)
     folds = gather_folds(
         part, full.weights, np.asarray(nonnegative)[kept],
-        None if unseen is None else unseen[:, :, kept],
+        None if unseen is None else unseen[:, :, kept], full.estimator,
     )  # fmt: skip
-    start = Partition.of(part.columns)
     plan = _plan(suggested, wishes, part.columns)
-    walked = walk(folds.fit(), start, plan)
-    search = Search(full, folds, start, plan, walked)
+    walked = walk(folds.fit(), plan)
+    search = Search(full, folds, plan, walked)
     return replace(search, path=_with_idle(search, walked, information))
 
 

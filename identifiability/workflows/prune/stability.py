@@ -126,7 +126,7 @@ def _walk_again(
     """Return what some replicates choose; `draws` (r, units) says how often they draw a unit."""
     chosen = []
     for row in draws:
-        path = walk(search.folds.fit(row[unit].astype(float)), search.start, search.plan)
+        path = walk(search.folds.fit(row[unit].astype(float)), search.plan)
         steps = search.embed(path).steps
         chosen.append(steps[choose_step(steps, criterion)].partition)
     return chosen

@@ -17,6 +17,9 @@ from identifiability.estimation.scores import scatter_scores
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.options import OptionError
+from identifiability.workflows.prune.moves import Kind, Move
+from identifiability.workflows.prune.search import find_path
+from identifiability.workflows.prune.stability import assess_stability
 
 from .made import gather
 
@@ -104,6 +107,94 @@ def test_the_loss_of_an_estimator_is_least_at_its_values(rows, ridge):
         fit = estimate(rows, method)
         F = fit.estimator.loss(rows, fit)
         np.testing.assert_allclose(np.linalg.solve(F[:-1, :-1], F[:-1, -1]), fit.value, rtol=1e-8)
+
+
+class Plain:
+    """Ordinary least squares that is not known to be: a user's own class."""
+
+    name, description = "plain", "least squares by other hands"
+
+    def fit(self, information):
+        return replace(OrdinaryLeastSquares().fit(information), estimator=self)
+
+    def refit(self, information, fit, counts):
+        return OrdinaryLeastSquares().refit(information, fit, counts)
+
+    def influence(self, information, fit):
+        return OrdinaryLeastSquares().influence(information, fit)
+
+    def loss(self, information, fit):
+        return OrdinaryLeastSquares().loss(information, fit)
+
+
+class Halved(OrdinaryLeastSquares):
+    """Inherits everything but its refits."""
+
+    def refit(self, information, fit, counts):
+        return super().refit(information, fit, counts) / 2
+
+
+def pruned(method):
+    """Return the search and the stability of a path over columns of which one is idle."""
+    rng = np.random.default_rng(5)
+    W = rng.normal(size=(640, 2, 6)) @ (0.3 + np.eye(6))
+    W[:, :, 5] = W[:, :, 0]
+    tau = W @ [1.0, 1.0, 0.0, -2.0, 0.02, 0.0] + 0.3 * rng.normal(size=(640, 2))
+    search = find_path(
+        gather(W, tau, size=10), np.zeros(6, bool), method=method,
+        unseen=rng.normal(size=(40, 2, 6)),
+        suggested=[Move(Kind.TIE, tie=(("p0", "p1"),)), Move(Kind.TIE, tie=(("p3", "p4"),))],
+    )  # fmt: skip
+    stable = assess_stability(
+        search, search.path.steps[search.choose("identifiable")].partition, "identifiable",
+        np.random.default_rng(6), replicates=20, length=10.0, samples=640,
+    )  # fmt: skip
+    return search, stable
+
+
+def test_refits_that_are_asked_for_prune_as_updates_do():
+    """The estimator's own refits, one by one, and the updates of least squares: one path."""
+    (quick, first), (asked, second) = pruned("ols"), pruned(Plain())
+    assert quick.folds.asked is None
+    assert asked.folds.asked is not None
+    assert len(quick.path.steps) == len(asked.path.steps) == 7
+    for a, b in zip(quick.path.steps, asked.path.steps, strict=True):
+        assert a.move == b.move
+        np.testing.assert_array_equal(a.partition.group, b.partition.group)
+        np.testing.assert_allclose(b.values, a.values, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(b.errors.held, a.errors.held, rtol=1e-6)
+        np.testing.assert_allclose(b.errors.scatter, a.errors.scatter, rtol=1e-4, atol=1e-9)
+        if a.evidence is not None:
+            assert b.evidence.cost == pytest.approx(a.evidence.cost, rel=1e-6)
+            assert b.evidence.p_value == pytest.approx(a.evidence.p_value, rel=1e-4, abs=1e-12)
+    assert [r.move for r in quick.path.refused] == [r.move for r in asked.path.refused]
+    np.testing.assert_array_equal(first.sizes, second.sizes)
+    np.testing.assert_array_equal(first.survives, second.survives)
+
+
+def test_every_model_of_a_path_is_refitted_by_the_estimator_without_each_fold():
+    search, _ = pruned(method := Ridge(1.0))
+    information = search.folds.asked.information
+    fold = search.folds.fold[search.folds.stretch]
+    counts = (fold != np.arange(-1, 16)[:, None]).astype(float)
+    for step in search.path.steps[1:]:
+        M = step.partition.matrix[:5]
+        part = information.reduce(M, [f"c{k}" for k in range(M.shape[1])])
+        refits = method.refit(part, method.fit(part), counts) @ M.T
+        np.testing.assert_allclose(step.values[:, :5], refits, rtol=1e-7, atol=1e-9)
+    # What it costs to lose a column is the rise of the estimator's own loss.
+    F = method.loss(information, method.fit(information))
+    first = search.path.steps[2]  # after the idle column
+    models = (np.eye(5), first.partition.matrix[:5])
+    least = [np.linalg.lstsq(F[:, :5] @ M, F[:, 5], rcond=None)[1][0] for M in models]
+    rise = first.evidence.cost * search.folds.scale**2
+    assert rise == pytest.approx(least[1] - least[0], rel=1e-6)
+
+
+def test_who_inherits_from_least_squares_and_refits_otherwise_is_asked():
+    plain, halved = (pruned(m)[0].path.steps[0] for m in (OrdinaryLeastSquares(), Halved()))
+    np.testing.assert_allclose(halved.values, plain.values / 2, rtol=1e-6)
+    assert halved.errors.total > 2 * plain.errors.total
 
 
 def test_analysis_and_pruning_follow_the_estimator(ridge, simulated):

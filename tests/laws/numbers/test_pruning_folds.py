@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.workflows.prune.folds import Errors, gather_folds
-from identifiability.workflows.prune.moves import Kind, Move, Partition
+from identifiability.workflows.prune.moves import Kind, Move
 
 from .made import gather
 
@@ -111,34 +111,36 @@ def test_a_replicate_counts_blocks_as_often_as_they_are_drawn(rows):
 )  # fmt: skip
 def test_a_constraint_costs_what_refitting_with_it_costs(rows, move):
     W, tau, _ = rows
-    folds = folds_of(rows)
-    start = Partition.of(folds.columns)
-    L = folds.whiten(start.rows(move))
-    fit = folds.fit()
-    rise, rank = fit.cost(L)
-    after = start.apply(move)
-    M = np.stack([after.group == g for g in after.leaders], 1).astype(float)
+    fit = folds_of(rows).fit()
+    after = fit.after(move)
+    M = np.stack([after.partition.group == g for g in after.partition.leaders], 1).astype(float)
+    np.testing.assert_array_equal(after.partition.matrix, M)
     x = M @ solve(W @ M, tau)
-    np.testing.assert_allclose(fit.constrain(L).values[0], x, atol=1e-7)
-    assert rise == pytest.approx(sums(W, tau, x) - sums(W, tau, solve(W, tau)), rel=1e-6)
-    assert rank == 3 - len(after)
-    assert fit.constrain(L).cost(L) == (pytest.approx(0.0, abs=1e-9), 0)
+    np.testing.assert_allclose(after.values[0], x, atol=1e-7)
+    rise = sums(W, tau, x) - sums(W, tau, solve(W, tau))
+    assert fit.cost(move) == pytest.approx(rise, rel=1e-6)
+    assert fit.costs([move])[0] == pytest.approx(rise / (3 - len(after.partition)), rel=1e-6)
 
 
-def test_costs_of_single_constraints_are_those_one_by_one(rows):
-    folds = folds_of(rows)
-    L = folds.whiten(np.eye(3))
-    fit = folds.fit()
-    rises, free = fit.costs(L)
-    np.testing.assert_allclose(rises, [fit.cost(row[None])[0] for row in L], rtol=1e-9)
-    assert free.all()
+def test_what_holds_already_costs_nothing_and_changes_nothing(rows):
+    """Of three ties in a ring the last follows from the others; costs are a parameter's."""
+    ring = Move(Kind.TIE, tie=(("p0", "p1"), ("p1", "p2"), ("p2", "p0")))
+    chain = Move(Kind.TIE, tie=(("p0", "p1", "p2"),))
+    fit = folds_of(rows).fit()
+    np.testing.assert_allclose(fit.costs([ring]), fit.costs([chain]), rtol=1e-9)
+    np.testing.assert_allclose(fit.after(ring).values, fit.after(chain).values, rtol=1e-9)
+
+
+def test_costs_of_single_moves_are_those_one_by_one(rows):
+    moves = [Move(Kind.DROP, (name,)) for name in ("p0", "p1", "p2")]
+    fit = folds_of(rows).fit()
+    np.testing.assert_allclose(fit.costs(moves), [fit.cost(m) for m in moves], rtol=1e-9)
 
 
 def test_the_jackknife_is_that_of_definition(rows):
     folds = folds_of(rows)
     fit = folds.fit()
-    L = folds.whiten(np.eye(3)[:1])
-    value, covariance = fit.jackknife(L)
+    value, covariance = fit.jackknife(Move(Kind.DROP, ("p0",)))
     scale = np.linalg.norm(np.eye(3)[:1] @ folds.inverse)
     x = fit.values[:, 0] / scale
     np.testing.assert_allclose(value, x[:1], rtol=1e-9)
@@ -150,7 +152,7 @@ def test_a_forbidden_sign_is_counted_while_the_parameter_is_free(rows):
     folds = folds_of(rows)  # p1 is near -2 and must not be negative
     fit = folds.fit()
     assert fit.violations() == 1
-    assert fit.constrain(folds.whiten(np.eye(3)[1:2])).violations() == 0
+    assert fit.after(Move(Kind.DROP, ("p1",))).violations() == 0
 
 
 def test_the_spread_of_a_total_is_that_of_its_parts():

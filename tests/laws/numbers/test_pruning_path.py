@@ -146,7 +146,7 @@ def problem(phi, samples=640, seed=0, noise=1.0, mix=None):
 def walked(phi, plan=None, columns=COLUMNS, forbidden=(), unseen=None, **options):
     information = gather(*problem(phi, **options), size=10, columns=columns)
     folds = gather_folds(information, np.ones(1), np.isin(columns, forbidden), unseen)
-    return walk(folds.fit(), Partition.of(columns), plan or Plan())
+    return walk(folds.fit(), plan or Plan())
 
 
 def lives(path):

@@ -1,0 +1,121 @@
+"""Refits of a model to all blocks of time and without some, from which parameters are taken away.
+
+Coordinates are ``y = R x`` in which the information of everything is the unit matrix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.least_squares import RIDGE, constrain_inverse
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
+
+
+class Refits(Protocol):
+    """R fits of one model, each to the blocks that it counts."""
+
+    @property
+    def delta(self) -> Array:
+        """``y - centre`` of each fit, (R, k)."""
+
+    @property
+    def C(self) -> Array:
+        """Inverse curvature of the first fit's loss under the constraints so far, (k, k)."""
+
+    def constrain(self, L: Array, model: Array) -> Refits:
+        """Return the fits under more constraints.
+
+        Parameters
+        ----------
+        L : (r, k)
+            ``L y = 0``, of full rank.
+        model : (k, m)
+            The same as a model: its columns are ``W model`` under all constraints so far.
+        """
+
+
+@frozen
+class Asked:
+    """What asks an estimator for refits that it has ways of its own for.
+
+    Attributes
+    ----------
+    estimator : Estimator
+    information : Information
+        About k independent columns.
+    inverse : (k, k)
+        ``x = inverse @ y``.
+    centre : (k,)
+    """
+
+    estimator: Estimator
+    information: Information
+    inverse: Array
+    centre: Array
+
+    def start(self, counts: Array, kept: Array) -> AskedRefits:
+        """Return the fits of all columns.
+
+        Parameters
+        ----------
+        counts : (B,)
+            How often each block of the information is drawn.
+        kept : (R, B) of 0 and 1
+            Which blocks each fit is to; the first to all.
+        """
+        drawn = np.repeat(np.arange(len(counts)), counts.astype(int))
+        kept = kept[:, drawn]
+        edges = np.flatnonzero((np.diff(kept, axis=1, prepend=-1) != 0).any(0))
+        whole = replace(self, information=self.information.take(drawn).merge(edges))
+        k = self.information.size
+        fit = self.estimator.fit(whole.information)
+        F = self.estimator.loss(whole.information, fit)[:, :k] @ self.inverse
+        C = np.linalg.inv(F.T @ F + RIDGE * np.eye(k))
+        return AskedRefits(whole, kept[:, edges], whole.delta(kept[:, edges], np.eye(k)), C)
+
+    def delta(self, counts: Array, model: Array) -> Array:
+        """Return ``y - centre`` of refits of the model ``W model``, (R, k).
+
+        Parameters
+        ----------
+        counts : (R, B)
+            How often each block counts.
+        model : (k, m)
+        """
+        names = [self.information.columns[k] for k in model.argmax(0)]
+        part = self.information.reduce(model, names)
+        fit = self.estimator.fit(part)
+        values = self.estimator.refit(part, fit, counts)
+        values = np.where(np.isfinite(values), values, fit.value)  # what determines none leaves it
+        y: Array = np.linalg.solve(self.inverse, model @ values.T).T
+        return y - self.centre
+
+
+@frozen
+class AskedRefits:
+    """Fits for which the estimator is asked anew whenever the model gets smaller.
+
+    Attributes
+    ----------
+    asked : Asked
+    counts : (R, B) of 0 and 1
+        Which blocks each fit is to.
+    delta : (R, k)
+    C : (k, k)
+    """
+
+    asked: Asked
+    counts: Array
+    delta: Array
+    C: Array
+
+    def constrain(self, L: Array, model: Array) -> AskedRefits:
+        """Return the fits of a smaller model; see `Refits.constrain`."""
+        _, C = constrain_inverse(self.C, L)
+        return AskedRefits(self.asked, self.counts, self.asked.delta(self.counts, model), C)
