@@ -22,7 +22,7 @@ import pandas as pd
 from real_data.study import FOLDER, read_arguments, write_study
 
 from identifiability.estimation.estimate import Method, estimate
-from identifiability.estimation.evaluation import Prediction, predict
+from identifiability.estimation.prediction import Prediction, predict
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.information import gather_information

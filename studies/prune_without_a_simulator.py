@@ -32,7 +32,7 @@ import numpy as np
 import staubli_tx40
 
 from identifiability import Log, Robot, estimate
-from identifiability.estimation.evaluation import predict
+from identifiability.estimation.prediction import predict
 from identifiability.foundation.output import write_json
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import build_ladder, ladder_path, read_ladder

@@ -20,7 +20,7 @@ from real_data.study import FOLDER, read_arguments, write_study
 from scipy import signal
 
 from identifiability.estimation.estimate import Method, estimate
-from identifiability.estimation.evaluation import predict
+from identifiability.estimation.prediction import predict
 from identifiability.foundation.linalg import scan_columns
 from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals

@@ -1,20 +1,31 @@
-"""`Prediction`: measured and predicted torque along logs, and how far apart they are."""
+"""`Prediction`: torque predicted along logs in one pass, and how far it is from the measured.
+
+In sample, on held-out logs, and by blocked cross-validation, where folds take turns (`Turns`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial, reduce
+from operator import add
 
 import numpy as np
 
-from identifiability.estimation.error_sums import ErrorSums, Layout, Tally
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.estimation.torque_errors import (
+    ErrorSums,
+    Layout,
+    relative_error,
+    standard_error,
+)
+from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare.survey import find_signal
 from identifiability.logs.signals import is_constant
-
-#: Stretches of time whose errors give the standard error of ε_RA, each at least so many
-#: autocorrelation times of the error long, as long as `FEWEST` are left.
-STRETCHES, MEMORIES, FEWEST = 20, 5.0, 4
+from identifiability.regression.information import Information
+from identifiability.regression.regression import Part, Regression, map_parts
 
 
 @frozen
@@ -22,7 +33,7 @@ class Prediction:
     """Measured torque and its prediction by some models along logs.
 
     Errors are exact sums over every sample. Samples themselves are held as an excerpt: all of
-    them where logs are short, else stretches of each log (`errorsums.EXCERPT`).
+    them where logs are short, else stretches of each log (`torque_errors.EXCERPT`).
 
     Attributes
     ----------
@@ -31,13 +42,13 @@ class Prediction:
         Times of the excerpt of each log.
     tau : (N, n) [N·m or N]
         Measured torque of the excerpt, logs one after the other.
-    predicted : (N, n, m)
+    predicted : (N, n, m) [N·m or N]
         Prediction of each of m models.
     log : (N,) int
         Which log a sample comes from.
     series : (N,) int
         Which stretch of consecutive samples.
-    velocity : (N, n)
+    velocity : (N, n) [rad/s or m/s]
         Of the actuated joints.
     """
 
@@ -50,31 +61,23 @@ class Prediction:
     velocity: Array
 
     @staticmethod
-    def of(
-        t: Sequence[Array],
-        tau: Array,
-        predicted: Array,
-        log: np.ndarray,
-        velocity: Array | None = None,
-    ) -> Prediction:
-        """Return the prediction of some samples that are all held.
+    def of(t: Sequence[Array], tau: Array, predicted: Array, log: np.ndarray) -> Prediction:
+        """Return the prediction of some samples that are all held, at zero velocity.
 
         Parameters
         ----------
         t : sequence of (N_l,) [s]
-        tau : (N, n)
-        predicted : (N, n, m)
+        tau : (N, n) [N·m or N]
+        predicted : (N, n, m) [N·m or N]
         log : (N,) int
-        velocity : (N, n), optional
         """
         counts = [int((log == k).sum()) for k in range(len(t))]
         means = np.array([tau[log == k].sum(0) for k in range(len(t))])
         signal = ~is_constant(tau.min(0), tau.max(0))
-        tally = Tally(Layout.of(counts, means, STRETCHES, signal), predicted.shape[2])
-        for k in range(len(t)):
-            tally.add(k, 0, tau[log == k], predicted[log == k])
-        speed = np.zeros_like(tau) if velocity is None else velocity
-        return Prediction(tally.sums(), tuple(t), tau, predicted, log, log, speed)
+        layout = Layout.of(counts, means, signal)
+        parts = ((k, 0, tau[log == k], predicted[log == k]) for k in range(len(t)))
+        sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
+        return Prediction(sums, tuple(t), tau, predicted, log, log, np.zeros_like(tau))
 
     @property
     def samples(self) -> int:
@@ -103,16 +106,12 @@ class Prediction:
 
     def select(self, models: Sequence[int]) -> Prediction:
         """Return the prediction of some models."""
-        at = list(models)
-        return Prediction(
-            self.sums.select(at), self.t, self.tau, self.predicted[:, :, at], self.log,
-            self.series, self.velocity,
-        )  # fmt: skip
+        at, old = list(models), self.sums
+        sums = replace(old, absolute=old.absolute[:, :, at], squares=old.squares[:, :, at])
+        return replace(self, sums=sums, predicted=self.predicted[:, :, at])
 
     def relative_error(self, log: int | None = None) -> Array:
-        """Return ε_RA of each model, ``Σ|τ̂ - τ*| / Σ|τ* - mean τ*|`` [Díaz 2010, Eq. 18], (m,).
-
-        NaN where there is nothing to explain.
+        """Return ε_RA of each model, (m,); NaN where there is nothing to explain.
 
         Parameters
         ----------
@@ -121,27 +120,21 @@ class Prediction:
         """
         rows = slice(None) if log is None else self.sums.log == log
         deviation = self.sums.deviation if log is None else self.sums.local
-        error: Array = self.sums.absolute[rows].sum((0, 1)) / _positive(deviation[rows].sum())
-        return error
+        return relative_error(self.sums.absolute[rows], deviation[rows])
 
     def constant_error(self) -> float:
         """Return ε_RA of predicting each joint's mean torque: what any model must beat."""
-        return float(self.sums.own.sum() / _positive(self.sums.deviation.sum()))
+        return float(relative_error(self.sums.own[:, :, None], self.sums.deviation)[0])
 
     def joint_error(self) -> Array:
         """Return the same for each joint by itself, (n, m)."""
         spread = self.sums.own.sum(0)
-        error: Array = (
-            self.sums.absolute.sum(0) / np.where(spread > 0, spread, np.nan)[:, None]
-        )  # fmt: skip
+        wrong = self.sums.absolute.sum(0)
+        error: Array = wrong / np.where(spread > 0, spread, np.nan)[:, None]
         return error
 
     def standard_error(self, against: int | None = None) -> Array:
-        """Return the standard error of ε_RA, or of its difference to a model's, (m,).
-
-        Errors of consecutive samples are dependent; sums over stretches of time that are several
-        autocorrelation times long are nearly not. No stretch crosses from one log to another.
-        """
+        """Return the standard error of ε_RA, or of its difference to a model's, (m,)."""
         error = np.abs(self.residual).sum(1)
         if against is not None:
             error = error - error[:, [against]]
@@ -157,37 +150,142 @@ class Prediction:
         return times
 
 
-def standard_error(sums: ErrorSums, memory: Array | float, against: int | None = None) -> Array:
-    """Return the standard error of ε_RA, or of its difference to a model's, (m,).
+@frozen
+class Turns:
+    """Which set of values predicts a sample: runs of consecutive samples take turns.
+
+    Attributes
+    ----------
+    ends : (B,) int
+        Sample, over all logs, at which each run ends.
+    fold : (B,) int
+    """
+
+    ends: np.ndarray
+    fold: np.ndarray
+
+    def of(self, start: int, stop: int) -> np.ndarray:
+        """Return the fold of the samples [start, stop), (n,) int."""
+        found: np.ndarray = self.fold[np.searchsorted(self.ends, np.arange(start, stop), "right")]
+        return found
+
+
+def take_turns(information: Information, folds: np.ndarray) -> Turns:
+    """Return who predicts which sample, from the fold of each block."""
+    return Turns(np.cumsum(information.counts), folds)
+
+
+def leave_out(information: Information, folds: np.ndarray, fold: int) -> Information:
+    """Return the information of all blocks but those of one fold."""
+    return information.take(folds != fold)
+
+
+@frozen
+class Task:
+    """Models to be predicted with: base parameters, one set for each fold.
+
+    Attributes
+    ----------
+    values : (F, b, m)
+    turns : Turns or None
+        Which set predicts a sample; the first without.
+    excerpt : bool
+        Whether samples are held, not only sums.
+    """
+
+    values: Array
+    turns: Turns | None = None
+    excerpt: bool = True
+
+    def predict(self, W: Array, start: int) -> Array:
+        """Return the torque (N, n, m) of samples from one on, over all logs, with W (N, n, b)."""
+        predicted = np.empty((*W.shape[:2], self.values.shape[2]))
+        if self.turns is None:
+            predicted[:] = W @ self.values[0]
+            return predicted
+        which = self.turns.of(start, start + len(W))
+        for fold in np.unique(which):
+            predicted[which == fold] = W[which == fold] @ self.values[fold]
+        return predicted
+
+
+def predict(
+    regression: Regression,
+    values: Array,
+    turns: Turns | None = None,
+    *,
+    engine: Engine | None = None,
+) -> Prediction:
+    """Predict torque with base parameter values of m models.
 
     Parameters
     ----------
-    sums : ErrorSums
-    memory : float or (m,) [samples]
-        Autocorrelation time of the error of each model.
-    against : int, optional
+    regression : Regression
+    values : (b, m) or (F, b, m)
+        Base parameters of each model; with `turns`, one set for each fold.
+    turns : Turns, optional
+        Which set predicts a sample.
+    engine : Engine, optional
     """
-    absolute = sums.absolute.sum(1)
-    if against is not None:
-        absolute = absolute - absolute[:, [against]]
-    least = MEMORIES * np.broadcast_to(memory, absolute.shape[1])
-    spread = np.array([_scatter(sums, x, m) for x, m in zip(absolute.T, least, strict=True)])
-    error: Array = spread / _positive(sums.deviation.sum())
-    return error
+    values = values if values.ndim == 3 else values[None]
+    return predict_all(regression, [Task(values, turns)], engine=engine)[0]
 
 
-def _scatter(sums: ErrorSums, x: Array, least: float) -> float:
-    """Return the standard error of Σ x over stretches of at least so many samples."""
-    first = sums.merge(least, FEWEST)
-    counts = np.add.reduceat(sums.counts, first)
-    total = np.add.reduceat(x, first)
-    k = len(first)
-    if k < 2:
-        return float("nan")
-    # Stretches differ in length: what counts is how far they are from their share of the sum.
-    apart = total - counts * (total.sum() / counts.sum())
-    return float(np.sqrt(k / (k - 1) * (apart**2).sum()))
+def predict_all(
+    regression: Regression,
+    tasks: Sequence[Task],
+    *,
+    engine: Engine | None = None,
+    progress: Steps | None = None,
+) -> list[Prediction]:
+    """Return several predictions of the same logs, going through them once.
+
+    Parameters
+    ----------
+    regression : Regression
+    tasks : sequence of Task
+    engine : Engine, optional
+        Where stretches of long logs are worked on; here without.
+    progress : callable(int, int), optional
+    """
+    surveys = [s.survey for s in regression.samples]
+    counts = [s.outputs for s in surveys]
+    torque = np.array([s.torque for s in surveys])
+    layout = Layout.of(counts, torque, find_signal(surveys))
+    work = partial(_predict_part, tasks=tuple(tasks), layout=layout)
+    parts = map_parts(work, regression, engine, progress)
+    return [_join(found, len(counts)) for found in zip(*parts, strict=True)]
 
 
-def _positive(total: float) -> float:
-    return float(total) if total > 0 else float("nan")
+#: Time, torque, prediction, velocity, log and series of some samples of an excerpt.
+Held = tuple[Array, Array, Array, Array, np.ndarray, np.ndarray]
+
+
+def _predict_part(
+    part: Part, tasks: Sequence[Task], layout: Layout
+) -> list[tuple[ErrorSums, list[Held]]]:
+    n = len(layout.joint_mean)
+    sums, held = [], []
+    for m in (task.values.shape[2] for task in tasks):
+        tau, predicted, none = np.empty((0, n)), np.empty((0, n, m)), np.empty(0, int)
+        sums.append(ErrorSums.of(layout, 0, 0, tau, predicted))
+        held.append([(np.empty(0), tau, predicted, tau, none, none)])
+    for chunk in part.chunks():
+        before = int(layout.counts[: chunk.log].sum())
+        shown = layout.shown(chunk.log, chunk.start, chunk.start + len(chunk.tau))
+        for k, task in enumerate(tasks):
+            predicted = task.predict(chunk.W, before + chunk.start)
+            sums[k] += ErrorSums.of(layout, chunk.log, chunk.start, chunk.tau, predicted)
+            for series, rows in shown if task.excerpt else ():
+                t, tau, velocity = (x[rows] for x in (chunk.t, chunk.tau, chunk.velocity))
+                log, number = np.full(len(t), chunk.log), np.full(len(t), series)
+                held[k].append((t, tau, predicted[rows], velocity, log, number))
+    return list(zip(sums, held, strict=True))
+
+
+def _join(found: Sequence[tuple[ErrorSums, list[Held]]], logs: int) -> Prediction:
+    sums = reduce(add, (part for part, _ in found))
+    held = [some for _, several in found for some in several]
+    t, tau, predicted, velocity, log, series = map(np.concatenate, zip(*held, strict=True))
+    times = tuple(t[log == k] for k in range(logs))
+    return Prediction(sums, times, tau, predicted, log, series, velocity)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import signal
 
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evaluation import Prediction, predict
+from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from paper_study.monte_carlo import Case, run_trial, run_trials, stack
+from paper_study.monte_carlo import Case, parameter_error, run_trial, run_trials, stack
 from paper_study.readings import READINGS
 from paper_study.result import compare
 from paper_study.subject import HINGE_FRICTION, exact_log, load_subject
@@ -70,3 +70,9 @@ def test_a_printed_number_beyond_the_tolerance_differs_and_says_why():
     cell = compare(trials, 4.8, 0.1, "seeds are unknown")
     assert cell.passed is False
     assert "differs, because seeds are unknown" in cell.reason
+
+
+def test_the_parameter_error_is_the_mean_relative_one_of_those_chosen():
+    value, exact = np.array([1.1, 2.0, 5.0, 3.0]), np.array([1.0, 4.0, 0.0, 1.0])
+    assert parameter_error(value, exact, [True, True, True, False]) == pytest.approx(0.3)
+    assert np.isnan(parameter_error(value, exact, [False, False, True, False]))

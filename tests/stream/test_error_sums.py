@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identifiability.estimation.error_sums import Layout, Tally
-from identifiability.estimation.evaluation import Turns
-from identifiability.estimation.prediction import MEMORIES, Prediction, standard_error
+from identifiability.estimation.prediction import Prediction, Turns
+from identifiability.estimation.torque_errors import MEMORIES, ErrorSums, Layout, standard_error
 from identifiability.logs import signals
 
 
@@ -41,15 +40,13 @@ def test_parts_of_logs_add_up(case):
     layout = Layout.of(
         [700, 260],
         np.array([tau[log == k].sum(0) for k in (0, 1)]),
-        20,
         np.ones(tau.shape[1], bool),
     )
-    total = Tally(layout, 3)
+    found = ErrorSums.of(layout, 0, 0, tau[:0], predicted[:0])
     for k, start, stop in [(0, 0, 333), (0, 333, 334), (0, 334, 700), (1, 0, 259), (1, 259, 260)]:
-        part, rows = Tally(layout, 3), np.flatnonzero(log == k)[start:stop]
-        part.add(k, start, tau[rows], predicted[rows])
-        total.merge(part.sums())
-    found, wanted = total.sums(), Prediction.of(t, tau, predicted, log).sums
+        rows = np.flatnonzero(log == k)[start:stop]
+        found += ErrorSums.of(layout, k, start, tau[rows], predicted[rows])
+    wanted = Prediction.of(t, tau, predicted, log).sums
     for name, value in vars(wanted).items():
         np.testing.assert_allclose(getattr(found, name), value, rtol=1e-12, err_msg=name)
     assert set(np.unique(found.log)) == {0, 1}

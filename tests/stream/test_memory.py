@@ -4,7 +4,7 @@ import tracemalloc
 
 import numpy as np
 
-from identifiability.estimation.evaluation import predict
+from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines.local import Serial
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare.longsamples import prepare_log

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze, prune
-from identifiability.estimation.evaluation import predict
+from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines.local import Processes, Resumed, Serial
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile, open_log

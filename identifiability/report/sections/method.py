@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 from identifiability.estimation.estimator import PAPER_FACTOR
-from identifiability.estimation.evaluation import STRETCHES
+from identifiability.estimation.torque_errors import STRETCHES
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.logs.prepare.longsamples import Prepared

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.estimation.error_sums import WINDOW, WINDOWS
 from identifiability.estimation.noise.autocorrelation import autocorrelation
+from identifiability.estimation.torque_errors import WINDOW, WINDOWS
 from identifiability.foundation.names import Array
 from identifiability.report.blocks import Block, Fold, Gallery, Picture, Section
 from identifiability.report.figures import (

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate, settle_signs
-from identifiability.estimation.evaluation import Prediction
 from identifiability.estimation.least_squares import MIXED, dependence
+from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, judge, withdraw
 from identifiability.foundation.errors import listing

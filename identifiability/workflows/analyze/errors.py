@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from identifiability.estimation.evaluation import Prediction
+from identifiability.estimation.prediction import Prediction
 from identifiability.logs.prepare.longsamples import Prepared
 
 

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evaluation import Task, choose_folds, leave_out, take_turns
 from identifiability.estimation.least_squares import leave_open
+from identifiability.estimation.prediction import Task, leave_out, take_turns
+from identifiability.estimation.torque_errors import choose_folds
 from identifiability.foundation.names import Array
 from identifiability.physical.feasibility import (
     PhysicalResult,
@@ -56,7 +57,7 @@ def plan_cross_validation(
     estimator: Estimator,
 ) -> Task:
     """Return how every stretch of the logs is predicted by models fitted to the others."""
-    folds = choose_folds(information)
+    folds = choose_folds(information.log)
     values = []
     for fold in range(int(folds.max()) + 1):
         rest = leave_out(information, folds, fold)

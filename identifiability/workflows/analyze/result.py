@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.evaluation import Prediction
+from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from identifiability.estimation.evaluation import Prediction
+from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import listing
 from identifiability.physical.mass import state_mass

@@ -8,7 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from identifiability.estimation.estimate import Method, find_estimator
-from identifiability.estimation.evaluation import Task, predict, predict_all
+from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked

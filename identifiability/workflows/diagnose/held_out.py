@@ -7,16 +7,17 @@ from functools import cached_property
 
 import numpy as np
 
+from identifiability.estimation.torque_errors import (
+    DRAWN_STRETCHES,
+    change_interval,
+    choose_folds,
+    relative_error,
+    split_evenly,
+)
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import ENDS
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.real_robot import RealRobot
 from identifiability.workflows.diagnose.rows import Candidate, Rows, fit_weighted
-
-#: Stretches that one log is divided into when there is no other.
-FOLDS = 5
-#: Stretches of time whose errors are resampled for intervals.
-STRETCHES = 24
 
 
 @frozen
@@ -38,28 +39,19 @@ class Gap:
 
     def relative_error(self) -> Array:
         """Return ε_RA of each model [Díaz 2010, Eq. 18], (m,)."""
-        error: Array = np.abs(self.residual).sum((0, 1)) / self._spread()
-        return error
+        return relative_error(np.abs(self.residual), self._deviation)
 
     def interval(
         self, first: int, second: int, rng: np.random.Generator, draws: int = 2000
     ) -> tuple[float, float]:
-        """Return the 95 % interval of the change of ε_RA from one model to another.
+        """Return the 95 % interval of the change of ε_RA from one model to another."""
+        error = np.abs(self.residual[:, :, [first, second]])
+        return change_interval(error, self._deviation, rng, draws)
 
-        Whole stretches of time are drawn again and again [Künsch 1989].
-        """
-        both = np.abs(self.residual[:, :, [first, second]]).sum(1)
-        parts = [p for p in np.array_split(both, STRETCHES) if len(p)]
-        spread = np.abs(self.tau - self.tau.mean()).sum(1)
-        size = np.array([p.sum() for p in np.array_split(spread, STRETCHES) if len(p)])
-        change = np.array([float(np.sum(p[:, 1] - p[:, 0])) for p in parts])
-        counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), size=draws)
-        ratio = (counts @ change) / (counts @ size)
-        low, high = np.quantile(ratio, ENDS)
-        return float(low), float(high)
-
-    def _spread(self) -> float:
-        return float(np.abs(self.tau - self.tau.mean()).sum()) or float("nan")
+    @property
+    def _deviation(self) -> Array:
+        distance: Array = np.abs(self.tau - self.tau.mean())
+        return distance
 
 
 @frozen
@@ -113,7 +105,7 @@ class HeldOut:
     ) -> Gain:
         """Return what some candidates gain over fewer of them while choosing."""
         before, after = self.errors(rest, real=real), self.errors(whole, real=real)
-        parts = [p.mean() for p in np.array_split(before - after, STRETCHES) if len(p)]
+        parts = [p.mean() for p in split_evenly(before - after, DRAWN_STRETCHES)]
         level = float(before.mean()) or 1.0
         error = float(np.std(parts, ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.inf
         return Gain(float(np.mean(before - after)) / level, error / level)
@@ -128,7 +120,7 @@ class HeldOut:
         if where is not None:
             left: Array = where.tau - where.columns(chosen) @ self._fit(chosen, None, real=real)
             return left
-        folds = self.folds()
+        folds = choose_folds(self.train.log)
         columns = self.train.columns(chosen)
         out = np.array(self.train.tau)
         for fold in np.unique(folds):
@@ -140,12 +132,6 @@ class HeldOut:
         # Where the solver finds no real robot, which is rare, the least-squares fit stands in.
         found = self.real.fit(self.train, chosen, mask) if real and self.real else None
         return fit_weighted(self.train, chosen, mask) if found is None else found
-
-    def folds(self) -> np.ndarray:
-        """Return the fold of every training row."""
-        if self.train.log.max(initial=0) > 0:
-            return self.train.log
-        return (np.arange(len(self.train)) * FOLDS) // len(self.train)
 
     def fitted_residual(self, chosen: Sequence[Candidate]) -> Array:
         """Return the errors on the rows that were fitted, (N, n)."""

@@ -25,25 +25,17 @@ from identifiability.estimation.least_squares import (
     refits_like_least_squares,
 )
 from identifiability.estimation.refits import Asked, Refits
+from identifiability.estimation.torque_errors import divide_blocks
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.workflows.prune.moves import Move, Partition
-
-#: Stretches of time that errors are counted over; with one log also the folds.
-STRETCHES = 16
-
-#: Fewest stretches of a log among several.
-FEWEST = 4
 
 #: A constraint whose share of its first variance is below this holds already.
 HELD = 1e-10
 
 #: What refits where nobody says.
 LEAST_SQUARES = OrdinaryLeastSquares()
-
-#: From this many logs on, whole logs are left out; fewer are divided into stretches.
-FEWEST_LOGS = 4
 
 
 @frozen
@@ -288,7 +280,7 @@ def gather_folds(
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
     inverse = np.linalg.inv(R)
     change = information.basis @ inverse
-    stretch, fold = _divide(information)
+    stretch, fold = divide_blocks(information.log, information.counts)
     centre, turned = R[:k, k].copy(), inverse[:k, :k]
     quick = refits_like_least_squares(estimator)
     return Folds(
@@ -312,20 +304,3 @@ def _unseen_gram(unseen: Array | None, inverse: Array, weights: Array, samples: 
     Z = unseen @ inverse
     gram: Array = np.einsum("map,maq,a->pq", Z, Z, weights) * (samples / len(unseen))
     return gram
-
-
-def _divide(information: Information) -> tuple[np.ndarray, np.ndarray]:
-    """Return the stretch of each block and the fold of each stretch."""
-    logs = np.unique(information.log)
-    stretch = np.empty(len(information.counts), int)
-    fold: list[int] = []
-    for k, log in enumerate(logs):
-        rows = np.flatnonzero(information.log == log)
-        share = information.counts[rows].sum() / information.samples
-        wanted = STRETCHES if len(logs) == 1 else max(FEWEST, round(STRETCHES * share))
-        pieces = min(wanted, len(rows))
-        stretch[rows] = len(fold) + np.arange(len(rows)) * pieces // len(rows)
-        # Two or three folds cannot contradict anything: then stretches of the logs are the folds.
-        whole = len(logs) >= FEWEST_LOGS
-        fold += [k] * pieces if whole else list(range(len(fold), len(fold) + pieces))
-    return stretch, np.array(fold)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evaluation import Prediction, Task, predict_all, take_turns
-from identifiability.estimation.prediction import standard_error
+from identifiability.estimation.prediction import Prediction, Task, predict_all, take_turns
+from identifiability.estimation.torque_errors import standard_error
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen

@@ -6,23 +6,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.error_sums import Layout, Tally
-from identifiability.estimation.evaluation import (
+from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.estimation.prediction import (
+    Prediction,
     Task,
     Turns,
-    choose_folds,
     leave_out,
-    parameter_error,
     predict,
     predict_all,
     take_turns,
 )
-from identifiability.estimation.noise.autocorrelation import autocorrelation_time
-from identifiability.estimation.prediction import (
+from identifiability.estimation.torque_errors import (
     FEWEST,
     MEMORIES,
     STRETCHES,
-    Prediction,
+    ErrorSums,
+    Layout,
+    choose_folds,
     standard_error,
 )
 from identifiability.regression.regression import Chunk
@@ -182,17 +182,15 @@ def test_torque_that_does_not_vary_has_no_relative_error():
 def test_sums_of_parts_are_those_of_the_whole():
     rng = np.random.default_rng(3)
     tau, predicted = rng.normal(size=(90, 2)), rng.normal(size=(90, 2, 3))
-    layout = Layout.of([60, 30], np.array([tau[:60].sum(0), tau[60:].sum(0)]), 20, np.ones(2, bool))
-    whole, parts = Tally(layout, 3), Tally(layout, 3)
-    whole.add(0, 0, tau[:60], predicted[:60])
-    whole.add(1, 0, tau[60:], predicted[60:])
+    layout = Layout.of([60, 30], np.array([tau[:60].sum(0), tau[60:].sum(0)]), np.ones(2, bool))
+    whole = ErrorSums.of(layout, 0, 0, tau[:60], predicted[:60])
+    whole += ErrorSums.of(layout, 1, 0, tau[60:], predicted[60:])
+    parts = ErrorSums.of(layout, 0, 0, tau[:0], predicted[:0])
     for log, start, stop, offset in ((1, 0, 30, 60), (0, 37, 60, 0), (0, 0, 37, 0)):
-        one = Tally(layout, 3)
         rows = slice(offset + start, offset + stop)
-        one.add(log, start, tau[rows], predicted[rows])
-        parts.merge(one.sums())
-    for name, value in vars(whole.sums()).items():
-        np.testing.assert_allclose(getattr(parts.sums(), name), value, rtol=1e-12)
+        parts += ErrorSums.of(layout, log, start, tau[rows], predicted[rows])
+    for name, value in vars(whole).items():
+        np.testing.assert_allclose(getattr(parts, name), value, rtol=1e-12)
 
 
 def test_a_joint_whose_torque_never_changes_has_nothing_to_explain_of_its_own():
@@ -219,15 +217,15 @@ def information(*logs, size=8):
 
 
 def test_several_logs_are_left_out_one_by_one_and_one_in_five_stretches():
-    np.testing.assert_array_equal(choose_folds(information(16, 24)[1]), [0, 0, 1, 1, 1])
-    folds = choose_folds(information(160)[1])
+    np.testing.assert_array_equal(choose_folds(information(16, 24)[1].log), [0, 0, 1, 1, 1])
+    folds = choose_folds(information(160)[1].log)
     np.testing.assert_array_equal(folds, np.repeat(np.arange(5), 4))
-    np.testing.assert_array_equal(choose_folds(information(24)[1]), [0, 1, 2])
+    np.testing.assert_array_equal(choose_folds(information(24)[1].log), [0, 1, 2])
 
 
 def test_what_is_left_out_of_a_fold_is_the_fold_and_nothing_else():
     _, every = information(16, 24, 16)
-    rest = leave_out(every, choose_folds(every), 1)
+    rest = leave_out(every, choose_folds(every.log), 1)
     np.testing.assert_array_equal(rest.log, [0, 0, 2, 2])
     for part, all_ in zip(rest.parts, every.parts, strict=True):
         np.testing.assert_array_equal(part.blocks, all_.blocks[[0, 1, 5, 6]])
@@ -302,9 +300,3 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
     assert len(plain.tau) == 0
     one = predict(Rows(W, tau, logs), values[0])
     np.testing.assert_allclose(one.relative_error(), plain.relative_error())
-
-
-def test_the_parameter_error_is_the_mean_relative_one_of_those_chosen():
-    value, exact = np.array([1.1, 2.0, 5.0, 3.0]), np.array([1.0, 4.0, 0.0, 1.0])
-    assert parameter_error(value, exact, [True, True, True, False]) == pytest.approx(0.3)
-    assert np.isnan(parameter_error(value, exact, [False, False, True, False]))
