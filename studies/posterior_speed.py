@@ -20,9 +20,9 @@ from arviz_stats.base.array import array_stats
 from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.output import write_json
-from identifiability.physical.feasibility import full_problem, physical_set
+from identifiability.physical.feasibility import FittedModel, physical_set
 from identifiability.physical.least_squares import LeastSquares
-from identifiability.physical.project import build_projection, project
+from identifiability.physical.project import Projection, project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.exact import build_sampler, sample_exact
 from identifiability.posterior.prior import Prior
@@ -95,12 +95,19 @@ def sign_target(analysis: Analysis) -> tuple[Target, Array]:
     return Target(target.data, flat, target.region, target.iact), start
 
 
+def full_model(analysis: Analysis) -> FittedModel:
+    """Return the unpruned model as it was fitted."""
+    full = analysis.full
+    return FittedModel.of(
+        analysis.structure, full.rung, analysis.information, full.estimate.estimator
+    )
+
+
 def body_target(analysis: Analysis) -> tuple[Target, Array]:
     """Return the posterior of all standard parameters on the cone, and a point inside."""
     structure, full = analysis.structure, analysis.full
-    reduced = full.rung.reduce(analysis.information)
-    data = full_problem(reduced, full.estimate, full.rung, structure.G)
-    prior = state_prior(structure, full.rung, reduced, full.estimate)
+    model = full_model(analysis)
+    data, prior = model.data, state_prior(model)
     region = physical_set(structure)
     start = project(data, region, margin=START_MARGIN, reference=structure.nominal).phi
     return Target(data, prior, region, max(float(full.autocorrelation_time.mean()), 1.0)), start
@@ -184,16 +191,14 @@ def stretch(target: Target, points: Array, budget: float, rng: np.random.Generat
 
 def measure_program(analysis: Analysis, repeats: int) -> dict[str, float]:
     """Return times of the semidefinite program [s]: compiled and solved, and solved again."""
-    structure, full = analysis.structure, analysis.full
+    structure = analysis.structure
     region, nominal = physical_set(structure), structure.nominal
-    data = full_problem(
-        full.rung.reduce(analysis.information), full.estimate, full.rung, structure.G
-    )
-    build_projection(region, reference=nominal).solve(data)  # imports are not the program's
+    data = full_model(analysis).data
+    Projection(region, reference=nominal).solve(data)  # imports are not the program's
     firsts, agains, rng = [], [], np.random.default_rng(0)
     for _ in range(repeats):
         begin = time.process_time()
-        program = build_projection(region, reference=nominal)
+        program = Projection(region, reference=nominal)
         program.solve(data)
         firsts.append(time.process_time() - begin)
         z = data.z + data.unit * rng.standard_normal(data.z.shape)

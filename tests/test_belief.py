@@ -10,7 +10,7 @@ from identifiability import analyze
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.certify import certify
-from identifiability.physical.feasibility import full_problem, physical_set
+from identifiability.physical.feasibility import FittedModel, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Target
@@ -29,11 +29,13 @@ NOTHING = "The chains are short: 80 draws are 44 autocorrelation times of leg3_u
 
 
 def believe(analysis, result, effort=None, robot=None):
-    return form_belief(
-        replace(analysis.structure, robot=robot or analysis.robot), result.rung,
-        result.rung.reduce(analysis.information), result.estimate, result.physical,
-        max(float(result.autocorrelation_time.mean()), 1.0), np.random.default_rng(1), effort,
-    )  # fmt: skip
+    iact = max(float(result.autocorrelation_time.mean()), 1.0)
+    return form_belief(fitted(analysis, result, robot), iact, np.random.default_rng(1), effort)
+
+
+def fitted(analysis, result, robot=None):
+    structure = replace(analysis.structure, robot=robot or analysis.robot)
+    return FittedModel.of(structure, result.rung, analysis.information, result.estimate.estimator)
 
 
 def truth_of(analysis, result):
@@ -68,10 +70,9 @@ def test_where_no_sign_is_near_the_posterior_is_the_closed_form(analysis):
 
 def test_all_draws_belong_to_a_real_robot(analysis):
     chosen, structure = analysis.chosen, analysis.structure
-    reduced = chosen.rung.reduce(analysis.information)
     region = physical_set(structure)
-    data = full_problem(reduced, chosen.estimate, chosen.rung, structure.G)
-    prior = state_prior(structure, chosen.rung, reduced, chosen.estimate)
+    model = fitted(analysis, chosen)
+    data, prior = model.data, state_prior(model)
     start = project(data, region, margin=START_MARGIN, reference=structure.nominal).phi
     draws = sample_posterior(
         Target(data, prior, region), start, np.random.default_rng(0), draws=10, walkers=4, warmup=5
@@ -130,9 +131,8 @@ def test_a_prior_that_the_user_states_moves_the_posterior(arm, tmp_path):
 def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior, sentence):
     robot = Robot.load("two-link", sidecar(tmp_path, prior))
     full = arm.full
-    reduced = full.rung.reduce(arm.information)
     with pytest.raises(RobotError, match=sentence):
-        state_prior(replace(arm.structure, robot=robot), full.rung, reduced, full.estimate)
+        state_prior(fitted(arm, full, robot))
     belief = believe(arm, full, Effort(walkers=2, draws=4, warmup=1), robot)
     assert belief.physical is None
     assert belief.standard is None

@@ -3,10 +3,12 @@
 What to use when:
 
 - `pseudo_inertia.check_body` says whether ten numbers are a body, and in words why not;
-- `feasible_set.PhysicalSet` holds all constraints of a robot (bodies, signs, masses, hulls);
+- `feasible_set.PhysicalSet` holds all constraints of a robot (bodies, signs);
 - `certify.certify` proves that base parameters are feasible, or that they are not;
-- `project.project` gives the feasible parameters nearest to the data (`build_projection` for many
-  data sets of one robot), with a `cad_prior.CadPrior` if wanted.
+- `project.project` gives the feasible parameters nearest to the data (`project.Projection` for many
+  data sets of one robot), with a `cad_prior.CadPrior` if wanted;
+- `feasibility.assess_feasibility` does all of it for a `feasibility.FittedModel`.
 
-Data enter as a compressed `least_squares.LeastSquares`.
+Data enter as a compressed `least_squares.LeastSquares`: `LeastSquares.of_fit` makes it from
+`Information` and an estimate, for programs here and for posteriors.
 """

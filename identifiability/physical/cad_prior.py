@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.program import adjoint_inverse, body_scale, matrix
+from identifiability.physical.program import adjoint_inverse, cp
 from identifiability.physical.pseudo_inertia import BASIS, BOUNDARY, check_body, to_matrix
-
-Floats = NDArray[np.float64]
 
 #: Least mean square of a nominal body's thickness, as a share of that of its size.
 THIN = 1e-3
@@ -34,7 +31,7 @@ class CadPrior:
     weight : float
     """
 
-    phi: Floats
+    phi: Array
     weight: float = 1.0
 
     def __post_init__(self) -> None:
@@ -47,12 +44,12 @@ class CadPrior:
 
 def divergence(region: PhysicalSet, prior: CadPrior, x: Any) -> Any:
     """Sum of the divergences as an expression of scaled parameters x (p,)."""
-    cones = [matrix(map_, x) for map_ in nominal_cones(region, prior)]
-    atoms: Any = cp
-    return sum(atoms.trace(J) - atoms.log_det(J) - 4 for J in cones)
+    maps = nominal_cones(region, prior)
+    cones = [cp.reshape(map_ @ x, (4, 4), order="C") for map_ in maps]
+    return sum(cp.trace(J) - cp.log_det(J) - 4 for J in cones)
 
 
-def nominal_cones(region: PhysicalSet, prior: CadPrior) -> Floats:
+def nominal_cones(region: PhysicalSet, prior: CadPrior) -> Array:
     """Maps (nb, 16, p) to pseudo-inertias congruent to the nominal ones, which become the identity.
 
     Raises
@@ -60,16 +57,15 @@ def nominal_cones(region: PhysicalSet, prior: CadPrior) -> Floats:
     ValueError
         When a nominal body cannot exist or is a point; it is named.
     """
-    scale, phi = body_scale(region), np.asarray(prior.phi, float)
     maps = np.zeros((len(region.bodies), 16, region.size))
     for k, (name, columns) in enumerate(zip(region.names, region.bodies, strict=True)):
-        inverse = np.linalg.inv(np.linalg.cholesky(_thick(phi[columns], name)))
+        inverse = np.linalg.inv(np.linalg.cholesky(thick_inertia(prior.phi[columns], name)))
         congruent = np.einsum("ai,kij,bj->kab", inverse, BASIS, inverse)
-        maps[k][:, columns] = congruent.reshape(10, 16).T * scale[columns]
+        maps[k][:, columns] = congruent.reshape(10, 16).T * region.scale[columns]
     return maps
 
 
-def prior_gap(region: PhysicalSet, prior: CadPrior, x: Floats, slope: Floats) -> float:
+def prior_gap(region: PhysicalSet, prior: CadPrior, x: Array, slope: Array) -> float:
     """How far the pull of the prior at x is from balancing the slope (p,) of the data.
 
     The conjugate of the divergence, min_J ⟨P, J⟩ + w (tr J − log det J − 4) = w log det(1 + P/w),
@@ -85,8 +81,19 @@ def prior_gap(region: PhysicalSet, prior: CadPrior, x: Floats, slope: Floats) ->
     return abs(float(np.sum(w * (own - dual)) + np.sum(P * J)))
 
 
-def _thick(theta: Floats, name: str) -> Floats:
-    """Return the pseudo-inertia of a nominal body, with some thickness where it has none."""
+def thick_inertia(theta: Array, name: str) -> Array:
+    """Return the pseudo-inertia (4, 4) of a nominal body, with some thickness where it has none.
+
+    Parameters
+    ----------
+    theta : (10,) [kg m², kg m, kg]
+    name : str
+
+    Raises
+    ------
+    ValueError
+        When the body cannot exist or is a point; it is named.
+    """
     J, check = to_matrix(theta), check_body(theta, name)
     if not check.feasible:
         raise ValueError(

@@ -2,36 +2,22 @@
 
 A vector ``beta`` of base parameters is feasible exactly when some full vector ``phi`` of the
 physical set has ``G phi = beta``. The proof of yes is that ``phi``; the proof of no is a
-combination of the base parameters that every real robot keeps at or above a bound, and ``beta``
-does not [Boyd 2004, §5.8].
+combination of the base parameters that no real robot has below zero, and ``beta`` has
+[Boyd 2004, §5.8].
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cvxpy as cp
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.program import (
-    ADVICE,
-    above,
-    adjoint,
-    at_least,
-    body_columns,
-    body_scale,
-    matrix,
-    scaled_cones,
-    scaled_rows,
-    solve_program,
-)
+from identifiability.physical.program import ADVICE, above, adjoint, cp, solve_program
 from identifiability.physical.pseudo_inertia import BOUNDARY
-
-Floats = NDArray[np.float64]
 
 #: Margins beyond one body scale are not pursued: the question is whether there is any.
 ROOM = 1.0
@@ -50,15 +36,14 @@ class Certificate:
         else the least impossible one.
     combination : (b,)
         Coefficients over the base parameters, zero when feasible: no real robot has
-        ``combination @ beta`` below `bound`.
-    bound, value : float
-        What every real robot keeps, and what was found.
+        ``combination @ beta`` below zero.
+    value : float
+        What was found of it.
     """
 
     margin: float
-    phi: Floats
-    combination: Floats
-    bound: float
+    phi: Array
+    combination: Array
     value: float
 
     @property
@@ -80,12 +65,12 @@ class Certificate:
         terms = [i for i in np.argsort(-size) if size[i] > 1e-3 * size.max()]
         text = " ".join(f"{self.combination[i]:+.3g}·[{names[i]}]" for i in terms)
         return (
-            f"No real robot has these base parameters: {text} is at least {self.bound:.3g} for any "
-            f"real bodies, and {self.value:.3g} was found."
+            f"No real robot has these base parameters: {text} is at least 0 for any real "
+            f"bodies, and {self.value:.3g} was found."
         )
 
 
-def certify(base_map: ArrayLike, beta: ArrayLike, region: PhysicalSet) -> Certificate:
+def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
     """Decide whether base parameters can belong to a real robot.
 
     Parameters
@@ -97,51 +82,46 @@ def certify(base_map: ArrayLike, beta: ArrayLike, region: PhysicalSet) -> Certif
     region : PhysicalSet
         What is possible.
 
-    Returns
-    -------
-    Certificate
-
     Raises
     ------
     ValueError
         When shapes disagree, no vector at all maps to `beta`, or the solver finds no answer.
     """
-    G, wanted = np.asarray(base_map, float), np.asarray(beta, float)
-    if G.shape != (wanted.size, region.size):
+    if base_map.shape != (beta.size, region.size):
         raise ValueError(
-            f"certificate: a map {G.shape} and {wanted.size} base parameters were given; expected "
-            f"({wanted.size}, {region.size}); build the map from the model of the physical set."
+            f"certificate: a map {base_map.shape} and {beta.size} base parameters were given; "
+            f"expected ({beta.size}, {region.size}); build the map from the model of the physical "
+            "set."
         )
     with threadpool_limits(1):
-        scale = _column_scale(G, wanted, region)
-        start, null = _solutions(G * scale, wanted)
+        scale = _column_scale(base_map, beta, region)
+        G = base_map * scale
+        start, null = _solutions(G, beta)
         u, t = cp.Variable(null.shape[1]), cp.Variable()
         x = start + null @ u
-        A, c = scaled_rows(region)
-        rows = at_least(A @ x - c, t)
-        bodies = [above(matrix(map_, x), t) for map_ in scaled_cones(region)]
-        status = solve_program(cp.Problem(cp.Maximize(t), [rows, t <= ROOM, *bodies]))
+        signs = region.rows @ x >= t
+        bodies = [above(map_, x, t) for map_ in region.cones]
+        status = solve_program(cp.Problem(cp.Maximize(t), [signs, t <= ROOM, *bodies]))
         if u.value is None or t.value is None:
             raise ValueError(
                 f"certificate: the solver found no answer ({status}); expected one; {ADVICE}."
             )
         phi, margin = scale * (start + null @ u.value), float(t.value)
         if margin >= -BOUNDARY:
-            return Certificate(margin, phi, np.zeros_like(wanted), 0.0, 0.0)
+            return Certificate(margin, phi, np.zeros_like(beta), 0.0)
         Z = np.array([body.dual_value.ravel() for body in bodies]).reshape(-1, 16)
-        force = adjoint(scaled_cones(region), Z) + rows.dual_value @ A
-        combination = np.linalg.lstsq((G * scale).T, force)[0]
-        bound = float(rows.dual_value @ c)
-        return Certificate(margin, phi, combination, bound, float(combination @ wanted))
+        force = adjoint(region.cones, Z) + signs.dual_value @ region.rows
+        combination = np.linalg.lstsq(G.T, force)[0]
+        return Certificate(margin, phi, combination, float(combination @ beta))
 
 
-def _solutions(G: Floats, beta: Floats) -> tuple[Floats, Floats]:
+def _solutions(G: Array, beta: Array) -> tuple[Array, Array]:
     """One solution of ``G x = beta`` and a basis of its null space, of at least one column."""
     heights = np.linalg.norm(G, axis=1)
     heights = np.where(heights > 0, heights, 1.0)
     U, s, Vt = np.linalg.svd(G / heights[:, None])
     rank = int(np.sum(s > 1e-9 * s[0])) if s.size else 0
-    x: Floats = Vt[:rank].T @ ((U.T @ (beta / heights))[:rank] / s[:rank])
+    x: Array = Vt[:rank].T @ ((U.T @ (beta / heights))[:rank] / s[:rank])
     missed = np.abs(G @ x - beta) > 1e-6 * (np.abs(G) @ np.abs(x) + np.abs(beta))
     if missed.any():
         raise ValueError(
@@ -152,11 +132,11 @@ def _solutions(G: Floats, beta: Floats) -> tuple[Floats, Floats]:
     return x, null
 
 
-def _column_scale(G: Floats, beta: Floats, region: PhysicalSet) -> Floats:
+def _column_scale(G: Array, beta: Array, region: PhysicalSet) -> Array:
     # A column outside the bodies takes its scale from the base parameter it enters most.
-    scale = body_scale(region)
+    scale = region.scale.copy()
     heights = np.abs(G).max(axis=1, initial=0.0)
-    for j in np.flatnonzero(~body_columns(region)):
+    for j in np.flatnonzero(~region.inertial):
         i = int(np.argmax(np.abs(G[:, j]) / np.where(heights > 0, heights, 1.0)))
         if G[i, j] != 0 and beta[i] != 0:
             scale[j] = abs(beta[i] / G[i, j])

@@ -12,22 +12,22 @@ full, and as no help in explaining the log.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from identifiability.effects import held_by_file
-from identifiability.estimation.estimator import Estimate, settle_signs
+from identifiability.estimation.estimator import Estimate, Estimator, settle_signs
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, nominal_cones
 from identifiability.physical.certify import Certificate, certify
-from identifiability.physical.feasible_set import PhysicalSet, scale_from
+from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import find_held, left_out
 from identifiability.physical.least_squares import LeastSquares
-from identifiability.physical.project import FeasibleEstimate, build_projection
-from identifiability.physical.pseudo_inertia import BodyCheck, check_body
+from identifiability.physical.project import FeasibleEstimate, Projection
+from identifiability.physical.pseudo_inertia import BodyCheck, check_body, natural_scale
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
@@ -89,36 +89,82 @@ class PhysicalResult:
 @lru_cache(maxsize=4)
 def physical_set(structure: Structure) -> PhysicalSet:
     """Return the parameter vectors that a real robot of this structure can have."""
-    mass, length = _scales(structure.nominal, structure.inertial)
+    theta = structure.nominal[structure.inertial]
+    stated = (theta[:, 9] > 0) & (theta[:, [0, 3, 5]].sum(1) > 0)  # a file may state no mass at all
+    mass, length = natural_scale(theta)
     return PhysicalSet(
-        bodies=structure.inertial, nonnegative=structure.nonnegative,
-        names=tuple(structure.bodies.values()), columns=structure.columns, mass=mass, length=length,
-    )  # fmt: skip
+        bodies=structure.inertial,
+        nonnegative=structure.nonnegative,
+        names=tuple(structure.bodies.values()),
+        columns=structure.columns,
+        mass=np.where(stated, mass, 1.0),
+        length=np.where(stated, length, 0.1),
+    )
 
 
-def _scales(nominal: Array, bodies: np.ndarray) -> tuple[Array, Array]:
-    """Return the mass [kg] and length [m] in which each body's margin is measured, (nb,)."""
-    mass, length = np.ones(len(bodies)), np.full(len(bodies), 0.1)
-    for k, columns in enumerate(bodies):
-        theta = nominal[columns]
-        if theta[9] > 0 and theta[[0, 3, 5]].sum() > 0:  # a file may state no mass at all
-            mass[k : k + 1], length[k : k + 1] = scale_from(nominal, columns[None])
-    return mass, length
+@frozen
+class FittedModel:
+    """A model of a robot that was fitted, and what the fit says of the standard parameters.
+
+    The model says that base parameters are ``held + M x``; the part of ``G phi`` outside the span
+    of M is what the model leaves out, and does not enter its prediction.
+
+    Attributes
+    ----------
+    structure : Structure
+        With its b base and p standard parameters.
+    rung : Rung
+        The model, of m parameters x.
+    whole, information : Information
+        About all base parameters, and about the rung's columns.
+    estimate : Estimate
+    """
+
+    structure: Structure
+    rung: Rung
+    whole: Information
+    information: Information
+    estimate: Estimate
+
+    @staticmethod
+    def of(
+        structure: Structure, rung: Rung, whole: Information, estimator: Estimator
+    ) -> FittedModel:
+        """Fit a model."""
+        part = rung.reduce(whole)
+        return FittedModel(structure, rung, whole, part, estimator.fit(part))
+
+    @cached_property
+    def to_x(self) -> Array:
+        """The model's parameters of standard ones, (m, p); tied columns take the mean."""
+        to_x: Array = np.linalg.pinv(self.rung.M) @ self.structure.G
+        return to_x
+
+    @property
+    def determined(self) -> bool:
+        """Whether there are parameters and the motion determines each."""
+        return 0 < len(self.rung) == len(self.estimate.kept)
+
+    @cached_property
+    def data(self) -> LeastSquares:
+        """The estimate's loss in the standard parameters."""
+        return LeastSquares.of_fit(self.information, self.estimate).through(self.to_x)
 
 
 def leave_undecided(structure: Structure, rung: Rung, why: str) -> PhysicalResult:
     """Return what physics says where nothing was fitted."""
+    undecided = _no_answer(physical_set(structure), rung, 0.0)
+    return replace(undecided, sentence=f"Not decided, because {why}.")
+
+
+def _no_answer(region: PhysicalSet, rung: Rung, cad_weight: float) -> PhysicalResult:
     value, found = np.full(len(rung), np.nan), np.full(len(rung.M), np.nan)
-    return PhysicalResult(
-        physical_set(structure), None, None, value, found, found,
-        f"Not decided, because {why}.", 0.0,
-    )  # fmt: skip
+    return PhysicalResult(region, None, None, value, found, found, "", cad_weight)
 
 
 def find_impossible_bodies(robot: Robot) -> str:
     """Return one sentence on the bodies of the robot file that cannot exist, or nothing."""
-    checks = (check_body(_stated(robot, body), body) for body in robot.bodies)
-    wrong = [check.reason for check in checks if not check.feasible]
+    wrong = [check.reason for check in _check_file(robot) if not check.feasible]
     if not wrong:
         return ""
     more = f" {len(wrong) - 1} more bodies are like that." if len(wrong) > 1 else ""
@@ -136,45 +182,22 @@ def check_nominal(robot: Robot) -> tuple[BodyCheck, ...]:
     IdentifiabilityError
         If one of them cannot exist, with its name and what is wrong.
     """
-    checks = []
-    for body in robot.bodies:
-        check = check_body(_stated(robot, body), body)
+    checks = _check_file(robot)
+    for check in checks:
         if not check.feasible:
             raise IdentifiabilityError(
                 f"{robot.path}: {check.reason} Correct the body's <inertial> in the robot file."
             )
-        checks.append(check)
-    return tuple(checks)
+    return checks
 
 
-def _stated(robot: Robot, body: str) -> Array:
+def _check_file(robot: Robot) -> tuple[BodyCheck, ...]:
+    return tuple(check_body(stated_body(robot, body), body) for body in robot.bodies)
+
+
+def stated_body(robot: Robot, body: str) -> Array:
+    """Return the ten inertial parameters (10,) that the robot file states [kg m², kg m, kg]."""
     return np.array([robot.nominal[f"{body}.{kind}"] for kind in INERTIAL])
-
-
-def full_problem(
-    information: Information, estimate: Estimate, rung: Rung, G: Array
-) -> LeastSquares:
-    """Return the estimate's loss in the standard parameters under a model.
-
-    The model says that base parameters are ``held + M x``; the part of ``G phi`` outside the span
-    of M is what the model leaves out, and does not enter the prediction.
-
-    Parameters
-    ----------
-    information : Information
-        About the rung's columns.
-    estimate : Estimate
-    rung : Rung
-    G : (b, p)
-        Base parameters of standard parameters.
-    """
-    R = estimate.estimator.loss(information, estimate)
-    m = len(rung)
-    # x of the standard parameters: tied columns take the mean of their members.
-    to_x = np.linalg.pinv(rung.M) @ G if m else np.zeros((0, G.shape[1]))
-    variance = float(estimate.weights @ estimate.rss) / max(estimate.dof, 1)
-    rss = max(float(R[m, m] ** 2), variance * 1e-12)
-    return LeastSquares(R[:m, :m] @ to_x, R[:m, m], rss, max(float(estimate.dof), 1.0))
 
 
 def _cad_prior(structure: Structure, weight: float) -> CadPrior | None:
@@ -196,24 +219,12 @@ def _cad_prior(structure: Structure, weight: float) -> CadPrior | None:
     return prior
 
 
-def assess_feasibility(
-    structure: Structure,
-    rung: Rung,
-    whole: Information,
-    information: Information,
-    estimate: Estimate,
-    cad_weight: float = 0.0,
-) -> PhysicalResult:
+def assess_feasibility(model: FittedModel, cad_weight: float = 0.0) -> PhysicalResult:
     """Say whether a real robot has the estimated parameters, and find the nearest that has.
 
     Parameters
     ----------
-    structure : Structure
-    rung : Rung
-        The model that was fitted.
-    whole, information : Information
-        About all base parameters, and about the rung's columns.
-    estimate : Estimate
+    model : FittedModel
     cad_weight : float
         Weight of a log-det prior around the bodies of the robot file, in σ² of the residual.
 
@@ -225,58 +236,48 @@ def assess_feasibility(
     certificate = None
     sentence = "The motion leaves parameters of the model undetermined."
     try:
-        if len(estimate.kept) == len(rung) and len(rung):
-            to_x = np.linalg.pinv(rung.M) @ structure.G
-            settled = settle_signs(information, estimate, rung.nonnegative)
-            certificate = certify(to_x, settled, physical_set(structure))
-            sentence = certificate.sentence(rung.columns)
+        if model.determined:
+            settled = settle_signs(model.information, model.estimate, model.rung.nonnegative)
+            certificate = certify(model.to_x, settled, physical_set(model.structure))
+            sentence = certificate.sentence(model.rung.columns)
     except ValueError as error:
         sentence = f"Whether a real robot has these values was not decided: {error}"
-    found = find_nearest(structure, rung, whole, information, estimate, cad_weight)
+    found = find_nearest(model, cad_weight)
     return replace(found, certificate=certificate, sentence=sentence + found.sentence)
 
 
-def find_nearest(
-    structure: Structure,
-    rung: Rung,
-    whole: Information,
-    information: Information,
-    estimate: Estimate,
-    cad_weight: float = 0.0,
-) -> PhysicalResult:
+def find_nearest(model: FittedModel, cad_weight: float = 0.0) -> PhysicalResult:
     """Find the nearest real robot, without asking whether it is the estimate itself.
 
     Cross-validation needs its torque alone. Parameters and errors as in `assess_feasibility`.
     """
-    region, G = physical_set(structure), structure.G
-    data = full_problem(information, estimate, rung, G)
-    to_x = np.linalg.pinv(rung.M) @ G if len(rung) else np.zeros((0, G.shape[1]))
-    nearest, sentence = None, ""
-    value, found = np.full(len(rung), np.nan), np.full((2, len(G)), np.nan)
+    structure, rung = model.structure, model.rung
+    region = physical_set(structure)
+    found = _no_answer(region, rung, cad_weight)
     try:
         prior = _cad_prior(structure, cad_weight)
-        held = find_held(region, G, rung.M, rung.held)
-        R = whole.factor(estimate.weights)
-        rows, aim = left_out(R[:-1, :-1], G, rung.M, rung.held)
-        program = build_projection(
+        held = find_held(region, structure.G, rung.M, rung.held)
+        R = model.whole.factor(model.estimate.weights)
+        rows, aim = left_out(R[:-1, :-1], structure.G, rung.M, rung.held)
+        nearest = Projection(
             replace(region, nonnegative=region.nonnegative & ~held.fixed),
-            reference=_possible(structure.nominal, region), prior=prior, held=held,
-        )  # fmt: skip
-        nearest = program.solve(
-            LeastSquares(
-                np.vstack([data.R, rows]), np.concatenate([data.z, aim]), data.rss_min, data.dof
-            )
-        )
-        value = to_x @ nearest.phi
-        phi = dict(zip(region.columns, nearest.phi, strict=True))
-        held_there = held_by_file(structure.robot, phi)
-        found = np.array([nearest.phi, [held_there[n] for n in region.columns]]) @ G.T
-        if not nearest.accurate:
-            sentence += f" The nearest real robot is within {nearest.gap:.2g} σ² of the optimum."
-        sentence += _say_left_out(rows @ nearest.phi - aim, R[:, -1])
+            reference=_possible(structure.nominal, region),
+            prior=prior,
+            held=held,
+        ).solve(model.data.beside(rows, aim))
     except ValueError as error:
-        sentence += f" The nearest real robot was not found: {error}"
-    return PhysicalResult(region, None, nearest, value, found[0], found[1], sentence, cad_weight)
+        return replace(found, sentence=f" The nearest real robot was not found: {error}")
+    phi = dict(zip(region.columns, nearest.phi, strict=True))
+    in_file = held_by_file(structure.robot, phi)
+    base = np.array([nearest.phi, [in_file[n] for n in region.columns]]) @ structure.G.T
+    sentence = _say_left_out(rows @ nearest.phi - aim, R[:, -1])
+    if not nearest.accurate:
+        reach = f"within {nearest.gap:.2g} σ² of the optimum"
+        sentence = f" The nearest real robot is {reach}.{sentence}"
+    value = model.to_x @ nearest.phi
+    return replace(
+        found, nearest=nearest, value=value, base=base[0], in_file=base[1], sentence=sentence
+    )
 
 
 def _possible(nominal: Array, region: PhysicalSet) -> Array:

@@ -5,14 +5,14 @@ Base parameters are ``G phi``, and the model says that they are ``value + M x``.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
-from numpy.typing import NDArray
 
 from identifiability.foundation.linalg import SPAN_TOLERANCE
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
-
-Floats = NDArray[np.float64]
 
 
 @frozen
@@ -25,30 +25,34 @@ class Held:
     value : (k,)
     """
 
-    rows: Floats
-    value: Floats
+    rows: Array
+    value: Array
 
     @staticmethod
     def none(size: int) -> Held:
         """Return the absence of held combinations of so many parameters."""
         return Held(np.zeros((0, size)), np.zeros(0))
 
-    @property
-    def fixed(self) -> NDArray[np.bool_]:
-        """The parameters that are held by themselves, (p,)."""
-        alone = np.count_nonzero(self.rows, axis=1) == 1
-        mask: NDArray[np.bool_] = (self.rows[alone] != 0).any(axis=0)
+    @cached_property
+    def alone(self) -> np.ndarray:
+        """Which combinations are of one parameter, (k,) bool."""
+        mask: np.ndarray = np.count_nonzero(self.rows, axis=1) == 1
         return mask
 
-    def settle(self, phi: Floats) -> Floats:
+    @property
+    def fixed(self) -> np.ndarray:
+        """The parameters that are held by themselves, (p,) bool."""
+        mask: np.ndarray = (self.rows[self.alone] != 0).any(axis=0)
+        return mask
+
+    def settle(self, phi: Array) -> Array:
         """Return parameters (p,) with those that are held by themselves at exactly their values."""
-        alone = np.count_nonzero(self.rows, axis=1) == 1
-        out = np.array(phi)
-        at = np.argmax(self.rows[alone] != 0, axis=1)
-        out[at] = self.value[alone] / self.rows[alone, at]
+        out, rows = np.array(phi), self.rows[self.alone]
+        at = np.argmax(rows != 0, axis=1)
+        out[at] = self.value[self.alone] / rows[np.arange(len(at)), at]
         return out
 
-    def scaled(self, scale: Floats) -> Plane:
+    def scaled(self, scale: Array) -> Plane:
         """Return what is left to scaled parameters ``phi = scale * x``."""
         rows = self.rows * scale
         Q, R = np.linalg.qr(rows.T, mode="complete")
@@ -69,21 +73,21 @@ class Plane:
     value : (k,)
     """
 
-    normal: Floats
-    along: Floats
-    value: Floats
+    normal: Array
+    along: Array
+    value: Array
 
-    def project(self, x: Floats) -> Floats:
+    def project(self, x: Array) -> Array:
         """Return the nearest point of the plane, (p,)."""
-        nearest: Floats = x - self.normal @ (self.normal.T @ x - self.value)
+        nearest: Array = x - self.normal @ (self.normal.T @ x - self.value)
         return nearest
 
-    def turn(self, slope: Floats) -> Floats:
+    def turn(self, slope: Array) -> Array:
         """Return the part of a gradient (p,) that lies in the plane."""
-        part: Floats = slope - self.normal @ (self.normal.T @ slope)
+        part: Array = slope - self.normal @ (self.normal.T @ slope)
         return part
 
-    def solve(self, factor: Floats, target: Floats) -> Floats:
+    def solve(self, factor: Array, target: Array) -> Array:
         """Return the x of the plane with the least ``‖factor x − target‖``, (p,)."""
         if not len(self.value):
             return np.asarray(np.linalg.solve(factor, target), float)
@@ -92,7 +96,7 @@ class Plane:
         return self.project(start + self.along @ step)
 
 
-def find_held(region: PhysicalSet, G: Floats, M: Floats, value: Floats) -> Held:
+def find_held(region: PhysicalSet, G: Array, M: Array, value: Array) -> Held:
     """Return what a model leaves out, holds or ties outside the bodies.
 
     Parameters
@@ -113,7 +117,7 @@ def find_held(region: PhysicalSet, G: Floats, M: Floats, value: Floats) -> Held:
     tied = outside & ~alone
     _, s, Vt = np.linalg.svd(M[tied].T)
     apart = Vt[int((s > SPAN_TOLERANCE * s.max(initial=0.0)).sum()) :]
-    found: dict[bytes, tuple[Floats, float]] = {}
+    found: dict[bytes, tuple[Array, float]] = {}
     for row, at in zip(
         [*G[alone], *apart @ G[tied]], [*value[alone], *apart @ value[tied]], strict=True
     ):
@@ -131,7 +135,7 @@ def find_held(region: PhysicalSet, G: Floats, M: Floats, value: Floats) -> Held:
     return Held(rows, np.array([at for _, at in found.values()]))
 
 
-def left_out(R: Floats, G: Floats, M: Floats, value: Floats) -> tuple[Floats, Floats]:
+def left_out(R: Array, G: Array, M: Array, value: Array) -> tuple[Array, Array]:
     """Return the torque of what a model leaves out, ``rows phi − aim``: (b, p) and (b,).
 
     Parameters

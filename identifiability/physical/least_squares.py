@@ -1,11 +1,15 @@
 """What the data say about the parameters: a compressed least-squares problem."""
 
+from __future__ import annotations
+
+from dataclasses import replace
+
 import numpy as np
-from numpy.typing import NDArray
 
+from identifiability.estimation.estimator import Estimate
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-
-Floats = NDArray[np.float64]
+from identifiability.regression.information import Information
 
 
 @frozen
@@ -31,13 +35,13 @@ class LeastSquares:
         When shapes disagree or a number is not finite.
     """
 
-    R: Floats
-    z: Floats
+    R: Array
+    z: Array
     rss_min: float
     dof: float
 
     def __post_init__(self) -> None:
-        R, z = np.array(self.R, float), np.array(self.z, float)
+        R, z = self.R, self.z
         if R.ndim != 2 or z.shape != R.shape[:1]:
             raise ValueError(
                 f"least-squares problem: R {R.shape} and z {z.shape} were given; "
@@ -54,9 +58,36 @@ class LeastSquares:
                 "expected rss_min ≥ 0 and dof > 0; use more samples than the model has base "
                 "parameters."
             )
-        for name, array in (("R", R), ("z", z)):
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+
+    @staticmethod
+    def of_fit(information: Information, estimate: Estimate) -> LeastSquares:
+        """Return the loss that an estimate made least, in its own k parameters.
+
+        Parameters
+        ----------
+        information : Information
+            That was fitted.
+        estimate : Estimate
+        """
+        F = estimate.estimator.loss(information, estimate)
+        variance = float(estimate.weights @ estimate.rss) / max(estimate.dof, 1)
+        rss = max(float(F[-1, -1] ** 2), variance * 1e-12)
+        return LeastSquares(F[:-1, :-1], F[:-1, -1], rss, max(float(estimate.dof), 1.0))
+
+    @staticmethod
+    def likelihood(information: Information, estimate: Estimate) -> LeastSquares:
+        """Return the same for a posterior, to which data without noise have a little of it."""
+        tau = float(np.linalg.norm(estimate.estimator.loss(information, estimate)[:, -1]))
+        rss = max(float(estimate.weights @ estimate.rss), (1e-9 * tau) ** 2)
+        return replace(LeastSquares.of_fit(information, estimate), rss_min=rss)
+
+    def through(self, to_x: Array) -> LeastSquares:
+        """Return the problem in other parameters phi, of which these are ``to_x (p, q) phi``."""
+        return replace(self, R=self.R @ to_x)
+
+    def beside(self, rows: Array, aim: Array) -> LeastSquares:
+        """Return the problem with further squares ``rows (m, p) phi − aim (m,)`` [torque]."""
+        return replace(self, R=np.vstack([self.R, rows]), z=np.concatenate([self.z, aim]))
 
     @property
     def variance(self) -> float:
@@ -70,17 +101,8 @@ class LeastSquares:
             max(np.sqrt(self.variance), 1e-6 * np.linalg.norm(self.z), np.finfo(float).tiny)
         )
 
-    def rss(self, phi: Floats) -> Floats:
-        """Residual sum of squares of parameter vectors.
-
-        Parameters
-        ----------
-        phi : (..., p)
-
-        Returns
-        -------
-        (...) [torque²]
-        """
+    def rss(self, phi: Array) -> Array:
+        """Residual sum of squares (...) [torque²] of parameter vectors ``phi (..., p)``."""
         residual = np.asarray(phi) @ self.R.T - self.z
-        total: Floats = np.einsum("...r,...r->...", residual, residual) + self.rss_min
+        total: Array = np.einsum("...r,...r->...", residual, residual) + self.rss_min
         return total

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from identifiability.foundation.names import INERTIAL
-from identifiability.physical.cad_prior import CadPrior, nominal_cones
-from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.cad_prior import thick_inertia
+from identifiability.physical.feasibility import stated_body
 from identifiability.robot import Robot
 
 #: Times the robot file's total mass beyond which another one is spoken of.
@@ -84,12 +81,9 @@ def real_robot_dict(
 
 def _can_pull(robot: Robot) -> bool:
     """Whether a prior around the bodies of the robot file is possible."""
-    phi = np.array([robot.nominal[f"{b}.{kind}"] for b in robot.bodies for kind in INERTIAL])
-    columns = np.arange(phi.size).reshape(-1, len(INERTIAL))
     try:
-        nominal_cones(
-            PhysicalSet(columns, np.zeros(phi.size, bool), names=robot.bodies), CadPrior(phi)
-        )
+        for body in robot.bodies:
+            thick_inertia(stated_body(robot, body), body)
     except ValueError:
         return False
     return True

@@ -1,9 +1,9 @@
 """The parameters of a real robot nearest to the data: a semidefinite program, and its evidence.
 
-    minimise  ‖R phi − z‖²   over   J_k(phi) ⪰ margin (every body k),  A phi ≥ c,  H phi = h
+    minimise  ‖R phi − z‖²   over   J_k(phi) ⪰ margin (every body k),  signs,  H phi = h
 
-What to use when: `project` for one estimate; `build_projection` when many data sets share one
-robot, since the program is compiled once and each further `Projection.solve` takes milliseconds. A
+What to use when: `project` for one estimate; `Projection` when many data sets share one robot,
+since the program is compiled once and each further `Projection.solve` takes milliseconds. A
 `CadPrior` pulls what the data do not determine towards a nominal robot.
 
 Two things keep the optimum right: R is factored, never squared, and the columns are scaled.
@@ -13,11 +13,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, divergence, prior_gap
 from identifiability.physical.feasible_set import PhysicalSet
@@ -28,19 +27,11 @@ from identifiability.physical.program import (
     above,
     adjoint,
     adjoint_inverse,
-    at_least,
-    body_columns,
-    body_scale,
-    check_room,
-    matrix,
+    cp,
     most_gain,
-    scaled_cones,
-    scaled_rows,
     semidefinite,
     solve_program,
 )
-
-Floats = NDArray[np.float64]
 
 #: Smallest dimensionless eigenvalue of a body in the answer: simulators refuse singular inertia.
 MARGIN = 1e-6
@@ -77,10 +68,10 @@ class FeasibleEstimate:
         Whether the gap is negligible beside the excess; the answer is feasible either way.
     """
 
-    phi: Floats
+    phi: Array
     rss: float
     excess: float
-    margins: Floats
+    margins: Array
     active_bodies: tuple[str, ...]
     active_rows: tuple[str, ...]
     status: str
@@ -92,43 +83,63 @@ class FeasibleEstimate:
 class _Scaled:
     """A data set in scaled parameters: ``phi = scale * x``, cost ``‖factor x − target‖²`` in σ²."""
 
-    scale: Floats
-    factor: Floats
-    target: Floats
+    scale: Array
+    factor: Array
+    target: Array
     plane: Plane
 
 
-@frozen
 class Projection:
     """A compiled program: solve it for as many data sets as there are, one at a time.
 
-    Attributes
+    Parameters
     ----------
     region : PhysicalSet
+        What is possible.
     margin : float
-    reference : (p,)
-    prior : CadPrior or None
-    held : Held
+        Smallest dimensionless eigenvalue every body must keep.
+    reference : (p,), optional
+        Where the parameters go that the data do not determine; the CAD values, else zero.
+    prior : CadPrior, optional
+        Nominal robot that pulls.
+    held : Held, optional
+        Combinations of parameters outside the bodies that keep their values.
+
+    Raises
+    ------
+    ValueError
+        When the prior holds a body that cannot exist; it is named.
     """
 
-    region: PhysicalSet
-    margin: float
-    reference: Floats
-    prior: CadPrior | None
-    held: Held
-    _problem: cp.Problem
-    _step: cp.Variable
-    _factor: cp.Parameter
-    _free: cp.Parameter
-    _normal: cp.Parameter | None
-    _rows: cp.Constraint
+    def __init__(
+        self,
+        region: PhysicalSet,
+        *,
+        margin: float = MARGIN,
+        reference: Array | None = None,
+        prior: CadPrior | None = None,
+        held: Held | None = None,
+    ) -> None:
+        p = region.size
+        self.region, self.margin, self.prior = region, margin, prior
+        self.reference = np.zeros(p) if reference is None else reference
+        self.held = Held.none(p) if held is None else held
+        # The unknown is the step from the unconstrained optimum, so that the solver's accuracy is
+        # relative to what feasibility changes, not to the data.
+        self._step, self._free = cp.Variable(p), cp.Parameter(p)
+        self._factor = cp.Parameter(p * (p + 1) // 2)  # no zeros below the diagonal
+        self._normal = cp.Parameter(self.held.rows.shape) if len(self.held.rows) else None
+        x = self._step + self._free
+        self._signs = region.rows @ x >= np.zeros(len(region.rows))
+        bodies = [above(map_, x, margin) for map_ in region.cones]
+        cost = cp.sum_squares(cp.vec_to_upper_tri(self._factor) @ self._step)
+        if prior is not None:
+            cost = cost + prior.weight * divergence(region, prior, x)
+        fixed = [] if self._normal is None else [self._normal @ self._step == 0]
+        self._problem = cp.Problem(cp.Minimize(cost), [self._signs, *bodies, *fixed])
 
     def solve(self, data: LeastSquares) -> FeasibleEstimate:
         """Project one data set.
-
-        Parameters
-        ----------
-        data : LeastSquares
 
         Raises
         ------
@@ -144,17 +155,17 @@ class Projection:
             scaled = self._scale(data)
             free = scaled.plane.solve(scaled.factor, scaled.target)
             if self.prior is None and self._holds(free):
-                return self._read(data, scaled, free, np.zeros(self._rows.shape), "optimal")
+                return self._read(data, scaled, free, np.zeros(self._signs.shape), "optimal")
             self._factor.value, self._free.value = scaled.factor[np.triu_indices(free.size)], free
             if self._normal is not None:
                 self._normal.value = scaled.plane.normal.T
             status = solve_program(self._problem)
-            if self._step.value is None or self._rows.dual_value is None:
+            if self._step.value is None or self._signs.dual_value is None:
                 raise ValueError(
                     f"projection: the solver found no answer ({status}); expected one, since every "
                     f"body has room; {ADVICE}."
                 )
-            y = np.maximum(self._rows.dual_value, 0.0)
+            y = np.maximum(self._signs.dual_value, 0.0)
             x = scaled.plane.project(free + self._step.value)
             return self._read(data, scaled, x, y, status)
 
@@ -163,50 +174,54 @@ class Projection:
         whole = np.linalg.norm(data.z)
         seen = (norms > 0) & (whole > 0)
         scale = np.where(seen, whole / np.where(seen, norms, 1.0), 1.0)
-        scale = np.where(body_columns(self.region), body_scale(self.region), scale)
+        scale = np.where(self.region.inertial, self.region.scale, scale)
         pull = np.sqrt(RIDGE)
         stacked = np.vstack([data.R * scale / data.unit, pull * np.eye(scale.size)])
         Q, factor = np.linalg.qr(stacked)
         wanted = np.concatenate([data.z / data.unit, pull * self.reference / scale])
         return _Scaled(scale, factor, Q.T @ wanted, self.held.scaled(scale))
 
-    def _holds(self, x: Floats) -> bool:
-        A, c = scaled_rows(self.region)
-        J = (scaled_cones(self.region) @ x).reshape(-1, 4, 4)
-        return bool((A @ x >= c).all() and (np.linalg.eigvalsh(J)[:, 0] >= self.margin).all())
+    def _holds(self, x: Array) -> bool:
+        J = (self.region.cones @ x).reshape(-1, 4, 4)
+        inside = (np.linalg.eigvalsh(J)[:, 0] >= self.margin).all()
+        return bool(inside and (x[self.region.signed] >= 0).all())
 
     def _read(
-        self, data: LeastSquares, scaled: _Scaled, x: Floats, y: Floats, status: str
+        self, data: LeastSquares, scaled: _Scaled, x: Array, y: Array, status: str
     ) -> FeasibleEstimate:
         region, phi = self.region, self.held.settle(x * scaled.scale)
         Z, gap = self._judge(scaled, x, y)
         excess = (float(data.rss(phi)) - data.rss_min) / data.unit**2
         allowed = GAP * (1 + excess) + ROUNDING * float(scaled.target @ scaled.target)
-        A, c = scaled_rows(region)
         margins = region.margins(phi)
         # Complementarity: of slack and multiplier one is zero, and the larger one says which.
         pressed = np.linalg.norm(Z, axis=1) > margins - self.margin
-        held = y > A @ x - c
+        held = y > x[region.signed]
         return FeasibleEstimate(
-            phi, float(data.rss(phi)), excess, margins,
-            tuple(str(n) for n, on in zip(region.names, pressed, strict=True) if on),
-            tuple(str(n) for n, on in zip(region.rows[2], held, strict=True) if on),
-            status, gap, bool(gap <= allowed),
-        )  # fmt: skip
+            phi=phi,
+            rss=float(data.rss(phi)),
+            excess=excess,
+            margins=margins,
+            active_bodies=tuple(np.array(region.names, object)[pressed]),
+            active_rows=tuple(np.array(region.labels, object)[held]),
+            status=status,
+            gap=gap,
+            accurate=bool(gap <= allowed),
+        )
 
-    def _judge(self, scaled: _Scaled, x: Floats, y: Floats) -> tuple[Floats, float]:
+    def _judge(self, scaled: _Scaled, x: Array, y: Array) -> tuple[Array, float]:
         """Multipliers (nb, 16) of the bodies, and the distance to the optimum by convexity.
 
-        f(x) − f(x*) ≤ ⟨Z, J(x) − m⟩ + yᵀ(Ax − c) + eᵀd − ‖F d‖² for any Z ⪰ 0 and y ≥ 0, where e is
-        what they leave of the gradient and d = x − x*, taken to be no longer than 2‖x‖. The
-        solver's claim is not used: Z is the semidefinite part of the gradient itself.
+        f(x) − f(x*) ≤ ⟨Z, J(x) − m⟩ + yᵀAx + eᵀd − ‖F d‖² for any Z ⪰ 0 and y ≥ 0, where A are the
+        signs, e is what Z and y leave of the gradient and d = x − x*, taken to be no longer than
+        2‖x‖. The solver's claim is not used: Z is the semidefinite part of the gradient itself.
         """
-        (A, c), cones = scaled_rows(self.region), scaled_cones(self.region)
+        A, cones = self.region.rows, self.region.cones
         slope = 2 * scaled.factor.T @ (scaled.factor @ x - scaled.target) - y @ A
         slope = scaled.plane.turn(slope)  # what is held has a multiplier of its own
-        reach, held = 2 * float(np.linalg.norm(x)), float(y @ (A @ x - c))
+        reach, held = 2 * float(np.linalg.norm(x)), float(y @ (A @ x))
         if self.prior is not None:
-            rest = np.where(body_columns(self.region), 0.0, slope)
+            rest = np.where(self.region.inertial, 0.0, slope)
             gap = prior_gap(self.region, self.prior, x, slope)
             gap += abs(held) + most_gain(rest, scaled.factor, reach)
             return np.zeros(cones.shape[:2]), gap  # the divergence keeps bodies off the edge
@@ -217,70 +232,8 @@ class Projection:
         return Z, gap
 
 
-def build_projection(
-    region: PhysicalSet,
-    *,
-    margin: float = MARGIN,
-    reference: Floats | None = None,
-    prior: CadPrior | None = None,
-    held: Held | None = None,
-) -> Projection:
-    """Compile the program of a robot.
-
-    Parameters
-    ----------
-    region : PhysicalSet
-        What is possible.
-    margin : float
-        Smallest dimensionless eigenvalue every body must keep.
-    reference : (p,), optional
-        Where the parameters go that the data do not determine; the CAD values, else zero.
-    prior : CadPrior, optional
-        Nominal robot that pulls.
-    held : Held, optional
-        Combinations of parameters outside the bodies that keep their values.
-
-    Returns
-    -------
-    Projection
-
-    Raises
-    ------
-    ValueError
-        When bounds leave no room for a body, or the prior holds one that cannot exist; it is named.
-    """
-    check_room(region, margin)
-    held = Held.none(region.size) if held is None else held
-    # The unknown is the step from the unconstrained optimum, so that the solver's accuracy is
-    # relative to what feasibility changes, not to the data.
-    step, free = cp.Variable(region.size), cp.Parameter(region.size)
-    factor = cp.Parameter(region.size * (region.size + 1) // 2)  # no zeros below the diagonal
-    x = step + free
-    A, c = scaled_rows(region)
-    rows = at_least(A @ x, c)
-    bodies = [above(matrix(map_, x), margin) for map_ in scaled_cones(region)]
-    atoms: Any = cp
-    cost = atoms.sum_squares(atoms.vec_to_upper_tri(factor) @ step)
-    normal = cp.Parameter(held.rows.shape) if len(held.rows) else None
-    fixed = [] if normal is None else [normal @ step == 0]
-    if prior is not None:
-        cost = cost + prior.weight * divergence(region, prior, x)
-    problem = cp.Problem(cp.Minimize(cost), [rows, *bodies, *fixed])
-    centre = np.zeros(region.size) if reference is None else np.array(reference, float)
-    return Projection(
-        region, margin, centre, prior, held, problem, step, factor, free, normal, rows
-    )
-
-
-def project(
-    data: LeastSquares,
-    region: PhysicalSet,
-    *,
-    margin: float = MARGIN,
-    reference: Floats | None = None,
-    prior: CadPrior | None = None,
-) -> FeasibleEstimate:
-    """Parameters of a real robot nearest to the data: `build_projection` and `Projection.solve`.
+def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> FeasibleEstimate:
+    """Parameters of a real robot nearest to the data, once.
 
     Parameters
     ----------
@@ -288,11 +241,7 @@ def project(
         What the data say.
     region : PhysicalSet
         What is possible.
-    margin, reference, prior
-        As in `build_projection`.
-
-    Returns
-    -------
-    FeasibleEstimate
+    **options
+        As in `Projection`.
     """
-    return build_projection(region, margin=margin, reference=reference, prior=prior).solve(data)
+    return Projection(region, **options).solve(data)

@@ -9,18 +9,16 @@ is positive semidefinite [Traversaro 2016; Wensing 2017].
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from identifiability.foundation.names import INERTIAL
+from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
-
-Floats = NDArray[np.float64]
 
 #: A body whose margin is above ``-BOUNDARY`` is on or inside the cone: a thin disc has margin 0.
 BOUNDARY = 1e-7
 
 
-def _basis() -> Floats:
+def _basis() -> Array:
     basis = np.zeros((10, 4, 4))
     for column, axis in ((0, 0), (3, 1), (5, 2)):
         basis[column, [0, 1, 2], [0, 1, 2]] = 0.5
@@ -38,7 +36,7 @@ def _basis() -> Floats:
 BASIS = _basis()
 
 
-def to_matrix(theta: ArrayLike) -> Floats:
+def to_matrix(theta: ArrayLike) -> Array:
     """Pseudo-inertia matrices of bodies.
 
     Parameters
@@ -58,7 +56,7 @@ def to_matrix(theta: ArrayLike) -> Floats:
     return (values @ BASIS.reshape(10, 16)).reshape(*values.shape[:-1], 4, 4)
 
 
-def scale_matrix(mass: ArrayLike, length: ArrayLike) -> Floats:
+def scale_matrix(mass: ArrayLike, length: ArrayLike) -> Array:
     """Diagonal of the congruence that makes J dimensionless: ``J[i, j] / (s[i] s[j])``.
 
     Parameters
@@ -71,11 +69,27 @@ def scale_matrix(mass: ArrayLike, length: ArrayLike) -> Floats:
     (..., 4), the square roots of ``mass * (length², length², length², 1)``
     """
     m, ell = np.broadcast_arrays(np.asarray(mass, float), np.asarray(length, float))
-    root: Floats = np.sqrt(m)[..., None] * np.stack((ell, ell, ell, np.ones_like(ell)), axis=-1)
+    root: Array = np.sqrt(m)[..., None] * np.stack((ell, ell, ell, np.ones_like(ell)), axis=-1)
     return root
 
 
-def natural_scale(theta: ArrayLike) -> tuple[Floats, Floats]:
+def entry_scale(mass: Array, length: Array) -> Array:
+    """Size of the ten parameters of bodies of some mass and length: m ℓ² six times, m ℓ, m.
+
+    Parameters
+    ----------
+    mass, length : (nb,) [kg], [m]
+
+    Returns
+    -------
+    (nb, 10) [kg m², kg m, kg]
+    """
+    power = np.array([2] * 6 + [1] * 3 + [0])
+    scale: Array = mass[:, None] * length[:, None] ** power
+    return scale
+
+
+def natural_scale(theta: ArrayLike) -> tuple[Array, Array]:
     """Mass and length by which bodies may be compared: their own mass and radius of gyration.
 
     A body without mass or extent falls back to 1 kg and 0.1 m, so that the scale is never zero.
@@ -97,7 +111,7 @@ def natural_scale(theta: ArrayLike) -> tuple[Floats, Floats]:
     return mass, np.where(length > 0, length, 0.1)
 
 
-def margin(theta: ArrayLike, mass: ArrayLike = 1.0, length: ArrayLike = 0.1) -> Floats:
+def margin(theta: ArrayLike, mass: ArrayLike = 1.0, length: ArrayLike = 0.1) -> Array:
     """Smallest eigenvalue of the dimensionless pseudo-inertia; negative when no body can be so.
 
     Parameters
@@ -161,7 +175,7 @@ def check_body(theta: ArrayLike, name: str) -> BodyCheck:
     return BodyCheck(name, value, feasible, reason)
 
 
-def _violation(theta: Floats, name: str) -> str:
+def _violation(theta: Array, name: str) -> str:
     mass, first = theta[9], theta[6:9]
     if mass <= 0:
         what = "must be positive" if mass < 0 else "cannot be zero while its moments are not"
@@ -182,5 +196,5 @@ def _violation(theta: Floats, name: str) -> str:
     )
 
 
-def _list(values: Floats) -> str:
+def _list(values: Array) -> str:
     return ", ".join(f"{value:.4g}" for value in values)

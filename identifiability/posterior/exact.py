@@ -96,7 +96,7 @@ def build_sampler(target: Target) -> ExactSampler:
     -------
     ExactSampler
     """
-    A, c, _ = target.region.rows
+    A, c = target.region.rows, np.zeros(len(target.region.rows))
     origin = target.proper_prior.mean
     region: Region
     if len(target.region.bodies):

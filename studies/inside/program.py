@@ -6,7 +6,7 @@ import cvxpy as cp
 import numpy as np
 from peers.cvxpy_rows import pseudo_inertia
 
-from identifiability.physical.feasibility import full_problem, physical_set
+from identifiability.physical.feasibility import FittedModel, physical_set
 from identifiability.physical.project import project
 from identifiability.workflows.analyze import Analysis
 from inside.pair import Pair, all_rows, timed
@@ -17,7 +17,7 @@ def measure(analysis: Analysis, repeats: int) -> Pair:
     structure, full = analysis.structure, analysis.full
     region, nominal = physical_set(structure), structure.nominal
     information = full.rung.reduce(analysis.information)
-    data = full_problem(information, full.estimate, full.rung, structure.G)
+    data = FittedModel(structure, full.rung, analysis.information, information, full.estimate).data
     project(data, region, reference=nominal)  # what is imported on the way is not the program's
     ours, found = timed(lambda: project(data, region, reference=nominal), repeats)
 

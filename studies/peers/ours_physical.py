@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identifiability.physical.feasibility import full_problem, physical_set
+from identifiability.physical.feasibility import FittedModel, physical_set
 from identifiability.physical.project import project
 from identifiability.regression.reduction import full_rung
 from peers import ours
@@ -14,10 +14,10 @@ def fit(run: Run) -> None:
     found = ours.fit(run)
     structure = found.structure
     with run.phase("semidefinite program"):
-        data = full_problem(
-            found.information, found.estimate, full_rung(structure.base), structure.G
-        )
-        near = project(data, physical_set(structure), reference=structure.nominal)
+        information = found.information
+        rung = full_rung(structure.base)
+        model = FittedModel(structure, rung, information, information, found.estimate)
+        near = project(model.data, physical_set(structure), reference=structure.nominal)
     run.evidence |= {
         "rss": near.rss,
         "torque": (found.W @ near.phi).tolist(),

@@ -49,14 +49,12 @@ def test_bootstrap_refits(benchmark, analysis):
 
 
 def test_semidefinite_program_again(benchmark, analysis):
-    from identifiability.physical.feasibility import full_problem, physical_set
-    from identifiability.physical.project import build_projection
+    from identifiability.physical.feasibility import FittedModel, physical_set
+    from identifiability.physical.project import Projection
 
     full, structure = analysis.full, analysis.structure
-    data = full_problem(
-        full.rung.reduce(analysis.information), full.estimate, full.rung, structure.G
-    )
-    compiled = build_projection(physical_set(structure), reference=structure.nominal)
+    data = FittedModel.of(structure, full.rung, analysis.information, full.estimate.estimator).data
+    compiled = Projection(physical_set(structure), reference=structure.nominal)
     with threadpool_limits(1):
         found = benchmark.pedantic(compiled.solve, args=(data,), rounds=5, warmup_rounds=1)
     # What the data leave free lets some processors' solvers stop early; the certificate says so.

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from identifiability.physical.feasible_set import PhysicalSet, scale_from
+from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.pseudo_inertia import natural_scale
 
 
 def body_regressor(spin, turn, lift):
@@ -84,7 +85,7 @@ def make_robot(seed=0, bodies=7, joints=6, samples=250):
     theta = random_bodies(rng, bodies)
     phi = np.concatenate([theta.ravel(), rng.uniform(0.2, 2.0, 3 * joints)])
     columns = np.arange(10 * bodies).reshape(bodies, 10)
-    mass, length = scale_from(phi, columns)
+    mass, length = natural_scale(theta)
     region = PhysicalSet(
         columns,
         np.arange(phi.size) >= 10 * bodies,

@@ -38,14 +38,12 @@ def test_impossible_base_parameters_come_with_a_combination_no_real_robot_has(ro
     phi = np.linalg.lstsq(data.R, data.z)[0]
     found = certify(G, G @ phi, robot.region)
     assert not found.feasible
-    assert found.value < found.bound
+    assert found.value < 0
     others = random_robots(robot.region, rng, 2000) @ (G.T @ found.combination)
-    assert others.min() > found.bound - 1e-6 * np.abs(others).max()
+    assert others.min() > -1e-6 * np.abs(others).max()
     assert found.combination @ (G @ phi) == pytest.approx(found.value)
     said = found.sentence([f"b{i}" for i in range(len(G))])
-    assert "is at least 0 for any real bodies, and -" in said.replace(
-        "is at least -0 ", "is at least 0 "
-    )
+    assert "is at least 0 for any real bodies, and -" in said
 
 
 def test_a_body_without_volume_is_feasible_with_no_margin():
@@ -75,16 +73,6 @@ def test_feasible_means_that_the_projection_changes_nothing(pair):
         assert feasible == (project(data, pair.region, margin=0.0).excess < 1e-4)
         seen.add(feasible)
     assert seen == {True, False}
-
-
-def test_bounds_take_part_in_the_certificate(pair):
-    mass = pair.phi[pair.region.bodies[:, 9]]
-    bounds = np.column_stack([3 * mass, np.full(2, np.inf)])
-    region = PhysicalSet(pair.region.bodies, pair.region.nonnegative, mass_bounds=bounds)
-    G = np.eye(pair.region.size)
-    found = certify(G, pair.phi, region)
-    assert not found.feasible
-    assert found.bound > found.value
 
 
 def test_a_map_of_another_model_is_refused(robot):

@@ -8,7 +8,7 @@ import pytest
 from identifiability import analyze
 from identifiability.physical.held import Held, find_held
 from identifiability.physical.least_squares import LeastSquares
-from identifiability.physical.project import build_projection, project
+from identifiability.physical.project import Projection, project
 from identifiability.regression.reduction import LadderEntry, RungEntry
 
 EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
@@ -79,7 +79,7 @@ def test_a_held_column_is_a_column_less(robot):
     at, value = int(outside[0]), 0.3
     rows = np.eye(robot.region.size)[[at]]
     free = replace(robot.region, nonnegative=robot.region.nonnegative & (rows[0] == 0))
-    found = build_projection(free, held=Held(rows, np.array([value]))).solve(data)
+    found = Projection(free, held=Held(rows, np.array([value]))).solve(data)
     R = np.array(data.R)
     shifted = data.z - R[:, at] * value
     R[:, at] = 0.0

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from identifiability.physical.cad_prior import CadPrior
-from identifiability.physical.feasible_set import Hull, PhysicalSet, scale_from
+from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
-from identifiability.physical.program import body_scale
-from identifiability.physical.project import MARGIN, RIDGE, build_projection, project
+from identifiability.physical.project import MARGIN, RIDGE, Projection, project
 from identifiability.physical.pseudo_inertia import BASIS, to_matrix
 
 
@@ -41,7 +40,7 @@ def test_the_optimum_is_that_of_another_solver(pair, rng, noise):
     data = pair.data(rng, noise)
     ours = project(data, pair.region)
     scale = np.linalg.norm(data.z) / np.linalg.norm(data.R, axis=0)
-    scale[pair.region.bodies] = body_scale(pair.region)[pair.region.bodies]
+    scale[pair.region.bodies] = pair.region.scale[pair.region.bodies]
     ridge = RIDGE * np.sum((ours.phi / scale) ** 2)
     assert ours.excess + ridge == pytest.approx(scs_optimum(data, pair.region), abs=1e-4)
     assert ours.gap < 1e-5
@@ -99,22 +98,9 @@ def test_a_negative_friction_is_stopped_at_zero_and_named():
     assert found.excess == pytest.approx(9.0, rel=1e-6)
 
 
-def test_mass_bounds_and_hulls_hold(pair, rng):
-    masses = pair.phi[pair.region.bodies[:, 9]]
-    bounds = np.column_stack([1.1 * masses, 1.3 * masses])
-    hull = Hull.box(0, [-0.05] * 3, [0.05] * 3)
-    region = PhysicalSet(
-        pair.region.bodies, pair.region.nonnegative, mass_bounds=bounds, hulls=(hull,)
-    )
-    found = project(pair.data(rng), region)
-    assert region.contains(found.phi, tolerance=1e-6)
-    centre = found.phi[region.bodies[0, 6:9]] / found.phi[region.bodies[0, 9]]
-    assert np.abs(centre).max() < 0.05
-
-
 def test_for_a_real_robot_the_estimate_is_never_farther_from_the_truth_than_least_squares(pair):
     # A projection onto a convex set that holds the truth cannot move away from it.
-    program = build_projection(pair.region, reference=pair.phi)
+    program = Projection(pair.region, reference=pair.phi)
     closer = []
     for draw in range(200):
         data = pair.data(np.random.default_rng(draw), noise=0.2)
@@ -135,11 +121,11 @@ def test_units_do_not_change_the_answer(pair, rng):
 
 def test_solving_again_is_quicker_than_building_and_does_not_depend_on_samples(robot, rng):
     first, again = [], []
-    build_projection(robot.region).solve(robot.data(rng))
+    Projection(robot.region).solve(robot.data(rng))
     for _ in range(3):
         data = robot.data(rng)
         start = time.perf_counter()
-        program = build_projection(robot.region)
+        program = Projection(robot.region)
         program.solve(data)
         middle = time.perf_counter()
         program.solve(data)
@@ -170,24 +156,9 @@ def test_a_cad_prior_that_is_no_body_is_refused_with_the_body_named(pair, theta,
     phi = pair.phi.copy()
     phi[pair.region.bodies[1]] = theta
     with pytest.raises(ValueError, match=said):
-        build_projection(pair.region, prior=CadPrior(phi))
-
-
-def test_bounds_that_no_body_satisfies_are_refused_with_the_body_named(pair, rng):
-    hulls = (Hull.box(1, [0.1] * 3, [0.2] * 3), Hull.box(1, [-0.2] * 3, [-0.1] * 3))
-    region = PhysicalSet(
-        pair.region.bodies, pair.region.nonnegative, names=("link1", "link2"), hulls=hulls
-    )
-    with pytest.raises(ValueError, match="link2: no body satisfies its bounds together"):
-        project(pair.data(rng), region)
+        Projection(pair.region, prior=CadPrior(phi))
 
 
 def test_data_of_another_model_are_refused(pair, robot, rng):
     with pytest.raises(ValueError, match="data on 88 parameters were given; expected the 26"):
         project(robot.data(rng), pair.region)
-
-
-def test_scales_come_from_nominal_bodies(pair):
-    mass, length = scale_from(pair.phi, pair.region.bodies)
-    np.testing.assert_allclose(mass, pair.phi[pair.region.bodies[:, 9]])
-    assert ((length > 0.01) & (length < 1.0)).all()

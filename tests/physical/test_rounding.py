@@ -7,7 +7,7 @@ import pytest
 
 from identifiability import Robot, analyze, estimate, simulate
 from identifiability.estimation.estimator import settle_signs
-from identifiability.physical.feasibility import assess_feasibility
+from identifiability.physical.feasibility import FittedModel, assess_feasibility
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.prune.stability import Stability
 
@@ -34,7 +34,9 @@ def test_a_rotor_that_is_zero_up_to_rounding_is_possible(arm, exact, rotor, poss
     value[at] = rotor
     fit = replace(model.estimate, value=value)
     reduced = model.rung.reduce(exact.information)
-    found = assess_feasibility(exact.structure, model.rung, exact.information, reduced, fit)
+    found = assess_feasibility(
+        FittedModel(exact.structure, model.rung, exact.information, reduced, fit)
+    )
     assert found.feasible is possible, found.sentence
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from identifiability import analyze
+from identifiability.physical.feasibility import FittedModel
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
@@ -103,10 +104,10 @@ def paper_analysis(simulated_session) -> Analysis:
 def believe(analysis: Analysis, effort: Effort) -> Analysis:
     """Add posteriors, shown whatever so few draws are worth."""
     chosen = analysis.chosen
-    belief = form_belief(
-        analysis.structure, chosen.rung, chosen.rung.reduce(analysis.information),
-        chosen.estimate, chosen.physical, 1.0, np.random.default_rng(0), effort,
-    )  # fmt: skip
+    model = FittedModel.of(
+        analysis.structure, chosen.rung, analysis.information, chosen.estimate.estimator
+    )
+    belief = form_belief(model, 1.0, np.random.default_rng(0), effort)
     signs, physical = (trust(x) for x in (belief.signs, belief.physical))
     return replace(analysis, belief=replace(belief, signs=signs, physical=physical))
 

@@ -12,6 +12,7 @@ from identifiability.estimation.prediction import Task, leave_out, take_turns
 from identifiability.estimation.torque_errors import choose_folds
 from identifiability.foundation.names import Array
 from identifiability.physical.feasibility import (
+    FittedModel,
     PhysicalResult,
     assess_feasibility,
     find_nearest,
@@ -37,15 +38,13 @@ def fit_ladder(
     """
     fits, physical = [], []
     for rung in rungs:
-        reduced = rung.reduce(information)
         if silence:
-            fits.append(leave_open(reduced, estimator))
+            fits.append(leave_open(rung.reduce(information), estimator))
             physical.append(leave_undecided(structure, rung, silence))
             continue
-        fits.append(estimator.fit(reduced))
-        physical.append(
-            assess_feasibility(structure, rung, information, reduced, fits[-1], cad_weight)
-        )
+        fitted = FittedModel.of(structure, rung, information, estimator)
+        fits.append(fitted.estimate)
+        physical.append(assess_feasibility(fitted, cad_weight))
     return fits, physical, _base_values(rungs, fits, physical)
 
 
@@ -61,13 +60,9 @@ def plan_cross_validation(
     values = []
     for fold in range(int(folds.max()) + 1):
         rest = leave_out(information, folds, fold)
-        parts = [rung.reduce(rest) for rung in rungs]
-        fits = [estimator.fit(part) for part in parts]
-        real = [
-            find_nearest(structure, rung, rest, part, fit)
-            for rung, part, fit in zip(rungs, parts, fits, strict=True)
-        ]
-        values.append(_base_values(rungs, fits, real))
+        fitted = [FittedModel.of(structure, rung, rest, estimator) for rung in rungs]
+        real = [find_nearest(model) for model in fitted]
+        values.append(_base_values(rungs, [model.estimate for model in fitted], real))
     return Task(np.stack(values), take_turns(information, folds))
 
 

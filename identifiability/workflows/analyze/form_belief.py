@@ -7,15 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.estimator import Estimate
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS
-from identifiability.physical.feasibility import (
-    PhysicalResult,
-    check_nominal,
-    full_problem,
-)
+from identifiability.physical.feasibility import FittedModel, check_nominal, physical_set
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import project
@@ -59,22 +54,21 @@ def believe(
     if silence:
         return results, Belief(None, None, None, silence)
     chosen = results[at]
+    part = chosen.rung.reduce(information)
+    model = FittedModel(structure, chosen.rung, information, part, chosen.estimate)
     belief = form_belief(
-        structure, chosen.rung, chosen.rung.reduce(information), chosen.estimate,
-        chosen.physical, float(chosen.autocorrelation_time.mean()), rng,
+        model,
+        float(chosen.autocorrelation_time.mean()),
+        rng,
         progress=lambda done, total: say("sampling the posterior", 0.9 + 0.09 * done / total),
-    )  # fmt: skip
+    )
     verdicts = refine_verdicts(chosen, belief)
     updated = replace(chosen, verdicts=verdicts)
     return (*results[:at], updated, *results[at + 1 :]), belief
 
 
 def form_belief(
-    structure: Structure,
-    rung: Rung,
-    information: Information,
-    estimate: Estimate,
-    physical: PhysicalResult,
+    model: FittedModel,
     iact: float,
     rng: np.random.Generator,
     effort: Effort | None = None,
@@ -84,9 +78,7 @@ def form_belief(
 
     Parameters
     ----------
-    structure, rung, information, estimate
-        The model, the information about its columns and the estimate.
-    physical : PhysicalResult
+    model : FittedModel
     iact : float
         Autocorrelation time of the residual [samples].
     rng : numpy.random.Generator
@@ -97,27 +89,22 @@ def form_belief(
     effort = effort or Effort()
     first, second = rng.spawn(2)
     signs, notes = None, []
-    if len(estimate.kept) == len(rung) and len(rung):
-        signs = _sample_signs(rung, information, estimate, iact, first, effort)
+    if model.determined:
+        signs = _sample_signs(model, iact, first, effort)
     else:
         notes.append("the motion leaves parameters of the model undetermined")
     try:
-        prior = state_prior(structure, rung, information, estimate)
-        whole = _sample_physical(
-            structure, rung, information, estimate, physical.region, prior, iact, second,
-            effort, progress,
-        )  # fmt: skip
+        prior = state_prior(model)
+        whole = _sample_physical(model, prior, iact, second, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
         return Belief(signs, None, None, "; ".join([*notes, str(error)]))
-    to_x = np.linalg.pinv(rung.M) @ structure.G
+    to_x = model.to_x
     prior_sd = np.sqrt(to_x**2 @ np.where(np.isfinite(prior.sd), prior.sd, 0.0) ** 2)
     data_sd = np.linalg.norm(to_x @ whole[1].root, axis=1)
     return Belief(signs, *whole, "; ".join(notes), prior_sd, data_sd)
 
 
-def state_prior(
-    structure: Structure, rung: Rung, information: Information, estimate: Estimate
-) -> Prior:
+def state_prior(model: FittedModel) -> Prior:
     """Return the prior: around the robot file, widened or narrowed by the sidecar's ``[prior]``.
 
     Raises
@@ -127,9 +114,9 @@ def state_prior(
     IdentifiabilityError
         If the robot file states a body that cannot exist, with its name.
     """
+    structure, data = model.structure, model.data
     robot, names = structure.robot, structure.columns
     check_nominal(robot)
-    data = full_problem(information, estimate, rung, structure.G)
     reach = np.linalg.norm(data.R, axis=0)
     size = float(np.linalg.norm(data.z))
     floor = np.where(reach > 0, WIDE * size / np.where(reach > 0, reach, 1.0), 1.0)
@@ -152,19 +139,13 @@ def state_prior(
 
 
 def _sample_signs(
-    rung: Rung,
-    information: Information,
-    estimate: Estimate,
-    iact: float,
-    rng: np.random.Generator,
-    effort: Effort,
+    model: FittedModel, iact: float, rng: np.random.Generator, effort: Effort
 ) -> Summary:
     """Sample the model's own parameters under their signs, flat prior."""
-    R = estimate.estimator.loss(information, estimate)
-    m = len(rung)
-    data = LeastSquares(R[:m, :m], R[:m, m], _rss(estimate, R), float(max(estimate.dof, 1)))
+    rung, estimate = model.rung, model.estimate
+    data = LeastSquares.likelihood(model.information, estimate)
     region = PhysicalSet(np.empty((0, 10), int), rung.nonnegative, columns=rung.columns)
-    target = Target(data, Prior.flat(m), region, max(iact, 1.0))
+    target = Target(data, Prior.flat(len(rung)), region, max(iact, 1.0))
     start = np.array(estimate.value)
     low = rung.nonnegative & (start <= 0)
     start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
@@ -176,17 +157,8 @@ def _sample_signs(
     return _summarise(posterior.draws, rung, rng, diagnose_convergence(posterior, rung.columns))
 
 
-def _rss(estimate: Estimate, R: Array) -> float:
-    tau = float(np.linalg.norm(R[:, -1]))
-    return max(float(estimate.weights @ estimate.rss), (1e-9 * tau) ** 2)
-
-
 def _sample_physical(
-    structure: Structure,
-    rung: Rung,
-    information: Information,
-    estimate: Estimate,
-    region: PhysicalSet,
+    model: FittedModel,
     prior: Prior,
     iact: float,
     rng: np.random.Generator,
@@ -194,10 +166,8 @@ def _sample_physical(
     progress: Progress | None,
 ) -> tuple[Summary, StandardBelief]:
     """Sample the standard parameters on the cone and look at them through the model."""
-    data = full_problem(information, estimate, rung, structure.G)
-    data = LeastSquares(
-        data.R, data.z, _rss(estimate, information.factor(estimate.weights)), data.dof
-    )
+    structure, region = model.structure, physical_set(model.structure)
+    data = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
     target = Target(data, prior, region, max(iact, 1.0))
     start = project(data, region, margin=START_MARGIN, reference=structure.nominal).phi
     posterior = sample_posterior(
@@ -205,8 +175,7 @@ def _sample_physical(
         progress=progress,
     )  # fmt: skip
     convergence = diagnose_convergence(posterior, region.columns)
-    to_x = np.linalg.pinv(rung.M) @ structure.G
-    summary = _summarise(posterior.draws @ to_x.T, rung, rng, convergence)
+    summary = _summarise(posterior.draws @ model.to_x.T, model.rung, rng, convergence)
     return summary, _look_at_standard(structure, data, prior, iact, posterior)
 
 

@@ -154,16 +154,14 @@ def _rank(
 
 def build_target(result: RungResult, information: Information) -> tuple[Target, Array]:
     """Return the posterior that is checked, and a point inside it."""
-    fit, m = result.estimate, len(result.rung)
-    R = information.factor(fit.weights)
-    rss = max(float(fit.weights @ fit.rss), (1e-9 * float(np.linalg.norm(R[:, -1]))) ** 2)
-    data = LeastSquares(R[:m, :m], R[:m, m], rss, float(max(fit.dof, 1)))
+    fit = result.estimate
+    data = LeastSquares.likelihood(information, fit)
     region = PhysicalSet(
         np.empty((0, 10), int), result.rung.nonnegative, columns=result.rung.columns
     )
     sd = PRIOR_WIDTH * result.uncertainty.robust
-    reach = np.linalg.norm(R[:m, :m], axis=0)
-    wide = float(np.linalg.norm(R[:m, m])) / np.where(reach > 0, reach, np.inf)
+    reach = np.linalg.norm(data.R, axis=0)
+    wide = float(np.linalg.norm(data.z)) / np.where(reach > 0, reach, np.inf)
     usable = np.isfinite(sd) & (sd > 0)
     sd = np.where(usable, sd, np.where(wide > 0, wide, 1.0))
     mean = np.where(fit.determined, fit.value, 0.0)

@@ -21,7 +21,7 @@ from identifiability.foundation.shares import ENDS
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
-from identifiability.physical.feasibility import assess_feasibility
+from identifiability.physical.feasibility import FittedModel, assess_feasibility
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import full_rung
 from identifiability.regression.regression import Model
@@ -74,7 +74,7 @@ def fit_physical(structure: Structure, samples: Sequence[Samples]) -> Physical:
     """
     information = gather_information(structure.regression(samples))
     rung, fit = full_rung(structure.base), estimate(information)
-    found = assess_feasibility(structure, rung, information, information, fit)
+    found = assess_feasibility(FittedModel(structure, rung, information, information, fit))
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence)
     return Physical(structure.model, found.parameters())

@@ -16,7 +16,7 @@ from identifiability.foundation.names import Array
 from identifiability.physical.feasibility import physical_set
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
-from identifiability.physical.project import Projection, build_projection
+from identifiability.physical.project import Projection
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.rows import Candidate, Rows, joint_weights
 
@@ -85,5 +85,5 @@ class RealRobot:
                 columns=(*self.region.columns, *labels),
             )
             reference = np.concatenate([self.nominal, np.zeros(len(signs))])
-            self._compiled[signs] = build_projection(region, reference=reference)
+            self._compiled[signs] = Projection(region, reference=reference)
         return self._compiled[signs]

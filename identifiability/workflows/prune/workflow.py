@@ -27,7 +27,7 @@ from identifiability.foundation.options import (
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
-from identifiability.physical.feasibility import PhysicalResult, assess_feasibility
+from identifiability.physical.feasibility import FittedModel, PhysicalResult, assess_feasibility
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -256,12 +256,9 @@ def _choose(
     problem: IdentifiabilityError | None = None
     for k in good_steps(steps, criterion)[:CERTIFIED]:
         rung = rung_of(task.start, steps[k])
-        part = rung.reduce(task.information)
-        fit = task.estimator.fit(part)
+        fitted = FittedModel.of(task.structure, rung, task.information, task.estimator)
         try:
-            physical = assess_feasibility(
-                task.structure, rung, task.information, part, fit, cad_weight
-            )
+            physical = assess_feasibility(fitted, cad_weight)
         except IdentifiabilityError as error:
             problem = error
             continue
