@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise, fit_joint
 from identifiability.estimation.noise.autoregression import (
     autocovariance,
     colour,
@@ -12,7 +13,6 @@ from identifiability.estimation.noise.autoregression import (
     whiten,
 )
 from identifiability.simulation.noise import ar1
-from identifiability.workflows.diagnose.ar_noise import ARNoise, JointNoise, fit_joint
 from identifiability.workflows.diagnose.evidence import log_tail
 
 PACF = np.array([0.7, -0.4, 0.2])

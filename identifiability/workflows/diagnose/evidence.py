@@ -15,9 +15,9 @@ import numpy as np
 from scipy import stats
 from scipy.special import gammaln
 
+from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.ar_noise import ARNoise
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Directions of a candidate below this share of its length are not there.

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from identifiability.effects import find_families
+from identifiability.estimation.noise.ar_noise import ARNoise, fit_noise
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.aliases import Alias, find_aliases
-from identifiability.workflows.diagnose.ar_noise import ARNoise, fit_noise
 from identifiability.workflows.diagnose.evidence import Bench, Whitened
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.real_robot import RealRobot

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy import stats
 
+from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.ar_noise import ARNoise
 from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
     Whitened,

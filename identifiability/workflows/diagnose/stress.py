@@ -13,11 +13,11 @@ from math import comb
 
 import numpy as np
 
+from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Samples
-from identifiability.workflows.diagnose.ar_noise import ARNoise
 from identifiability.workflows.diagnose.evidence import Bench, score_candidates, solve_values
 from identifiability.workflows.diagnose.roles import Recording
 from identifiability.workflows.diagnose.rows import Candidate, Rows

@@ -10,7 +10,7 @@ import pytest
 
 from identifiability.effects.family import Family
 from identifiability.effects.viscous_friction import ViscousFriction
-from identifiability.workflows.diagnose.ar_noise import ARNoise, JointNoise
+from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.rows import Candidate, Rows

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from scipy.optimize import nnls
 
-from identifiability.workflows.diagnose.ar_noise import ARNoise, JointNoise
+from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
 from identifiability.workflows.diagnose.evidence import (
     Bench,
     Whitened,
