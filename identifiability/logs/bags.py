@@ -80,14 +80,13 @@ def is_bag(path: Path) -> bool:
         return False
 
 
-def hash_bag(path: Path) -> str:
-    """Return the SHA-256 of a bag: of the file, or of the folder's files in order of name."""
+def hash_files(path: Path) -> str:
+    """Return the SHA-256 of a file, or of a folder's files in order of name."""
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     digest = hashlib.sha256()
     for file in files:
         with file.open("rb") as stream:
-            while block := stream.read(1 << 20):
-                digest.update(block)
+            hashlib.file_digest(stream, lambda: digest)
     return digest.hexdigest()
 
 

@@ -27,12 +27,13 @@ LARGEST = 1e12
 SHORTEST_STEP = 1e-7
 
 
-def check_columns(columns: list[str], source: str) -> None:
-    """Refuse a table without time, or with a column twice.
+def find_joints(columns: list[str], source: str) -> list[str]:
+    """Return the joints that a table has position and torque of.
 
     Raises
     ------
     LogError
+        If there is no time, a column is missing or there twice.
     """
     if "t" not in columns:
         likely = [c for c in columns if c == "T" or c.casefold().startswith("time")]
@@ -43,17 +44,6 @@ def check_columns(columns: list[str], source: str) -> None:
     repeated = sorted({c for c in columns if columns.count(c) > 1})
     if repeated:
         raise LogError(f"{source} has the column '{repeated[0]}' more than once; keep one of them.")
-
-
-def find_joints(columns: list[str], source: str) -> list[str]:
-    """Return the joints that a table has position and torque of.
-
-    Raises
-    ------
-    LogError
-        If a column is missing or there twice.
-    """
-    check_columns(columns, source)
     joints = [c.removesuffix(".q") for c in columns if c.endswith(".q")]
     if not joints:
         raise LogError(
@@ -61,20 +51,15 @@ def find_joints(columns: list[str], source: str) -> list[str]:
             f"actuated joint, found {listing(columns)}."
         )
     named = {c.removesuffix(".tau") for c in columns if c.endswith(".tau")}
-    for joint in joints:
-        if joint not in named:
-            raise LogError(
-                f"{source} has '{joint}.q' but no torque column '{joint}.tau'"
-                f"{near_match(joint + '.tau', _loose(columns, joint))} "
-                "Every actuated joint needs both."
-            )
-    for joint in sorted(named):
-        if joint not in joints:
-            raise LogError(
-                f"{source} has '{joint}.tau' but no position column '{joint}.q'"
-                f"{near_match(joint + '.q', _loose(columns, joint))} "
-                "Every actuated joint needs both."
-            )
+    alone = [(j, "q", "torque", "tau") for j in joints if j not in named]
+    alone += [(j, "tau", "position", "q") for j in sorted(named) if j not in joints]
+    if alone:
+        joint, has, what, kind = alone[0]
+        raise LogError(
+            f"{source} has '{joint}.{has}' but no {what} column '{joint}.{kind}'"
+            f"{near_match(f'{joint}.{kind}', _loose(columns, joint))} "
+            "Every actuated joint needs both."
+        )
     return joints
 
 
@@ -121,16 +106,13 @@ class Numbers:
                 f"units{', seconds' if self.column == 't' else ''}."
             )
         numbers = to_floats(given)
-        finite = np.isfinite(numbers)
-        if not finite.all():
-            bad = np.flatnonzero(~finite)
-            self.bad += len(bad)
-            if self._first is None:
-                self._first = (self.rows + int(bad[0]), str(given.iloc[bad[0]])[:40])
-        if self._large is None:
-            large = np.flatnonzero(np.abs(numbers) > LARGEST)
-            if len(large):
-                self._large = (self.rows + int(large[0]), float(numbers[large[0]]))
+        bad = np.flatnonzero(~np.isfinite(numbers))
+        large = np.flatnonzero(np.abs(numbers) > LARGEST)
+        if len(bad) and self._first is None:
+            self._first = (self.rows + int(bad[0]), str(given.iloc[bad[0]])[:40])
+        if len(large) and self._large is None:
+            self._large = (self.rows + int(large[0]), float(numbers[large[0]]))
+        self.bad += len(bad)
         self.rows += len(numbers)
         return numbers
 
@@ -144,11 +126,8 @@ class Numbers:
         """
         if self._first is not None:
             row, text = self._first
-            advice = (
-                "give numbers with a decimal point"
-                if self.bad == self.rows
-                else "remove or repair these rows"
-            )
+            every = self.bad == self.rows
+            advice = "give numbers with a decimal point" if every else "remove or repair these rows"
             raise LogError(
                 f"{self.source}: column '{self.column}' is not a finite number in {self.bad} of "
                 f"{self.rows} rows, first in data row {row + 1} ('{text}'); {advice}."
@@ -173,27 +152,18 @@ def to_floats(given: pd.Series) -> Array:
     return numbers
 
 
-def read_numbers(frame: pd.DataFrame, column: str, source: str) -> Array:
-    """Return a column as floats, (N,).
-
-    Raises
-    ------
-    LogError
-        With the first row that is not a finite number of a size that can be.
-    """
-    numbers = Numbers(column, source)
-    values = numbers.add(frame[column])
-    numbers.finish()
-    return values
-
-
 @frozen
 class Step:
-    """One step of the clock: its length [s], and the row and time [s] it starts from."""
+    """One step of the clock: the row and the time [s] it starts from, and the time it leads to."""
 
-    length: float
     row: int
     t: float
+    then: float
+
+    @property
+    def length(self) -> float:
+        """How long it is [s]."""
+        return self.then - self.t
 
 
 class Clock:
@@ -209,83 +179,55 @@ class Clock:
     def __init__(self, source: str) -> None:
         self.source = source
         self.rows = 0
-        self.first = self.last = np.nan
-        self.longest = Step(-np.inf, 0, np.nan)
-        self.shortest = Step(np.inf, 0, np.nan)
-        self._back: tuple[int, float, float] | None = None
+        self.first = self.last = self._usual = np.nan
+        self.longest, self.shortest = Step(0, 0.0, -np.inf), Step(0, 0.0, np.inf)
+        self._back: Step | None = None
 
     def add(self, t: Array) -> None:
         """Take in the next times, (N,) [s]."""
         if not len(t):
             return
-        joined = t if not self.rows else np.concatenate([[self.last], t])
-        start = self.rows - (1 if self.rows else 0)
-        if not self.rows:
+        start = max(self.rows - 1, 0)
+        if self.rows:
+            t = np.concatenate([[self.last], t])
+        else:
             self.first = float(t[0])
-        steps = np.diff(joined)
-        if len(steps):
-            back = np.flatnonzero(~(steps > 0))
-            if len(back) and self._back is None:
-                k = int(back[0])
-                self._back = (start + k, float(joined[k]), float(joined[k + 1]))
-            k = int(np.argmax(steps))
-            if steps[k] > self.longest.length:
-                self.longest = Step(float(steps[k]), start + k, float(joined[k]))
-            k = int(np.argmin(steps))
-            if steps[k] < self.shortest.length:
-                self.shortest = Step(float(steps[k]), start + k, float(joined[k]))
-        self.rows += len(t)
-        self.last = float(t[-1])
+        self.rows, self.last = start + len(t), float(t[-1])
+        steps = np.diff(t)
+        if not len(steps):
+            return
 
-    def finish(self, step: float) -> None:
+        def step(k: np.intp) -> Step:
+            return Step(start + int(k), float(t[k]), float(t[k + 1]))
+
+        self.longest = max(self.longest, step(steps.argmax()), key=lambda s: s.length)
+        self.shortest = min(self.shortest, step(steps.argmin()), key=lambda s: s.length)
+        if np.isnan(self._usual):
+            self._usual = float(np.median(steps))
+        back = np.flatnonzero(~(steps > 0))
+        if len(back) and self._back is None:
+            self._back = step(back[0])
+
+    def finish(self) -> None:
         """Refuse times that are too few or do not increase.
-
-        Parameters
-        ----------
-        step : float [s]
-            The usual step.
 
         Raises
         ------
         LogError
         """
-        check_length(self.rows, self.source)
+        if self.rows < FEWEST:
+            raise LogError(
+                f"{self.source} has {self.rows} samples, too few to say anything; at least "
+                f"{FEWEST} are needed and some hundreds are usual."
+            )
         if self._back is not None:
-            row, t, then = self._back
             raise LogError(
-                f"{self.source}: time does not increase after data row {row + 1} (t = {t:g} s, "
-                f"then {then:g} s); sort the rows and remove repeated ones."
+                f"{self.source}: time does not increase after data row {self._back.row + 1} (t = "
+                f"{self._back.t:g} s, then {self._back.then:g} s); sort the rows and remove "
+                "repeated ones."
             )
-        if step < SHORTEST_STEP:
+        if self._usual < SHORTEST_STEP:
             raise LogError(
-                f"{self.source} has a sampling step of {step:.3g} s, which no robot has; give the "
-                "time in s."
+                f"{self.source} has a sampling step of {self._usual:.3g} s, which no robot has; "
+                "give the time in s."
             )
-
-
-def check_length(rows: int, source: str) -> None:
-    """Refuse a log of a few samples.
-
-    Raises
-    ------
-    LogError
-    """
-    if rows < FEWEST:
-        raise LogError(
-            f"{source} has {rows} samples, too few to say anything; at least {FEWEST} are needed "
-            "and some hundreds are usual."
-        )
-
-
-def check_times(t: Array, source: str) -> Clock:
-    """Refuse times (N,) [s] that are too few or do not increase; return what was seen of them.
-
-    Raises
-    ------
-    LogError
-    """
-    check_length(len(t), source)
-    clock = Clock(source)
-    clock.add(t)
-    clock.finish(float(np.median(np.diff(t))))
-    return clock

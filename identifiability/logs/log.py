@@ -7,7 +7,7 @@ One row a sample: ``t`` [s], ``<joint>.q`` and ``<joint>.tau`` for every actuate
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,16 +20,9 @@ from identifiability.foundation.options import FilePath, check_option, checked
 from identifiability.foundation.output import write_bytes, write_text
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
-from identifiability.logs.bags import hash_bag, split_topic
-from identifiability.logs.checks import (
-    CHANNELS,
-    Clock,
-    check_times,
-    find_joints,
-    read_numbers,
-    wanted_columns,
-)
-from identifiability.logs.table import PARQUET, read_table
+from identifiability.logs.checks import CHANNELS, Clock
+from identifiability.logs.source import Reading, scan_file
+from identifiability.logs.tables import is_parquet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,10 +69,9 @@ class Log:
         LogError
             If the file is missing, is no table, lacks columns or holds values that cannot be.
         """
-        path = Path(path)
-        frame = read_table(path)
-        digest = hash_bag(split_topic(path)[0])
-        return _from_frame(frame, str(path), path.name, digest)
+        reading = Reading(str(path))
+        digest, _ = scan_file(Path(path), reading.add)
+        return build_log(Path(path).name, reading.joints, reading.finish(), digest)
 
     @staticmethod
     def from_frame(frame: pd.DataFrame, name: str = "DataFrame") -> Log:
@@ -92,7 +84,9 @@ class Log:
         import pandas as pd  # noqa: PLC0415 - heavy, and files do not need it
 
         check_option("frame", frame, pd.DataFrame)
-        log = _from_frame(frame, name, name, "")
+        reading = Reading(name)
+        reading.add(frame)
+        log = build_log(name, reading.joints, reading.finish(), "")
         values = log.to_frame()
         digest = hashlib.sha256(",".join(values.columns).encode())
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
@@ -100,12 +94,12 @@ class Log:
 
     def rows(self, start: int, stop: int) -> Log:
         """Return the samples [start, stop) as a log of the same name."""
-        part = slice(start, stop)
-        return replace(
-            self, t=self.t[part], q=self.q[part], tau=self.tau[part],
-            dq=None if self.dq is None else self.dq[part],
-            ddq=None if self.ddq is None else self.ddq[part],
-        )  # fmt: skip
+        return self._each(lambda x: x[start:stop], t=self.t[start:stop])
+
+    def _each(self, change: Callable[[Array], Array], **others: Any) -> Log:
+        """Return the log with all its channels changed alike, and other fields as given."""
+        others |= {channel: change(getattr(self, channel)) for channel in self.channels}
+        return replace(self, **others)
 
     def cut(self, start: int, stop: int, name: str) -> Log:
         """Return the samples [start, stop) under another name."""
@@ -144,10 +138,9 @@ class Log:
         import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
         columns = {"t": self.t}
-        for kind in CHANNELS:
+        for kind in self.channels:
             values = getattr(self, kind)
-            if values is not None:
-                columns.update({f"{j}.{kind}": values[:, k] for k, j in enumerate(self.joints)})
+            columns |= {f"{j}.{kind}": values[:, k] for k, j in enumerate(self.joints)}
         return pd.DataFrame(columns)
 
     def write(self, path: str | Path) -> Path:
@@ -158,7 +151,7 @@ class Log:
         OutputError
         """
         path = Path(path)
-        if path.suffix.lower() in PARQUET:
+        if is_parquet(path):
             return write_bytes(path, self.to_frame().to_parquet(index=False))
         return write_text(path, self.to_frame().to_csv(index=False))
 
@@ -195,27 +188,14 @@ class Log:
         if tuple(wanted) == self.joints:
             return self
         order = [self.joints.index(j) for j in wanted]
-
-        def pick(x: Array | None) -> Array | None:
-            return None if x is None else x[:, order]
-
-        return Log(
-            self.name, tuple(wanted), self.t, self.q[:, order], self.tau[:, order],
-            pick(self.dq), pick(self.ddq), self.sha256,
-        )  # fmt: skip
+        return self._each(lambda x: x[:, order], joints=tuple(wanted))
 
 
 def join_logs(logs: Sequence[Log]) -> Log:
     """Return stretches of one log as a log with gaps."""
-    first = logs[0]
-    if len(logs) == 1:
-        return first
-
-    def joined(kind: str) -> Any:
-        parts = [getattr(log, kind) for log in logs]
-        return None if parts[0] is None else np.concatenate(parts)
-
-    return replace(first, **{kind: joined(kind) for kind in ("t", *CHANNELS)})
+    kinds = ("t", *logs[0].channels)
+    joined: dict[str, Any] = {k: np.concatenate([getattr(x, k) for x in logs]) for k in kinds}
+    return replace(logs[0], **joined)
 
 
 def even_step(name: str, clock: Clock, windows: Sequence[Array]) -> tuple[float, str]:
@@ -251,26 +231,10 @@ def even_step(name: str, clock: Clock, windows: Sequence[Array]) -> tuple[float,
     return dt, f" (time stamps jitter by {100 * jitter:.0f} % of a step; taken as even)"
 
 
-def _from_frame(frame: pd.DataFrame, source: str, name: str, digest: str) -> Log:
-    columns = [str(c).strip() for c in frame.columns]
-    frame = frame.set_axis(columns, axis=1)
-    joints = find_joints(columns, source)
-    wanted = wanted_columns(columns, joints)
-    values = {c: read_numbers(frame, c, source) for c in wanted}
-    check_times(values["t"], source)
-    return build_log(name, joints, values, digest)
-
-
 def build_log(name: str, joints: Sequence[str], values: Mapping[str, Array], digest: str) -> Log:
     """Return the log of some columns, each (N,), that were checked."""
-    channels = {kind: _channel(values, joints, kind) for kind in CHANNELS}
-    q, tau = channels["q"], channels["tau"]
-    assert q is not None
-    assert tau is not None
-    return Log(name, tuple(joints), values["t"], q, tau, channels["dq"], channels["ddq"], digest)
-
-
-def _channel(values: Mapping[str, Array], joints: Sequence[str], kind: str) -> Array | None:
-    if any(f"{j}.{kind}" not in values for j in joints):
-        return None
-    return np.stack([values[f"{j}.{kind}"] for j in joints], 1)
+    channels: dict[str, Any] = dict.fromkeys(CHANNELS)
+    for kind in CHANNELS:
+        if all(f"{j}.{kind}" in values for j in joints):
+            channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints], 1)
+    return Log(name=name, joints=tuple(joints), t=values["t"], sha256=digest, **channels)

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.bags import is_bag, split_topic
-from identifiability.logs.checks import CHANNELS, Clock, Numbers, find_joints, wanted_columns
+from identifiability.logs.checks import CHANNELS, Clock
 from identifiability.logs.log import Log, build_log
-from identifiability.logs.longtable import LongTable, is_long, open_parquet, scan_table
-from identifiability.logs.signals import spread_windows
-from identifiability.logs.table import is_parquet, parsing
-
-if TYPE_CHECKING:
-    import pandas as pd
+from identifiability.logs.source import Reading, is_long, scan_file
+from identifiability.logs.tables import CsvTable, ParquetTable, parsing
 
 
 @frozen
@@ -37,7 +30,7 @@ class LogFile:
         Joints (or motors) in column order.
     channels : tuple of str
         Which of position, derivatives and torque it has for every joint.
-    table : LongTable
+    table : ParquetTable or CsvTable
         The file.
     columns : tuple of str
         Names in the file of the columns that are read.
@@ -56,7 +49,7 @@ class LogFile:
     name: str
     joints: tuple[str, ...]
     channels: tuple[str, ...]
-    table: LongTable
+    table: ParquetTable | CsvTable
     columns: tuple[str, ...]
     clock: Clock
     torque: bool
@@ -86,27 +79,25 @@ class LogFile:
         """
         path = Path(path)
         with parsing(path):
-            if not path.is_file():
-                raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
             stamp = _stamp(path)
-        digest = hashlib.sha256()
-        check = _Check(str(path))
-        if is_parquet(path):  # a table without rows has columns as well
-            check.begin(list(open_parquet(path).columns))
-        table = scan_table(path, digest, check.add)
-        check.begin(list(table.columns))
-        step = _usual_step(table, check.columns) if table.rows > 1 else np.nan
-        check.finish(step)
+        reading = Reading(str(path), keep=False)
+        digest, table = scan_file(path, reading.add)
+        reading.finish()
+        assert table is not None  # a bag is no file of rows
         if _stamp(path) != stamp:
             raise LogError(f"{path} changed while it was read; wait until it is complete.")
-        joints = check.joints
-        channels = tuple(
-            c for c in CHANNELS if all(f"{j}.{c}" in check.numbers for j in joints)
-        )  # fmt: skip
+        known = reading.numbers
         return LogFile(
-            path.name, tuple(joints), channels, table, tuple(check.columns), check.clock,
-            check.torque, digest.hexdigest(), stamp,
-        )  # fmt: skip
+            name=path.name,
+            joints=tuple(reading.joints),
+            channels=tuple(c for c in CHANNELS if all(f"{j}.{c}" in known for j in reading.joints)),
+            table=table,
+            columns=tuple(c for c in table.columns if c.strip() in known),
+            clock=reading.clock,
+            torque=reading.torque,
+            sha256=digest,
+            stamp=stamp,
+        )
 
     def rows(self, start: int, stop: int) -> Log:
         """Return the samples [start, stop) as a log of the same name.
@@ -151,12 +142,9 @@ class LogFile:
         for first in range(start, stop, size):
             last = min(first + size, stop)
             low, high = max(0, first - margin), min(len(self), last + margin)
+            while origin + len(held) < high:
+                held = np.concatenate([held, next(arrays)])
             held, origin = held[low - origin :], low
-            parts, have = [held], len(held)
-            while have < high - low:
-                parts.append(next(arrays))
-                have += len(parts[-1])
-            held = np.concatenate(parts)
             yield first, last, origin, self._log(held[: high - low])
 
     def _arrays(self, start: int, stop: int) -> Iterator[Array]:
@@ -181,7 +169,7 @@ class LogFile:
 
     def _check_unchanged(self) -> None:
         with parsing(self.table.path):
-            if not self.table.path.is_file() or _stamp(self.table.path) != self.stamp:
+            if _stamp(self.table.path) != self.stamp:
                 raise self._changed()
 
     def _changed(self) -> LogError:
@@ -191,57 +179,10 @@ class LogFile:
         )
 
 
-class _Check:
-    """What a first reading of all rows finds."""
-
-    def __init__(self, source: str) -> None:
-        self.source = source
-        self.columns: list[str] = []
-        self.joints: list[str] = []
-        self.numbers: dict[str, Numbers] = {}
-        self.clock = Clock(source)
-        self.torque = False
-
-    def begin(self, columns: list[str]) -> None:
-        """Check the names of the columns, once."""
-        if self.joints:
-            return
-        stripped = [c.strip() for c in columns]
-        self.joints = find_joints(stripped, self.source)
-        known = set(wanted_columns(stripped, self.joints))
-        self.columns = [c for c in columns if c.strip() in known]
-        self.numbers = {c.strip(): Numbers(c.strip(), self.source) for c in self.columns}
-
-    def add(self, frame: pd.DataFrame) -> None:
-        """Check the next rows."""
-        self.begin([str(c) for c in frame.columns])
-        frame = frame.set_axis([str(c) for c in frame.columns], axis=1)
-        for column in self.columns:
-            name = column.strip()
-            values = self.numbers[name].add(frame[column])
-            if name == "t":
-                self.clock.add(values)
-            elif name.endswith(".tau"):
-                self.torque = self.torque or bool(values.any())
-
-    def finish(self, step: float) -> None:
-        """Refuse the file if anything is wrong with it."""
-        for numbers in self.numbers.values():
-            numbers.finish()
-        self.clock.finish(step)
-
-
-def _usual_step(table: LongTable, columns: list[str]) -> float:
-    """Return the median step of the clock [s] over the windows that decisions are made on."""
-    time = [c for c in columns if c.strip() == "t"]
-    steps = [
-        np.diff(np.concatenate(list(table.arrays(a, b, time)))[:, 0])
-        for a, b in spread_windows(table.rows)
-    ]
-    return float(np.median(np.concatenate(steps)))
-
-
 def _stamp(path: Path) -> tuple[int, int]:
+    """Return size and time of change of a file; zeros if there is none."""
+    if not path.is_file():
+        return 0, 0
     state = path.stat()
     return state.st_size, state.st_mtime_ns
 
@@ -253,8 +194,4 @@ def open_log(path: str | Path) -> Log | LogFile:
     ------
     LogError
     """
-    path = Path(path)
-    bag = is_bag(split_topic(path)[0])
-    with parsing(path):
-        long = not bag and path.is_file() and is_long(path)
-    return LogFile.read(path) if long else Log.read(path)
+    return LogFile.read(path) if is_long(Path(path)) else Log.read(path)

@@ -8,7 +8,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, near_match
 from identifiability.logs import Log, signals
-from identifiability.logs.table import read_table
+from identifiability.logs.source import read_table
 from identifiability.logs.units import check_units
 from identifiability.robot import Robot
 from identifiability.simulation.prescribed import PrescribedMotion

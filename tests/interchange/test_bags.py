@@ -11,7 +11,7 @@ from identifiability import analyze
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
-from identifiability.logs.bags import hash_bag, read_bag
+from identifiability.logs.bags import hash_files, read_bag
 
 pytest.importorskip("rosbags", reason="needs the extra 'ros'")
 
@@ -131,10 +131,10 @@ def test_without_the_extra_the_sentence_says_what_to_install(frame, states, writ
 
 def test_the_hash_of_a_bag_is_that_of_its_bytes(frame, states, write_bag):
     bag = write_bag({"/joint_states": states(frame, JOINTS)})
-    before = hash_bag(bag)
-    assert before == hash_bag(bag)
+    before = hash_files(bag)
+    assert before == hash_files(bag)
     (bag / "metadata.yaml").write_text((bag / "metadata.yaml").read_text() + "\n")
-    assert hash_bag(bag) != before
+    assert hash_files(bag) != before
 
 
 def test_a_bag_is_analysed_as_its_table_is(frame, states, write_bag, tmp_path):

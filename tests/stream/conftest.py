@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.estimation import torque_errors
-from identifiability.logs import longtable, signals
+from identifiability.logs import signals, tables
 from identifiability.logs.prepare import longsamples
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
@@ -19,8 +19,8 @@ def sizes(monkeypatch):
         monkeypatch.setattr(longsamples, "PIECE", piece)
         monkeypatch.setattr(longsamples, "MARGINS", 0)
         monkeypatch.setattr(longsamples, "SHORTEST", shortest)
-        monkeypatch.setattr(longtable, "PIECE_ROWS", rows)
-        monkeypatch.setattr(longtable, "PIECE_BYTES", characters)
+        monkeypatch.setattr(tables, "PIECE_ROWS", rows)
+        monkeypatch.setattr(tables, "PIECE_BYTES", characters)
         if window is not None:
             monkeypatch.setattr(signals, "WINDOW", window)
             monkeypatch.setattr(torque_errors, "EXCERPT", 4 * window)

@@ -166,11 +166,11 @@ def test_engines_agree_to_the_last_bit_and_finished_parts_are_not_done_again(
 
 
 def test_only_long_files_are_streamed(sizes, frame_of, saved, monkeypatch):
-    from identifiability.logs import longtable
+    from identifiability.logs import source
 
     frame = frame_of("two-link", periods=2)
     paths = saved(frame), saved(frame, "csv")
     assert all(isinstance(open_log(p), Log) for p in paths)
-    monkeypatch.setattr(longtable, "LONG", 5000)
+    monkeypatch.setattr(source, "LONG", 5000)
     assert all(isinstance(open_log(p), LogFile) for p in paths)
     assert analyze("two-link", paths[1], replicates=0).information.samples == len(frame)

@@ -17,7 +17,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.checks import FEWEST
 from identifiability.logs.logfile import LogFile
-from identifiability.logs.longtable import ParquetTable
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.prepare.preparation import Preparation, make_plan
 from identifiability.logs.prepare.samples import (
@@ -30,6 +29,7 @@ from identifiability.logs.prepare.samples import (
     too_short,
 )
 from identifiability.logs.prepare.survey import Survey
+from identifiability.logs.tables import ParquetTable
 from identifiability.robot import Motion, Robot, complete_motion
 
 #: Samples that are prepared at a time, at least; and in units of what filters draw on.
@@ -204,7 +204,7 @@ def divide(robot: Robot, file: LogFile, plan: Plan) -> tuple[Stretch, ...]:
     most = STRETCHES
     if isinstance(file.table, ParquetTable):
         # Rows inside a group are reached by reading all that come before them.
-        groups = file.table.groups
+        groups = [row for row, _ in file.table.pieces]
         if max(b - a for a, b in pairwise(groups)) * STRETCHES > 4 * rows:
             most = max(8, min(STRETCHES, 2 * (len(groups) - 1)))
     count = min(most, max(1, rows // SHORTEST))

@@ -1,0 +1,156 @@
+"""Where logs come from: CSV, Parquet, bags and DataFrames, short and long, are read alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
+from identifiability.logs.bags import hash_files, is_bag, read_bag, split_topic
+from identifiability.logs.checks import Clock, Numbers, find_joints, wanted_columns
+from identifiability.logs.tables import CsvTable, ParquetTable, is_parquet, parsing
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Tables with more values are read piece by piece; a value of a CSV takes about so many bytes.
+LONG, BYTES_PER_VALUE = 2_000_000, 12
+
+
+class Reading:
+    """What the first reading of a table finds, piece by piece.
+
+    Parameters
+    ----------
+    source : str
+        What sentences call the table.
+    keep : bool
+        Keep the values.
+
+    Attributes
+    ----------
+    joints : list of str
+        In the order of the columns.
+    numbers : dict of str to Numbers
+        The columns that a log is made of.
+    clock : Clock
+    torque : bool
+        Whether any torque is not zero.
+    """
+
+    def __init__(self, source: str, *, keep: bool = True) -> None:
+        self.source, self.keep = source, keep
+        self.joints: list[str] = []
+        self.numbers: dict[str, Numbers] = {}
+        self.clock, self.torque = Clock(source), False
+        self._kept: dict[str, list[Array]] = {}
+
+    def add(self, frame: pd.DataFrame) -> None:
+        """Check the next rows.
+
+        Raises
+        ------
+        LogError
+            If a column is missing, there twice, or of another kind altogether.
+        """
+        frame = frame.set_axis([str(c).strip() for c in frame.columns], axis=1)
+        if not self.joints:
+            self.joints = find_joints(list(frame.columns), self.source)
+            wanted = wanted_columns(list(frame.columns), self.joints)
+            self.numbers = {c: Numbers(c, self.source) for c in wanted}
+            self._kept = {c: [] for c in wanted}
+        for column, numbers in self.numbers.items():
+            values = numbers.add(frame[column])
+            if column == "t" and not numbers.bad:
+                self.clock.add(values)
+            elif column.endswith(".tau"):
+                self.torque = self.torque or bool(values.any())
+            if self.keep:
+                self._kept[column].append(values)
+
+    def finish(self) -> dict[str, Array]:
+        """Return the columns, each (N,), as far as they were kept.
+
+        Raises
+        ------
+        LogError
+            If a value cannot be, or the times are too few or do not increase.
+        """
+        for numbers in self.numbers.values():
+            numbers.finish()
+        self.clock.finish()
+        return {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
+
+
+def scan_file(
+    path: Path, each: Callable[[pd.DataFrame], None]
+) -> tuple[str, ParquetTable | CsvTable | None]:
+    """Read a file once from its first row to its last.
+
+    Parameters
+    ----------
+    path : Path
+        A CSV or Parquet file, or a bag (``bag:/topic``).
+    each : callable(DataFrame)
+        Called with every piece, at least once.
+
+    Returns
+    -------
+    sha256 : str
+    table : Table or None
+        None for a bag, which is no file of rows.
+
+    Raises
+    ------
+    LogError
+        If the file is missing, is no table, or damaged.
+    """
+    bag = split_topic(path)[0]
+    if is_bag(bag):
+        each(read_bag(path))
+        return hash_files(bag), None
+    with parsing(path):
+        if not path.is_file():
+            raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
+        digest = hash_files(path)
+        if not is_parquet(path):
+            return digest, CsvTable.scan(path, each)
+        table = ParquetTable.open(path)
+        table.scan(each)
+        return digest, table
+
+
+def read_table(path: str | Path) -> pd.DataFrame:
+    """Read a CSV or Parquet file, or the joint states of a bag, as it is.
+
+    Raises
+    ------
+    LogError
+        If the file is missing, is no table, or damaged.
+    """
+    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+    pieces: list[pd.DataFrame] = []
+    scan_file(Path(path), pieces.append)
+    return pd.concat(pieces, ignore_index=True)
+
+
+def is_long(path: Path) -> bool:
+    """Whether a CSV or Parquet file has too many values to be held in memory without a thought.
+
+    Raises
+    ------
+    LogError
+        If it is no table.
+    """
+    with parsing(path):
+        if is_bag(split_topic(path)[0]) or not path.is_file():
+            return False
+        if is_parquet(path):
+            table = ParquetTable.open(path)
+            return table.rows * len(table.columns) > LONG
+        return path.stat().st_size > LONG * BYTES_PER_VALUE

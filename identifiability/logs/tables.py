@@ -1,0 +1,278 @@
+"""Tables of any length: CSV and Parquet, read piece by piece, from any row on."""
+
+from __future__ import annotations
+
+import csv
+import re
+import warnings
+from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from itertools import accumulate, pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs.checks import to_floats
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Names of files that are Parquet, and types of it that are numbers as they are.
+PARQUET = (".parquet", ".pq")
+PLAIN = ("double", "float", "int64", "int32", "int16", "int8")
+
+#: Rows of a piece of Parquet, and bytes of a piece of CSV.
+PIECE_ROWS, PIECE_BYTES = 8_192, 2_000_000
+
+#: A line of a CSV is shorter than so many pieces.
+MOST_PIECES = 8
+
+
+def is_parquet(path: Path) -> bool:
+    """Whether the name of a file says that it is Parquet."""
+    return path.suffix.lower() in PARQUET
+
+
+@contextmanager
+def parsing(path: Path) -> Iterator[None]:
+    """Turn whatever a parser raises into one sentence.
+
+    Raises
+    ------
+    LogError
+    """
+    try:
+        yield
+    except LogError:
+        raise
+    except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
+        form = "Parquet" if is_parquet(path) else "CSV"
+        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+        raise LogError(f"{path} cannot be read as {form}: {reason}.") from None
+
+
+@frozen
+class Table(ABC):
+    """A file of which any rows can be read.
+
+    Attributes
+    ----------
+    path : Path
+    columns : tuple of str
+    pieces : tuple of (int, int)
+        Row and place at which each piece begins; last the number of rows and the end.
+    """
+
+    path: Path
+    columns: tuple[str, ...]
+    pieces: tuple[tuple[int, int], ...]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return self.pieces[-1][0]
+
+    def parts(self, start: int, stop: int, columns: Sequence[str] | None = None) -> Iterator[Any]:
+        """Yield the rows [start, stop) in order, some thousand at a time, as they are in the file.
+
+        Raises
+        ------
+        LogError
+            If the file is damaged.
+        """
+        first = max(bisect_right(self.pieces, start, key=lambda piece: piece[0]) - 1, 0)
+        with parsing(self.path), self._opened() as file:
+            for (row, place), (_, end) in pairwise(self.pieces[first:]):
+                at = row
+                for part in self._read(file, place, end, row, columns):
+                    low, high = max(start - at, 0), min(stop - at, len(part))
+                    if low < high:
+                        yield part[low:high]
+                    at += len(part)
+                    if at >= stop:
+                        return
+
+    def arrays(self, start: int, stop: int, columns: Sequence[str]) -> Iterator[Array]:
+        """Yield some columns of the rows [start, stop) as floats, each time (N, c).
+
+        Raises
+        ------
+        LogError
+            If the file is damaged.
+        """
+        for part in self.parts(start, stop, columns):
+            yield np.stack([self._floats(part[name]) for name in columns], 1, dtype=float)
+
+    @abstractmethod
+    def _opened(self) -> Any:
+        """Open the file, for `_read`."""
+
+    @abstractmethod
+    def _read(
+        self, file: Any, place: int, end: int, row: int, columns: Sequence[str] | None
+    ) -> Iterator[Any]:
+        """Yield the rows from a place to the next, the first of which is a row of that number."""
+
+    def _floats(self, column: Any) -> Array:
+        return to_floats(column)
+
+
+@frozen
+class ParquetTable(Table):
+    """A Parquet file; its places are groups of rows."""
+
+    @staticmethod
+    def open(path: Path) -> ParquetTable:
+        """Return a Parquet file as a table; reads its footer only."""
+        with _open_parquet(path) as file:
+            meta = file.metadata
+            sizes = [meta.row_group(k).num_rows for k in range(meta.num_row_groups)]
+            # The names as pandas has them: an index that was stored is no column.
+            names = file.schema_arrow.empty_table().to_pandas().columns
+        rows = accumulate(sizes, initial=0)
+        pieces = tuple((row, k) for k, row in enumerate(rows))
+        return ParquetTable(path, tuple(str(n) for n in names), pieces)
+
+    def scan(self, each: Callable[[pd.DataFrame], None]) -> None:
+        """Call a function with every piece in order, at least once."""
+        with _open_parquet(self.path) as file:
+            if not self.rows:
+                each(file.read().to_pandas())
+        for batch in self.parts(0, self.rows):
+            each(batch.to_pandas())
+
+    def _opened(self) -> Any:
+        return _open_parquet(self.path)
+
+    def _read(
+        self, file: Any, place: int, end: int, row: int, columns: Sequence[str] | None
+    ) -> Iterator[Any]:
+        chosen = None if columns is None else list(columns)
+        yield from file.iter_batches(PIECE_ROWS, row_groups=[*range(place, end)], columns=chosen)
+
+    def _floats(self, column: Any) -> Array:
+        if str(column.type) in PLAIN and not column.null_count:
+            plain: Array = np.from_dlpack(column)  # to_numpy imports pandas
+            return plain
+        return to_floats(column.to_pandas())
+
+
+def _open_parquet(path: Path) -> Any:
+    from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
+
+    # Without a buffer of a bounded size whole columns of a group of rows are read ahead.
+    return ParquetFile(path, pre_buffer=False, buffer_size=1 << 18)
+
+
+@frozen
+class CsvTable(Table):
+    """A CSV file; its places are bytes.
+
+    Attributes
+    ----------
+    header : bytes
+        Everything before the first row.
+    """
+
+    header: bytes
+
+    @staticmethod
+    def scan(path: Path, each: Callable[[pd.DataFrame], None]) -> CsvTable:
+        """Call a function with every piece in order, at least once; return the table."""
+        _check_separator(path)
+        with path.open("rb") as file:
+            columns = tuple(_read_header(path))
+            header, rest = _split_header(file.read(PIECE_BYTES))
+            table = CsvTable(path, columns, (), header)
+            pieces: list[tuple[int, int]] = []
+            row, byte, ended = 0, len(header), False
+            while not ended:
+                more = file.read(PIECE_BYTES)
+                rest, ended = rest + more, not more
+                cut = len(rest) if ended else _last_line(rest)
+                if not cut and len(rest) > MOST_PIECES * PIECE_BYTES:  # no line is that long
+                    cut = len(rest)
+                if cut or (ended and not pieces):
+                    frame = table.parse(rest[:cut], row)
+                    each(frame)
+                    pieces.append((row, byte))
+                    row, byte, rest = row + len(frame), byte + cut, rest[cut:]
+        return CsvTable(path, columns, (*pieces, (row, byte)), header)
+
+    def parse(self, piece: bytes, row: int) -> pd.DataFrame:
+        """Return the rows in some bytes of the file, the first of which has that number.
+
+        The names are the header's: pandas would rename repeated columns and shift long rows.
+        """
+        import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+        text = BytesIO(self.header + piece)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
+            warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
+            try:
+                frame = pd.read_csv(text, index_col=False, skipinitialspace=True)
+            except pd.errors.ParserWarning:
+                raise LogError(
+                    f"{self.path} has rows with more fields than its header; repair it."
+                ) from None
+            except pd.errors.ParserError as error:  # it counts from the start of the piece
+                shifted = re.sub(
+                    r"(?<=line )\d+|(?<=row )\d+", lambda m: str(int(m[0]) + row), str(error)
+                )
+                raise pd.errors.ParserError(shifted) from None
+        same = len(self.columns) == frame.shape[1]
+        return frame.set_axis(list(self.columns), axis=1) if same else frame
+
+    def _opened(self) -> Any:
+        return self.path.open("rb")
+
+    def _read(
+        self, file: Any, place: int, end: int, row: int, columns: Sequence[str] | None
+    ) -> Iterator[pd.DataFrame]:
+        file.seek(place)
+        yield self.parse(file.read(end - place), row)
+
+
+def _check_separator(path: Path) -> None:
+    """Refuse a table whose header is separated by something else than commas."""
+    with path.open(encoding="utf-8-sig", errors="replace") as stream:
+        header = stream.readline(1 << 16).strip()
+    if "," in header:
+        return
+    for mark, name in ((";", "';'"), ("\t", "tabs"), ("|", "'|'"), (" ", "spaces")):
+        if "t" in (word.strip(' "') for word in header.split(mark)[:-1]):
+            decimal = " and numbers with a decimal point" if mark == ";" else ""
+            raise LogError(
+                f"{path} is separated by {name}, not by commas; write it as CSV with "
+                f"commas{decimal}."
+            )
+
+
+def _read_header(path: Path) -> list[str]:
+    """Return the names in the first line of a CSV that has any."""
+    with path.open(encoding="utf-8-sig", newline="") as stream:
+        return next((row for row in csv.reader(stream, skipinitialspace=True) if row), [])
+
+
+def _split_header(start: bytes) -> tuple[bytes, bytes]:
+    """Return the first line that is not blank with all before it, and the rest."""
+    match = re.match(rb"(?:\xef\xbb\xbf)?\s*[^\r\n]*(?:\r\n|\r|\n|$)", start)
+    at = match.end() if match else 0
+    return start[:at], start[at:]
+
+
+def _last_line(piece: bytes) -> int:
+    """Return where the last line ends that is whole, as far as quotes can tell."""
+    mark = b"\n" if b"\n" in piece else b"\r"
+    cut = piece.rfind(mark) + 1
+    if piece.count(b'"', 0, cut) % 2:  # a line break between quotes: cut before it
+        cut = piece.rfind(mark, 0, piece.rfind(b'"', 0, cut)) + 1 or cut
+    return cut
