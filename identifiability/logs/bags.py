@@ -20,7 +20,6 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
-from identifiability.foundation.values import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,33 +34,6 @@ JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 
 #: Field of the message for every channel of a log.
 FIELDS = {"q": "position", "dq": "velocity", "tau": "effort"}
-
-
-@frozen
-class States:
-    """Joint states in the order of their time stamps.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    stamp : (N,) int [ns]
-        When they were measured; when they were recorded, if the messages do not say.
-    values : dict of str to (N, n)
-        For each channel that every message has.
-    """
-
-    joints: tuple[str, ...]
-    stamp: Array
-    values: dict[str, Array]
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return the columns of a log; time starts at zero."""
-        import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
-
-        columns = {"t": (self.stamp - self.stamp[:1]) * 1e-9}
-        for channel, values in self.values.items():
-            columns |= {f"{j}.{channel}": values[:, k] for k, j in enumerate(self.joints)}
-        return pd.DataFrame(columns)
 
 
 def split_topic(path: str | Path) -> tuple[Path, str | None]:
@@ -119,7 +91,7 @@ def read_bag(
     try:
         with _opened(bag) as reader:
             name = _choose_topic(bag, reader, topic or named)
-            return _collect(bag, name, _messages(reader, name), joints).to_frame()
+            return _collect(bag, name, _messages(reader, name), joints)
     except LogError:
         raise
     except MemoryError:  # mostly a length that was spoilt
@@ -179,8 +151,10 @@ def _messages(reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
 
 def _collect(
     path: Path, topic: str, messages: Iterable[tuple[int, Any]], joints: Sequence[str] | None
-) -> States:
-    wanted = None if joints is None else tuple(joints)
+) -> pd.DataFrame:
+    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
+    wanted = () if joints is None else tuple(joints)
     clocks, rows = [], []
     for recorded, message in messages:
         names = tuple(message.name)
@@ -192,35 +166,32 @@ def _collect(
             rows.append({c: _pick(getattr(message, f), names, order) for c, f in FIELDS.items()})
             measured = message.header.stamp
             clocks.append((measured.sec * 10**9 + measured.nanosec, recorded))
-    if not rows or not wanted:
+    if not rows:
         together = f" that tell of {listing(joints)} together" if joints else ""
         raise LogError(f"{path} has no joint states on {topic}{together}.")
     stamped, recordings = np.array(clocks, dtype=np.int64).T
     stamp = stamped if stamped.min() > 0 else recordings
     sequence = np.argsort(stamp, kind="stable")
-    values = {}
-    for channel in FIELDS:
-        known = [row[channel] for row in rows if row[channel] is not None]
-        if len(known) == len(rows):
-            values[channel] = np.array(known)[sequence]
-    return _measured(path, topic, States(wanted, stamp[sequence], values))
-
-
-def _measured(path: Path, topic: str, states: States) -> States:
-    """Leave out joints without effort, which are passive, and velocities that nobody measured."""
+    columns = {"t": (stamp[sequence] - stamp.min()) * 1e-9}
+    values = {c: _joined([row[c] for row in rows], len(wanted))[sequence] for c in FIELDS}
+    known: dict[str, Array] = {c: np.any(np.isfinite(x), axis=0) for c, x in values.items()}
     for channel in ("q", "tau"):
-        known = states.values.get(channel)
-        if known is None or not np.any(np.isfinite(known)):
+        if not known[channel].any():
             raise LogError(
                 f"{path}: the joint states on {topic} have no {FIELDS[channel]} in some or all "
                 "messages; record a topic that has position and effort."
             )
-    driven = np.any(np.isfinite(states.values["tau"]), axis=0)
-    values = {c: v[:, driven] for c, v in states.values.items()}
-    if "dq" in values and not np.all(np.any(np.isfinite(values["dq"]), axis=0)):
-        del values["dq"]
-    names = tuple(states.joints[k] for k in np.flatnonzero(driven))
-    return States(names, states.stamp, values)
+    driven = np.flatnonzero(known["tau"])  # the others are passive
+    for channel in FIELDS:
+        if channel != "dq" or known["dq"][driven].all():  # else velocities that nobody measured
+            columns |= {f"{wanted[k]}.{channel}": values[channel][:, k] for k in driven}
+    return pd.DataFrame(columns)
+
+
+def _joined(rows: Sequence[Array | None], joints: int) -> Array:
+    """Return the values of all messages, (N, n); NaN if some message leaves the field empty."""
+    known = [row for row in rows if row is not None]
+    return np.array(known) if len(known) == len(rows) else np.full((len(rows), joints), np.nan)
 
 
 def _check_same(path: Path, topic: str, first: Sequence[str], names: Sequence[str]) -> None:

@@ -15,7 +15,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.checks import CHANNELS, Clock
 from identifiability.logs.log import Log, build_log
 from identifiability.logs.source import Reading, is_long, scan_file
-from identifiability.logs.tables import CsvTable, ParquetTable, parsing
+from identifiability.logs.tables import Table, parsing
 
 
 @frozen
@@ -30,7 +30,7 @@ class LogFile:
         Joints (or motors) in column order.
     channels : tuple of str
         Which of position, derivatives and torque it has for every joint.
-    table : ParquetTable or CsvTable
+    table : Table
         The file.
     columns : tuple of str
         Names in the file of the columns that are read.
@@ -49,7 +49,7 @@ class LogFile:
     name: str
     joints: tuple[str, ...]
     channels: tuple[str, ...]
-    table: ParquetTable | CsvTable
+    table: Table
     columns: tuple[str, ...]
     clock: Clock
     torque: bool

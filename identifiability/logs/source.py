@@ -12,7 +12,14 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.logs.bags import hash_files, is_bag, read_bag, split_topic
 from identifiability.logs.checks import Clock, Numbers, find_joints, wanted_columns
-from identifiability.logs.tables import CsvTable, ParquetTable, is_parquet, parsing
+from identifiability.logs.tables import (
+    Table,
+    is_parquet,
+    open_parquet,
+    parsing,
+    scan_csv,
+    scan_parquet,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,9 +93,7 @@ class Reading:
         return {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
 
 
-def scan_file(
-    path: Path, each: Callable[[pd.DataFrame], None]
-) -> tuple[str, ParquetTable | CsvTable | None]:
+def scan_file(path: Path, each: Callable[[pd.DataFrame], None]) -> tuple[str, Table | None]:
     """Read a file once from its first row to its last.
 
     Parameters
@@ -116,12 +121,8 @@ def scan_file(
     with parsing(path):
         if not path.is_file():
             raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
-        digest = hash_files(path)
-        if not is_parquet(path):
-            return digest, CsvTable.scan(path, each)
-        table = ParquetTable.open(path)
-        table.scan(each)
-        return digest, table
+        scan = scan_parquet if is_parquet(path) else scan_csv
+        return hash_files(path), scan(path, each)
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
@@ -151,6 +152,6 @@ def is_long(path: Path) -> bool:
         if is_bag(split_topic(path)[0]) or not path.is_file():
             return False
         if is_parquet(path):
-            table = ParquetTable.open(path)
+            table = open_parquet(path)
             return table.rows * len(table.columns) > LONG
         return path.stat().st_size > LONG * BYTES_PER_VALUE

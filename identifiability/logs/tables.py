@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 import re
 import warnings
-from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from io import BytesIO
 from itertools import accumulate, pairwise
 from pathlib import Path
@@ -59,20 +59,24 @@ def parsing(path: Path) -> Iterator[None]:
 
 
 @frozen
-class Table(ABC):
-    """A file of which any rows can be read.
+class Table:
+    """A CSV or Parquet file of which any rows can be read.
 
     Attributes
     ----------
     path : Path
     columns : tuple of str
     pieces : tuple of (int, int)
-        Row and place at which each piece begins; last the number of rows and the end.
+        Row and place at which each piece begins; last the number of rows and the end. Places are
+        bytes of a CSV and groups of rows of a Parquet file.
+    header : bytes
+        Everything before the first row of a CSV.
     """
 
     path: Path
     columns: tuple[str, ...]
     pieces: tuple[tuple[int, int], ...]
+    header: bytes = b""
 
     @property
     def rows(self) -> int:
@@ -80,7 +84,9 @@ class Table(ABC):
         return self.pieces[-1][0]
 
     def parts(self, start: int, stop: int, columns: Sequence[str] | None = None) -> Iterator[Any]:
-        """Yield the rows [start, stop) in order, some thousand at a time, as they are in the file.
+        """Yield the rows [start, stop) in order, some thousand at a time.
+
+        They are tables of pandas from a CSV, and batches of Arrow from a Parquet file.
 
         Raises
         ------
@@ -88,15 +94,14 @@ class Table(ABC):
             If the file is damaged.
         """
         first = max(bisect_right(self.pieces, start, key=lambda piece: piece[0]) - 1, 0)
-        with parsing(self.path), self._opened() as file:
+        with parsing(self.path), _opened(self.path) as file:
             for (row, place), (_, end) in pairwise(self.pieces[first:]):
-                at = row
                 for part in self._read(file, place, end, row, columns):
-                    low, high = max(start - at, 0), min(stop - at, len(part))
+                    low, high = max(start - row, 0), min(stop - row, len(part))
                     if low < high:
                         yield part[low:high]
-                    at += len(part)
-                    if at >= stop:
+                    row += len(part)  # noqa: PLW2901 - the next part's
+                    if row >= stop:
                         return
 
     def arrays(self, start: int, stop: int, columns: Sequence[str]) -> Iterator[Array]:
@@ -108,106 +113,10 @@ class Table(ABC):
             If the file is damaged.
         """
         for part in self.parts(start, stop, columns):
-            yield np.stack([self._floats(part[name]) for name in columns], 1, dtype=float)
-
-    @abstractmethod
-    def _opened(self) -> Any:
-        """Open the file, for `_read`."""
-
-    @abstractmethod
-    def _read(
-        self, file: Any, place: int, end: int, row: int, columns: Sequence[str] | None
-    ) -> Iterator[Any]:
-        """Yield the rows from a place to the next, the first of which is a row of that number."""
-
-    def _floats(self, column: Any) -> Array:
-        return to_floats(column)
-
-
-@frozen
-class ParquetTable(Table):
-    """A Parquet file; its places are groups of rows."""
-
-    @staticmethod
-    def open(path: Path) -> ParquetTable:
-        """Return a Parquet file as a table; reads its footer only."""
-        with _open_parquet(path) as file:
-            meta = file.metadata
-            sizes = [meta.row_group(k).num_rows for k in range(meta.num_row_groups)]
-            # The names as pandas has them: an index that was stored is no column.
-            names = file.schema_arrow.empty_table().to_pandas().columns
-        rows = accumulate(sizes, initial=0)
-        pieces = tuple((row, k) for k, row in enumerate(rows))
-        return ParquetTable(path, tuple(str(n) for n in names), pieces)
-
-    def scan(self, each: Callable[[pd.DataFrame], None]) -> None:
-        """Call a function with every piece in order, at least once."""
-        with _open_parquet(self.path) as file:
-            if not self.rows:
-                each(file.read().to_pandas())
-        for batch in self.parts(0, self.rows):
-            each(batch.to_pandas())
-
-    def _opened(self) -> Any:
-        return _open_parquet(self.path)
-
-    def _read(
-        self, file: Any, place: int, end: int, row: int, columns: Sequence[str] | None
-    ) -> Iterator[Any]:
-        chosen = None if columns is None else list(columns)
-        yield from file.iter_batches(PIECE_ROWS, row_groups=[*range(place, end)], columns=chosen)
-
-    def _floats(self, column: Any) -> Array:
-        if str(column.type) in PLAIN and not column.null_count:
-            plain: Array = np.from_dlpack(column)  # to_numpy imports pandas
-            return plain
-        return to_floats(column.to_pandas())
-
-
-def _open_parquet(path: Path) -> Any:
-    from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
-
-    # Without a buffer of a bounded size whole columns of a group of rows are read ahead.
-    return ParquetFile(path, pre_buffer=False, buffer_size=1 << 18)
-
-
-@frozen
-class CsvTable(Table):
-    """A CSV file; its places are bytes.
-
-    Attributes
-    ----------
-    header : bytes
-        Everything before the first row.
-    """
-
-    header: bytes
-
-    @staticmethod
-    def scan(path: Path, each: Callable[[pd.DataFrame], None]) -> CsvTable:
-        """Call a function with every piece in order, at least once; return the table."""
-        _check_separator(path)
-        with path.open("rb") as file:
-            columns = tuple(_read_header(path))
-            header, rest = _split_header(file.read(PIECE_BYTES))
-            table = CsvTable(path, columns, (), header)
-            pieces: list[tuple[int, int]] = []
-            row, byte, ended = 0, len(header), False
-            while not ended:
-                more = file.read(PIECE_BYTES)
-                rest, ended = rest + more, not more
-                cut = len(rest) if ended else _last_line(rest)
-                if not cut and len(rest) > MOST_PIECES * PIECE_BYTES:  # no line is that long
-                    cut = len(rest)
-                if cut or (ended and not pieces):
-                    frame = table.parse(rest[:cut], row)
-                    each(frame)
-                    pieces.append((row, byte))
-                    row, byte, rest = row + len(frame), byte + cut, rest[cut:]
-        return CsvTable(path, columns, (*pieces, (row, byte)), header)
+            yield np.stack([_floats(part[name]) for name in columns], 1, dtype=float)
 
     def parse(self, piece: bytes, row: int) -> pd.DataFrame:
-        """Return the rows in some bytes of the file, the first of which has that number.
+        """Return the rows in some bytes of a CSV, the first of which has that number.
 
         The names are the header's: pandas would rename repeated columns and shift long rows.
         """
@@ -224,21 +133,86 @@ class CsvTable(Table):
                     f"{self.path} has rows with more fields than its header; repair it."
                 ) from None
             except pd.errors.ParserError as error:  # it counts from the start of the piece
-                shifted = re.sub(
-                    r"(?<=line )\d+|(?<=row )\d+", lambda m: str(int(m[0]) + row), str(error)
-                )
+                number = r"(?<=line )\d+|(?<=row )\d+"
+                shifted = re.sub(number, lambda m: str(int(m[0]) + row), str(error))
                 raise pd.errors.ParserError(shifted) from None
         same = len(self.columns) == frame.shape[1]
         return frame.set_axis(list(self.columns), axis=1) if same else frame
 
-    def _opened(self) -> Any:
-        return self.path.open("rb")
-
     def _read(
         self, file: Any, place: int, end: int, row: int, columns: Sequence[str] | None
-    ) -> Iterator[pd.DataFrame]:
-        file.seek(place)
-        yield self.parse(file.read(end - place), row)
+    ) -> Iterator[Any]:
+        """Yield the rows from a place to the next."""
+        if is_parquet(self.path):
+            chosen = None if columns is None else list(columns)
+            groups = list(range(place, end))
+            yield from file.iter_batches(PIECE_ROWS, row_groups=groups, columns=chosen)
+        else:
+            file.seek(place)
+            yield self.parse(file.read(end - place), row)
+
+
+def open_parquet(path: Path) -> Table:
+    """Return a Parquet file as a table; reads its footer only."""
+    with _opened(path) as file:
+        meta = file.metadata
+        sizes = [meta.row_group(k).num_rows for k in range(meta.num_row_groups)]
+        # The names as pandas has them: an index that was stored is no column.
+        names = file.schema_arrow.empty_table().to_pandas().columns
+    pieces = tuple((row, k) for k, row in enumerate(accumulate(sizes, initial=0)))
+    return Table(path, tuple(str(n) for n in names), pieces)
+
+
+def scan_parquet(path: Path, each: Callable[[pd.DataFrame], None]) -> Table:
+    """Call a function with every piece in order, at least once; return the table."""
+    table = open_parquet(path)
+    if not table.rows:
+        with _opened(path) as file:
+            each(file.read().to_pandas())
+    for batch in table.parts(0, table.rows):
+        each(batch.to_pandas())
+    return table
+
+
+def scan_csv(path: Path, each: Callable[[pd.DataFrame], None]) -> Table:
+    """Call a function with every piece in order, at least once; return the table."""
+    _check_separator(path)
+    with path.open("rb") as file:
+        columns = tuple(_read_header(path))
+        header, rest = _split_header(file.read(PIECE_BYTES))
+        table = Table(path, columns, (), header)
+        row, byte, ended = 0, len(header), False
+        pieces = [(row, byte)]
+        while not ended:
+            more = file.read(PIECE_BYTES)
+            rest, ended = rest + more, not more
+            too_long = len(rest) > MOST_PIECES * PIECE_BYTES
+            cut = len(rest) if ended else _last_line(rest) or len(rest) * too_long
+            if cut or (ended and len(pieces) == 1):
+                frame = table.parse(rest[:cut], row)
+                each(frame)
+                row, byte, rest = row + len(frame), byte + cut, rest[cut:]
+                pieces.append((row, byte))
+    return replace(table, pieces=tuple(pieces))
+
+
+def _opened(path: Path) -> Any:
+    if not is_parquet(path):
+        return path.open("rb")
+    from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
+
+    # Without a buffer of a bounded size whole columns of a group of rows are read ahead.
+    return ParquetFile(path, pre_buffer=False, buffer_size=1 << 18)
+
+
+def _floats(column: Any) -> Array:
+    """Return a column of pandas or Arrow as floats, (N,)."""
+    if not hasattr(column, "null_count"):
+        return to_floats(column)
+    if str(column.type) in PLAIN and not column.null_count:
+        plain: Array = np.from_dlpack(column)  # to_numpy imports pandas
+        return plain
+    return to_floats(column.to_pandas())
 
 
 def _check_separator(path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from identifiability import analyze
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
-from identifiability.logs.prepare.contradictions import find_contradictions
+from identifiability.logs.units import find_contradictions
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.regression.regression import Model, Regression

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability import Log, Preparation, Robot, prepare_samples
-from identifiability.logs.prepare.rests import choose_rest_rule
+from identifiability.logs.prepare.plan import choose_rest_rule
 from identifiability.logs.signals import choose_cutoff
 
 RATE = 500.0

@@ -1,8 +1,11 @@
-"""`LongSamples`: a prepared log that does not fit in memory; it is prepared anew for each pass."""
+"""From `Log` to `Samples`, and from `LogFile` to `LongSamples`.
+
+A log that does not fit in memory is prepared anew for each pass.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import field, replace
 from functools import reduce
 from itertools import pairwise
@@ -13,9 +16,11 @@ import numpy as np
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.options import checked
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.checks import FEWEST
+from identifiability.logs.log import join_logs
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.prepare.preparation import Preparation, make_plan
@@ -23,14 +28,12 @@ from identifiability.logs.prepare.samples import (
     Piece,
     Samples,
     check_left,
-    decimation_note,
+    join_motions,
     prepare_rows,
-    prepare_samples,
-    too_short,
 )
 from identifiability.logs.prepare.survey import Survey
-from identifiability.logs.tables import ParquetTable
-from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.logs.tables import is_parquet
+from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 
 #: Samples that are prepared at a time, at least; and in units of what filters draw on.
 PIECE, MARGINS = 8_192, 4
@@ -91,12 +94,11 @@ class Stretch:
         try:
             return prepare_rows(self.robot, log, origin, self.plan, own)
         except ClosureError:  # nowhere here; elsewhere they may
-            reach = 0 if self.plan.decimation is None else self.plan.decimation.reach
+            reach = self.plan.reach - self.plan.filter_reach
             low, high = max(origin, own[0] - reach), min(origin + len(log), own[1] + reach)
             motion = _no_motion(self.robot, np.arange(low, high))
-            n = len(self.robot.actuated)
-            empty = np.empty((0, n))
-            return Samples(log.name, motion, empty, self.plan.decimation, (), log.sha256, own)
+            tau, decimation = motion.actuated_q, self.plan.decimation
+            return Samples(log.name, motion, tau, decimation, (), log.sha256, own)
 
 
 @frozen
@@ -151,6 +153,26 @@ class LongSamples:
 Prepared = Samples | LongSamples
 
 
+@checked
+def prepare_samples(robot: KnownRobot, log: Log, how: Preparation | None = None) -> Samples:
+    """Turn a log into samples: pick the joints, make derivatives, close the loops.
+
+    Raises
+    ------
+    LogError, ClosureError
+    """
+    how = how or Preparation()
+    plan = make_plan(robot, log, how)
+    samples = prepare_rows(robot, log, 0, plan, (0, len(log)))
+    notes = _check_survey(samples.survey, plan, log)
+    while plan.factor > 1 and samples.outputs < FEWEST:
+        if how.decimate is not None:
+            raise _too_short(log, plan)
+        plan = replace(plan, factor=plan.factor - 1)
+        samples = replace(samples, decimation=plan.decimation)
+    return replace(samples, notes=(*notes, *plan.band_notes), own=None)
+
+
 def prepare_log(
     robot: Robot,
     log: Log | LogFile,
@@ -174,35 +196,50 @@ def prepare_log(
     ------
     LogError, ClosureError
     """
-    how = how or Preparation()
     if isinstance(log, Log):
         return prepare_samples(robot, log, how)
-    plan = make_plan(robot, log, how)
+    plan = make_plan(robot, log, how or Preparation())
     stretches = divide(robot, log, plan)
     if robot.closed:
         _try_loops(robot, log)
     found = list(engine.map(survey_stretch, stretches, progress=progress))
     survey = reduce(add, (s for s, _, _ in found))
+    notes = _check_survey(survey, plan, log)
+    if survey.outputs < FEWEST:
+        raise _too_short(log, plan)
+    motion = join_motions([m for _, m, _ in found if len(m)])
+    tau = np.concatenate([tau for _, _, tau in found])
+    return LongSamples(
+        name=log.name,
+        stretches=tuple(
+            replace(s, outputs=part.outputs) for s, (part, *_) in zip(stretches, found, strict=True)
+        ),
+        survey=survey,
+        sketch=Samples(log.name, motion, tau, None, (), log.sha256),
+        notes=(*notes, *plan.band_notes),
+        sha256=log.sha256,
+    )
+
+
+def _check_survey(survey: Survey, plan: Plan, log: Log | LogFile) -> list[str]:
+    """Return what there is to say of a prepared log; refuse one of which nothing is left."""
     notes = [*plan.notes, *survey.notes(len(log))]
     check_left(log.name, survey.kept, len(log), notes)
-    if survey.outputs < FEWEST:
-        raise LogError(too_short(log.name, plan.factor, len(log)))
-    sketch = Samples(
-        log.name, join_motions([m for _, m, _ in found if len(m)]),
-        np.concatenate([tau for _, _, tau in found]), None, (), log.sha256,
-    )  # fmt: skip
-    counted = tuple(
-        replace(s, outputs=part.outputs) for s, (part, _, _) in zip(stretches, found, strict=True)
+    return [*notes, *plan.remarks]
+
+
+def _too_short(log: Log | LogFile, plan: Plan) -> LogError:
+    return LogError(
+        f"{log.name} is too short to be decimated by {plan.factor}: of its {len(log)} samples "
+        f"fewer than {FEWEST} are left; give a longer log or a smaller decimation."
     )
-    notes += [*plan.remarks, *decimation_note(plan.decimation, plan)]
-    return LongSamples(log.name, counted, survey, sketch, tuple(notes), log.sha256)
 
 
 def divide(robot: Robot, file: LogFile, plan: Plan) -> tuple[Stretch, ...]:
     """Return the stretches of a log; they depend on the file alone, not on who works on them."""
     rows = len(file)
     most = STRETCHES
-    if isinstance(file.table, ParquetTable):
+    if is_parquet(file.table.path):
         # Rows inside a group are reached by reading all that come before them.
         groups = [row for row, _ in file.table.pieces]
         if max(b - a for a, b in pairwise(groups)) * STRETCHES > 4 * rows:
@@ -227,29 +264,11 @@ def survey_stretch(stretch: Stretch) -> tuple[Survey, Motion, Array]:
     return reduce(add, surveys), join_motions(motions), np.concatenate(taus)
 
 
-def join_motions(motions: Sequence[Motion]) -> Motion:
-    """Return motions one after the other."""
-    first = motions[0]
-
-    def joined(name: str) -> Array:
-        return np.concatenate([getattr(m, name) for m in motions])
-
-    parts = {name: joined(name) for name in ("t", "q", "v", "a", "kept")}
-    parts |= {name: joined(name) for name in ("actuated_q", "actuated_v", "actuated_a")}
-    none = np.empty(0, int)
-    X = None if first.X is None else joined("X")
-    condition = max(m.condition for m in motions)
-    return Motion(**parts, X=X, dropped=none, condition=condition, near_singular=none)
-
-
 def _try_loops(robot: Robot, file: LogFile) -> None:
     """Raise the error of loops that close nowhere before a long time is spent on it."""
-    rows = [
-        file.rows((a + b) // 2, (a + b) // 2 + TRIED) for a, b in signals.spread_windows(len(file))
-    ]
-    logs = [joint_log(robot, r) for r in rows]
-    q = np.concatenate([log.q for log in logs])
-    complete_motion(robot, np.concatenate([log.t for log in logs]), q, 0 * q, 0 * q)
+    middles = [(a + b) // 2 for a, b in signals.spread_windows(len(file))]
+    log = joint_log(robot, join_logs([file.rows(m, m + TRIED) for m in middles]))
+    complete_motion(robot, log.t, log.q, 0 * log.q, 0 * log.q)
 
 
 def _no_motion(robot: Robot, rows: np.ndarray) -> Motion:

@@ -7,23 +7,26 @@ any parts with the result that it would have as a whole.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, at_least, check_fields
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.log import Log, even_step, join_logs
 from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare.contradictions import find_contradictions
-from identifiability.logs.prepare.plan import Plan, has_motors, joint_log
-from identifiability.logs.prepare.rests import RestRule, choose_rest_rule
-from identifiability.logs.units import check_units
+from identifiability.logs.prepare.plan import (
+    Plan,
+    RestRule,
+    choose_rest_rule,
+    has_motors,
+    joint_log,
+)
+from identifiability.logs.units import check_units, find_contradictions
 from identifiability.robot import Robot
 
 Derivatives = Literal["auto", "given", "butterworth", "fourier"]
@@ -108,17 +111,13 @@ def _plan_derivatives(
             f"{log.name} does not have '<joint>.dq' and '<joint>.ddq' for every joint; add them, "
             "or let the derivatives be computed (derivatives = auto)."
         )
-    step, start = _median_step(windows), float(log.clock.first)
-    plan = Plan(step, None, None, start, None, 1, ())
+    step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
+    plan = Plan(step, None, None, float(log.clock.first), None, 1, ())
     if have and how.derivatives in ("auto", "given"):
         return replace(plan, notes=("velocity and acceleration are the log's own",))
     if how.derivatives == "fourier":
         return _plan_series(robot, log, plan, how)
     return _plan_filter(log, windows, plan, how)
-
-
-def _median_step(windows: Sequence[Log]) -> float:
-    return float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
 
 
 def _plan_filter(log: Log | LogFile, windows: Sequence[Log], plan: Plan, how: Preparation) -> Plan:
@@ -153,19 +152,14 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
                 f"{log.name} is too long to search its period; give the period of the motion [s]."
             )
         period = how.period
-        pieces = _pieces(robot, log, plan.start)
+        parts = (joint_log(robot, raw) for *_, raw in log.overlapping(0, len(log), PIECE, 0))
+        pieces = ((part.t - plan.start, part.q) for part in parts)
         fit, left = signals.fit_fourier_pieces(pieces, period, how.harmonics)
     note = (
         f"positions were fitted by a Fourier series of {how.harmonics} harmonics with period "
         f"{period:.6g} s (rms residual {left:.2g}) and differentiated analytically"
     )
     return replace(plan, series=fit, notes=(note,))
-
-
-def _pieces(robot: Robot, log: LogFile, start: float) -> Iterator[tuple[Array, Array]]:
-    for _, _, _, raw in log.overlapping(0, len(log), PIECE, 0):
-        part = joint_log(robot, raw)
-        yield part.t - start, part.q
 
 
 def _check_series(log: Log | LogFile, step: float, how: Preparation) -> None:

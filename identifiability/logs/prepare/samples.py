@@ -11,16 +11,12 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import checked
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare.plan import Plan, joint_log
-from identifiability.logs.prepare.preparation import Preparation, make_plan
-from identifiability.logs.prepare.survey import Survey
-from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
-
-__all__ = ["Piece", "Preparation", "Samples", "prepare_rows", "prepare_samples"]
+from identifiability.logs.prepare.survey import Rows, Survey
+from identifiability.robot import Motion, Robot, complete_motion
 
 #: Samples a piece when torque is summed.
 SURVEYED = 1024
@@ -81,7 +77,7 @@ class Samples:
     decimation: signals.Decimation | None
     notes: tuple[str, ...]
     sha256: str
-    own: tuple[int, int] | None = None
+    own: Rows | None = None
     cutoff: float | None = None
 
     @cached_property
@@ -107,18 +103,11 @@ class Samples:
             return [(0, len(self.tau), len(self.tau))]
         kept = self.motion.kept
         breaks = np.flatnonzero(np.diff(kept) > 1) + 1
+        low, high = self.own or (0, np.inf)
         out = []
         for start, stop in pairwise([0, *breaks.tolist(), len(kept)]):
-            if stop == start:
-                continue
-            row = int(kept[start])
-            centres = d.centres(row, row + stop - start)
-            if self.own is not None:
-                low, high = self.own
-                centres = range(
-                    max(centres.start, -(-low // d.factor) * d.factor),
-                    min(centres.stop, high), d.factor,
-                )  # fmt: skip
+            row = int(kept[start]) if stop > start else 0
+            centres = [k for k in d.centres(row, row + stop - start) if low <= k < high]
             if centres:
                 first = start + centres[0] - row - d.reach
                 out.append((first, start + centres[-1] - row + d.reach + 1, len(centres)))
@@ -167,25 +156,7 @@ class Samples:
         return times
 
 
-@checked
-def prepare_samples(robot: KnownRobot, log: Log, how: Preparation | None = None) -> Samples:
-    """Turn a log into samples: pick the joints, make derivatives, close the loops.
-
-    Raises
-    ------
-    LogError, ClosureError
-    """
-    how = how or Preparation()
-    plan = make_plan(robot, log, how)
-    samples = prepare_rows(robot, log, 0, plan, (0, len(log)))
-    notes = [*plan.notes, *samples.survey.notes(len(log))]
-    check_left(log.name, len(samples.motion), len(log), notes)
-    notes += plan.remarks
-    samples = replace(samples, decimation=_settle_decimation(samples, plan, how, len(log)))
-    return replace(samples, notes=(*notes, *decimation_note(samples.decimation, plan)), own=None)
-
-
-def prepare_rows(robot: Robot, log: Log, origin: int, plan: Plan, own: tuple[int, int]) -> Samples:
+def prepare_rows(robot: Robot, log: Log, origin: int, plan: Plan, own: Rows) -> Samples:
     """Prepare some rows of a log by a plan.
 
     Parameters
@@ -205,22 +176,30 @@ def prepare_rows(robot: Robot, log: Log, origin: int, plan: Plan, own: tuple[int
     """
     log = joint_log(robot, log)
     q, dq, ddq = plan.derive(log)
-    reach = 0 if plan.decimation is None else plan.decimation.reach
-    low = max(0, own[0] - reach - origin)
-    high = min(len(log), own[1] + reach - origin)
-    rest = np.zeros(len(log), bool) if plan.rest is None else plan.rest.find(dq)
-    part = slice(low, high)
+    reach = plan.reach - plan.filter_reach
+    part = slice(max(0, own[0] - reach - origin), min(len(log), own[1] + reach - origin))
     motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part])
     tau = log.tau[part][motion.kept]
-    still = rest[part][motion.kept]
-    if still.any():
-        motion, tau = motion[~still], tau[~still]
-    first = origin + low
-    motion = replace(
-        motion, kept=motion.kept + first, dropped=motion.dropped + first,
-        near_singular=motion.near_singular + first,
-    )  # fmt: skip
+    if plan.rest is not None:
+        still = plan.rest.find(dq)[part][motion.kept]
+        if still.any():
+            motion, tau = motion[~still], tau[~still]
+    rows = ("kept", "dropped", "near_singular")
+    motion = replace(motion, **{k: getattr(motion, k) + origin + part.start for k in rows})
     return Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
+
+
+def join_motions(motions: Sequence[Motion]) -> Motion:
+    """Return motions one after the other."""
+    first, none = motions[0], np.empty(0, int)
+    names = ("t", "q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "kept", "X")
+    joined = {
+        name: np.concatenate([getattr(m, name) for m in motions])
+        for name in names
+        if getattr(first, name) is not None
+    }
+    condition = max(m.condition for m in motions)
+    return replace(first, **joined, condition=condition, dropped=none, near_singular=none)
 
 
 def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
@@ -235,39 +214,3 @@ def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
             f"{name}: only {left} of {total} samples are left, too few to say anything: "
             f"{'; '.join(notes[1:])}."
         )
-
-
-def _settle_decimation(
-    samples: Samples, plan: Plan, how: Preparation, total: int
-) -> signals.Decimation | None:
-    """Return the planned decimation, or a smaller one that leaves enough samples."""
-    factor = plan.factor
-    if how.decimate is not None:
-        if factor > 1 and samples.outputs < FEWEST:
-            raise LogError(too_short(samples.name, factor, total))
-        return plan.decimation
-    while factor > 1:
-        chosen = signals.Decimation(factor)
-        if replace(samples, decimation=chosen).outputs >= FEWEST:
-            return chosen
-        factor -= 1
-    return None
-
-
-def too_short(name: str, factor: int, total: int) -> str:
-    """Return the sentence on a log that a decimation leaves nothing of."""
-    return (
-        f"{name} is too short to be decimated by {factor}: of its {total} samples fewer than "
-        f"{FEWEST} are left; give a longer log or a smaller decimation."
-    )
-
-
-def decimation_note(decimation: signals.Decimation | None, plan: Plan) -> list[str]:
-    """Return what was done about the band, for the report."""
-    if decimation is None:
-        return []
-    rate = 1.0 / (plan.step * decimation.factor)
-    return [
-        f"torque and every column of the regressor were low-passed alike and decimated by "
-        f"{decimation.factor} to {rate:.4g} Hz"
-    ]

@@ -7,6 +7,7 @@ Here it is said once whether logs have anything to explain (`find_signal`, `expl
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.signals import is_constant, never_moves
 from identifiability.robot import Motion
+
+#: Rows of a log, from the first to the last (exclusive).
+Rows = tuple[int, int]
 
 #: Rows that a note lists.
 LISTED = 5
@@ -62,46 +66,45 @@ class Survey:
     torque_range: Array
 
     @staticmethod
-    def of(
-        motion: Motion, own: tuple[int, int] | None, outputs: int, torque: Array,
-        torque_range: Array,
-    ) -> Survey:  # fmt: skip
+    def of(motion: Motion, own: Rows | None, outputs: int, torque: Array, span: Array) -> Survey:
         """Return the survey of a motion, or of those of its rows that are its own."""
         inside = slice(None) if own is None else slice(*np.searchsorted(motion.kept, own))
         dropped, near = _inside(motion.dropped, own), _inside(motion.near_singular, own)
         t = motion.t[inside]
         parts = np.stack([motion.actuated_q, motion.actuated_v, motion.actuated_a])[:, inside]
-        n = parts.shape[2]
-        low = parts.min(1, initial=np.inf) if len(t) else np.full((3, n), np.inf)
-        high = parts.max(1, initial=-np.inf) if len(t) else np.full((3, n), -np.inf)
-        ends = (float(t[0]), float(t[-1])) if len(t) else (np.nan, np.nan)
         return Survey(
-            len(t), outputs, len(dropped), tuple(int(k) for k in dropped[:LISTED]), len(near),
-            tuple(int(k) for k in near[:1]), motion.condition, *ends, low, high, torque,
-            torque_range,
-        )  # fmt: skip
+            kept=len(t),
+            outputs=outputs,
+            dropped=len(dropped),
+            first_dropped=tuple(dropped[:LISTED].tolist()),
+            singular=len(near),
+            first_singular=tuple(near[:1].tolist()),
+            condition=motion.condition,
+            start=float(t[0]) if len(t) else np.nan,
+            stop=float(t[-1]) if len(t) else np.nan,
+            low=parts.min(1, initial=np.inf),
+            high=parts.max(1, initial=-np.inf),
+            torque=torque,
+            torque_range=span,
+        )
 
     def __add__(self, later: Survey) -> Survey:
         """Return the survey of both, this one first in time."""
+        counts: dict[str, Any] = {
+            name: getattr(self, name) + getattr(later, name)
+            for name in ("kept", "outputs", "dropped", "singular", "torque")
+        }
+        (low, high), (later_low, later_high) = self.torque_range, later.torque_range
         return Survey(
-            self.kept + later.kept,
-            self.outputs + later.outputs,
-            self.dropped + later.dropped,
-            (*self.first_dropped, *later.first_dropped)[:LISTED],
-            self.singular + later.singular,
-            (*self.first_singular, *later.first_singular)[:1],
-            max(self.condition, later.condition),
-            later.start if np.isnan(self.start) else self.start,
-            self.stop if np.isnan(later.stop) else later.stop,
-            np.minimum(self.low, later.low),
-            np.maximum(self.high, later.high),
-            self.torque + later.torque,
-            np.stack(
-                [
-                    np.minimum(self.torque_range[0], later.torque_range[0]),
-                    np.maximum(self.torque_range[1], later.torque_range[1]),
-                ]
-            ),
+            **counts,
+            first_dropped=(*self.first_dropped, *later.first_dropped)[:LISTED],
+            first_singular=(*self.first_singular, *later.first_singular)[:1],
+            condition=max(self.condition, later.condition),
+            start=later.start if np.isnan(self.start) else self.start,
+            stop=self.stop if np.isnan(later.stop) else later.stop,
+            low=np.minimum(self.low, later.low),
+            high=np.maximum(self.high, later.high),
+            torque_range=np.stack([np.minimum(low, later_low), np.maximum(high, later_high)]),
         )
 
     def notes(self, total: int) -> list[str]:
@@ -131,8 +134,8 @@ class Survey:
 
 def robot_moves(surveys: Sequence[Survey]) -> bool:
     """Return whether any actuated joint is at two places in these logs."""
-    low, high = (f([getattr(s, k)[0] for s in surveys], axis=0)
-                 for f, k in ((np.min, "low"), (np.max, "high")))  # fmt: skip
+    low = np.min([s.low[0] for s in surveys], axis=0)
+    high = np.max([s.high[0] for s in surveys], axis=0)
     return not never_moves(low, high).all()
 
 
@@ -160,5 +163,5 @@ def explain_silence(surveys: Sequence[Survey]) -> str:
     return ""
 
 
-def _inside(rows: np.ndarray, own: tuple[int, int] | None) -> np.ndarray:
+def _inside(rows: np.ndarray, own: Rows | None) -> np.ndarray:
     return rows if own is None else rows[(rows >= own[0]) & (rows < own[1])]

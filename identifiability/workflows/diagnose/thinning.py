@@ -9,15 +9,9 @@ import numpy as np
 
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare.longsamples import join_motions
+from identifiability.logs.prepare.longsamples import prepare_samples
 from identifiability.logs.prepare.preparation import Preparation, make_plan
-from identifiability.logs.prepare.samples import (
-    Samples,
-    check_left,
-    decimation_note,
-    prepare_rows,
-    prepare_samples,
-)
+from identifiability.logs.prepare.samples import Samples, check_left, join_motions, prepare_rows
 from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot
 
@@ -88,7 +82,7 @@ def prepare_thin(
         parts.append(prepare_rows(robot, raw, origin, plan, own))
     motion = join_motions([p.motion for p in parts])
     tau = np.concatenate([p.tau for p in parts])
-    notes = (*plan.notes, *decimation_note(plan.decimation, plan))
+    notes = (*plan.notes, *plan.band_notes)
     notes = notes if every else (*notes, _note(len(windows)))
     check_left(log.name, len(motion), sum(b - a for a, b in windows), notes)
     return Samples(log.name, motion, tau, plan.decimation, notes, log.sha256)

@@ -9,11 +9,10 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
-from identifiability.logs.prepare.contradictions import find_contradictions
-from identifiability.logs.prepare.rests import RestRule, choose_rest_rule
+from identifiability.logs.prepare.plan import RestRule, choose_rest_rule
 from identifiability.logs.prepare.survey import Survey, explain_silence, find_signal
 from identifiability.logs.signals import Decimation
-from identifiability.logs.units import check_units
+from identifiability.logs.units import check_units, find_contradictions
 from identifiability.robot import Robot, complete_motion
 
 
