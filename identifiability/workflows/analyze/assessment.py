@@ -176,21 +176,10 @@ def assess_ladder(
         residual = fitted.residual[:, :, k]
         reduced = rung.reduce(information)
         uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
-        evidence = Evidence(
-            fit,
-            uncertainty.robust,
-            recurrence(fit, uncertainty, thresholds),
-            column_rms(reduced),
-            column_noise(reduced, fit),
-            float(np.sqrt(np.mean(fitted.rms**2))),
-            _aliases(reduced, fit, rung),
-            uncertainty.why_unjudged(len(fit.kept), thresholds),
-        )
+        torque = float(np.sqrt(np.mean(fitted.rms**2)))
         stated = np.linalg.lstsq(rung.M, nominal - rung.held, rcond=None)[0]
-        verdicts = judge(rung.labels, rung.units, evidence, stated, thresholds)
-        settled = settle_signs(reduced, fit, rung.nonnegative)
-        forbidden = rung.nonnegative & fit.determined & (settled < 0)
-        infeasible = tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad)
+        aliases = _aliases(reduced, fit, rung)
+        verdicts = judge_rung(rung, reduced, fit, uncertainty, torque, aliases, thresholds, stated)
         results.append(
             RungResult(
                 rung,
@@ -203,7 +192,7 @@ def assess_ladder(
                 float(held_error[len(rungs) + k]),
                 float(error[len(rungs) + k]),
                 float(error[2 * len(rungs) + k]),
-                infeasible,
+                forbidden_signs(rung, reduced, fit),
                 physical[k],
             )
         )
@@ -216,6 +205,53 @@ def physical_dict(robot: Robot, result: RungResult, shapes: Mapping[str, float])
         robot, result.physical.parameters(), (result.error_ra_real, result.error_ra_file), shapes,
         result.physical.cad_weight,
     )  # fmt: skip
+
+
+def judge_rung(
+    rung: Rung,
+    information: Information,
+    fit: Estimate,
+    uncertainty: Uncertainty,
+    torque: float,
+    aliases: Sequence[str],
+    thresholds: Thresholds,
+    stated: Array | None = None,
+) -> tuple[Verdict, ...]:
+    """Return the verdicts on the k parameters of a model.
+
+    Parameters
+    ----------
+    rung : Rung
+    information : Information
+        About its columns.
+    fit : Estimate
+    uncertainty : Uncertainty
+    torque : float [N·m or N]
+        Root mean square of the measured torque.
+    aliases : sequence of str
+        What each parameter cannot be told from, where the motion leaves it open.
+    thresholds : Thresholds
+    stated : (k,), optional
+        Values that the robot file states.
+    """
+    evidence = Evidence(
+        fit,
+        uncertainty.robust,
+        recurrence(fit, uncertainty, thresholds),
+        column_rms(information),
+        column_noise(information, fit),
+        torque,
+        tuple(aliases),
+        uncertainty.why_unjudged(len(fit.kept), thresholds),
+    )
+    return judge(rung.labels, rung.units, evidence, stated, thresholds)
+
+
+def forbidden_signs(rung: Rung, information: Information, fit: Estimate) -> tuple[str, ...]:
+    """Return the parameters with a sign that physics forbids, the paper's test."""
+    settled = settle_signs(information, fit, rung.nonnegative)
+    forbidden = rung.nonnegative & fit.determined & (settled < 0)
+    return tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad)
 
 
 def column_rms(information: Information) -> Array:

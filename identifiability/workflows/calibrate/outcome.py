@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
-from identifiability.estimation.uncertainty import assess_uncertainty, recurrence
-from identifiability.estimation.verdict import Class, Evidence, Thresholds, judge
+from identifiability.estimation.uncertainty import assess_uncertainty
+from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
-from identifiability.workflows.analyze.assessment import column_noise, column_rms
+from identifiability.workflows.analyze.assessment import judge_rung
 from identifiability.workflows.calibrate.replicates import Experiment
 
 #: A parameter is wrong if it is off by more than this share of its true value.
@@ -139,19 +139,10 @@ def judge_outcome(
     fit = estimate(information, method)
     residual = tau - experiment.W @ fit.value
     spread = assess_uncertainty(information, fit, residual, experiment.log, rng, replicates)
-    evidence = Evidence(
-        fit,
-        spread.robust,
-        recurrence(fit, spread, rules),
-        column_rms(information),
-        column_noise(information, fit),
-        float(np.sqrt(np.mean(tau**2))),
-        ("",) * len(rung),
-        spread.why_unjudged(len(fit.kept), rules),
-    )
-    verdicts = judge(rung.labels, rung.units, evidence, None, rules)
+    torque = float(np.sqrt(np.mean(tau**2)))
+    verdicts = judge_rung(rung, information, fit, spread, torque, ("",) * len(rung), rules)
     called = np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts])
-    judged = not evidence.unjudged
+    judged = not spread.why_unjudged(len(fit.kept), rules)
     return Outcome(fit.value, spread.white, spread.robust, called, fit.paper_rule, judged)
 
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.estimator import Estimate, settle_signs
-from identifiability.estimation.uncertainty import Uncertainty, recurrence
-from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, judge
+from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.uncertainty import Uncertainty
+from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
-from identifiability.workflows.analyze.assessment import column_noise, column_rms
+from identifiability.workflows.analyze.assessment import forbidden_signs, judge_rung
 from identifiability.workflows.prune.elimination import Step
 from identifiability.workflows.prune.reasons import explain
 
@@ -165,17 +165,10 @@ def build_rung(
     rows = max(information.rows, 1)
     torque = float(np.linalg.norm(information.factor()[:, -1]) / np.sqrt(rows))
     unknown = ("This motion determines it in combination with others only, or not at all.",)
-    evidence = Evidence(
-        fit, uncertainty.robust, recurrence(fit, uncertainty, rules), column_rms(information),
-        column_noise(information, fit), torque, unknown * len(rung),
-        uncertainty.why_unjudged(len(fit.kept), rules),
-    )  # fmt: skip
-    verdicts = judge(rung.labels, rung.units, evidence, None, rules)
+    verdicts = judge_rung(rung, information, fit, uncertainty, torque, unknown * len(rung), rules)
     percent = np.array([v.sigma_robust_percent for v in verdicts])
-    settled = settle_signs(information, fit, rung.nonnegative)
-    forbidden = rung.nonnegative & fit.determined & (settled < 0)
     return PrunedRung(
         step, rung, fit, verdicts, float(percent.max(initial=0.0)), *errors,
         step.errors.total / unit, step.errors.above(best.errors)[1] / unit,
-        tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad),
+        forbidden_signs(rung, information, fit),
     )  # fmt: skip
