@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.foundation.output import write_text
 from identifiability.report.blocks import Section
 from identifiability.report.numbers import format_count
-from identifiability.report.page import Page, render_page
+from identifiability.report.page import Page
+from identifiability.report.results import write_result
 from identifiability.report.sections import (
     answer_notes,
     answer_terms,
@@ -94,4 +94,4 @@ def write_analysis_report(analysis: Analysis, path: str | Path) -> Path:
     ------
     OutputError
     """
-    return write_text(path, render_page(build_analysis_page(analysis)))
+    return write_result(analysis, path)

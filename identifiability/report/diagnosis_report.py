@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from identifiability.effects import find_effect, title_of
-from identifiability.foundation.output import write_text
 from identifiability.report.blocks import (
     Block,
     Gallery,
@@ -20,16 +17,11 @@ from identifiability.report.blocks import (
     Terms,
     Tile,
 )
-from identifiability.report.figures.diagnosis import (
-    draw_against,
-    draw_evidence,
-    draw_gap,
-)
-from identifiability.report.numbers import format_number
-from identifiability.report.page import Page, render_page
-from identifiability.report.sections.effects import section_effects
+from identifiability.report.figures.diagnosis import draw_against, draw_evidence, draw_gap
+from identifiability.report.numbers import digits, format_number, percent, rough_percent
+from identifiability.report.page import Page
+from identifiability.report.sections.effects import section_effects, section_forward
 from identifiability.report.sections.facts import torque_units, velocity_units
-from identifiability.report.sections.forward import section_forward
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.words import headline, remarks
@@ -47,42 +39,37 @@ def build_diagnosis_page(d: Diagnosis) -> Page:
         title=d.robot.title or d.robot.name,
         statement=headline(d),
         sections=(
-            section_effects(d), _section_gap(d), *_section_motion(d), _section_where(d),
-            _section_evidence(d), _section_aliases(d), _section_remainder(d), _section_method(d),
+            section_effects(d),
+            _section_gap(d),
+            *(() if d.forward is None else (section_forward(d.forward, d.robot.joints),)),
+            _section_where(d),
+            _section_evidence(d),
+            _section_aliases(d),
+            _section_remainder(d),
+            _section_method(d),
         ),
         overline="What the model misses",
         subtitle=f"{d.robot.path.name} · model: {names}{' · values fixed' if d.fixed else ''}",
         tiles=_tiles(d),
-        summary=_summary(d),
-    )  # fmt: skip
-
-
-def write_diagnosis_report(d: Diagnosis, path: str | Path) -> Path:
-    """Write the report on a diagnosis as one self-contained HTML file, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-    """
-    return write_text(path, render_page(build_diagnosis_page(d)))
-
-
-def _percent(x: float, digits: int = 3) -> str:
-    return f"{format_number(100 * x, digits)} %"
+        summary=(_summary(d),),
+    )
 
 
 def _tiles(d: Diagnosis) -> tuple[Tile, ...]:
     low, high = (format_number(100 * x, 2) for x in d.interval)
     return (
         Tile(str(len(d.effects)), "effects named", ", ".join(e.title for e in d.effects)),
-        Tile(_percent(d.held_before), "error before", f"on {d.verified_on}"),
-        Tile(_percent(d.held_after), "error after", f"95 %: {low} … {high} points"),
-        Tile(_percent(d.remainder.smooth_limit, 2), "of the rest may still be smooth",
-             "upper bound, in position and velocity"),
-    )  # fmt: skip
+        Tile(percent(d.held_before), "error before", f"on {d.verified_on}"),
+        Tile(percent(d.held_after), "error after", f"95 %: {low} … {high} points"),
+        Tile(
+            percent(d.remainder.smooth_limit, 2),
+            "of the rest may still be smooth",
+            "upper bound, in position and velocity",
+        ),
+    )
 
 
-def _summary(d: Diagnosis) -> tuple[Block, ...]:
+def _summary(d: Diagnosis) -> Notes:
     """Return what should be known with the answer, and what is left."""
     notes = [Note("good" if r.good else "note", r.title, r.text) for r in remarks(d)]
     for e in d.effects:
@@ -91,7 +78,7 @@ def _summary(d: Diagnosis) -> tuple[Block, ...]:
                 text = f"{e.title} in {p.place} would not be believed with: {', '.join(p.fragile)}."
                 notes.append(Note("note", "Fragile", text))
     notes.append(Note("note", "What is left", d.unexplained))
-    return (Notes(tuple(notes)),)
+    return Notes(tuple(notes))
 
 
 def _section_gap(d: Diagnosis) -> Section:
@@ -115,8 +102,8 @@ def _section_gap(d: Diagnosis) -> Section:
     lead = "Measured less predicted torque on unseen motion, before and after adding the effects."
     if np.isfinite(d.real_after):
         lead += (
-            f" With bodies that can exist the error goes from {_percent(d.real_before)} to "
-            f"{_percent(d.real_after)}."
+            f" With bodies that can exist the error goes from {percent(d.real_before)} to "
+            f"{percent(d.real_after)}."
         )
     blocks = (
         Gallery(tuple(over_time), f"The first {STRETCH:g} s of the first unseen log."),
@@ -125,81 +112,73 @@ def _section_gap(d: Diagnosis) -> Section:
     return Section("gap", "The gap before and after", lead, blocks)
 
 
-def _section_motion(d: Diagnosis) -> tuple[Section, ...]:
-    return () if d.forward is None else (section_forward(d.forward, d.robot.joints),)
-
-
 def _section_where(d: Diagnosis) -> Section:
-    sizes = (
-        Column("joint"), Column("residual, rms", "number"), Column("of the torque", "number"),
-        Column("near reversals", "number", "Mean square there over that elsewhere."),
-    )  # fmt: skip
-    size_rows = tuple(
-        (
-            Cell(x.joint), Cell(format_number(x.rms, 3), x.rms), Cell(_percent(x.share), x.share),
-            Cell(f"{format_number(x.reversals, 2)} ×", x.reversals),
-        )
-        for x in d.discrepancies
-    )  # fmt: skip
-    goes = (Column("joint"), *(Column(k, "number") for k in d.discrepancies[0].explained))
-    go_rows = tuple(
-        (Cell(x.joint), *(Cell(_percent(s, 2), s) for s in x.explained.values()))
-        for x in d.discrepancies
-    )
+    causes = d.discrepancies[0].explained
+    shares = [(x.joint, *x.explained.values()) for x in d.discrepancies]
     lead = "Where the model as it was and the logs disagree, before anything was added."
     caption = "Share of the residual's variance that its averages over each of these explain"
-    blocks = (Table("Residual by joint", sizes, size_rows), Table(caption, goes, go_rows))
+    blocks = (
+        Table.of("Residual by joint", SIZES, d.discrepancies),
+        Table.of(caption, (Column("joint"), *(Column(k, rough_percent) for k in causes)), shares),
+    )
     return Section("where", "Where they disagree", lead, blocks)
 
 
+SIZES = (
+    Column("joint", get="joint"),
+    Column("residual, rms", digits(3), "", "rms"),
+    Column("of the torque", percent, "", "share"),
+    Column(
+        "near reversals",
+        lambda x: f"{format_number(x, 2)} ×",
+        "Mean square there over that elsewhere.",
+        "reversals",
+    ),
+)
+
+
 def _section_evidence(d: Diagnosis) -> Section:
-    families = list(dict.fromkeys(f for s in d.steps for f, _ in s.evidence))
-    blocks: list[Block] = []
-    if families:
-        steps = d.steps[:6]
-        scores = np.array([
-            [max((v for (f, _), v in s.evidence.items() if f == name), default=np.nan)
-             for s in steps]
-            for name in families
-        ])  # fmt: skip
-        titles = [title_of(f) for f in families]
-        critical = np.array([s.critical for s in steps])
-        figure = draw_evidence(titles, scores, critical)
-        caption = "Right of the dashed line an effect stands out from the noise."
-        blocks.append(Picture(figure, caption, "Evidence of every family at every step"))
-    columns = (
-        Column("step"), Column("best"), Column("p", "number"), Column("unseen error", "number"),
-        Column("what became of it"),
-    )  # fmt: skip
-    rows = tuple(
-        (
-            Cell(str(k + 1)), Cell(" in ".join(s.best)),
-            Cell(format_number(s.p_value, 2), s.p_value),
-            Cell(f"{_percent(-s.gain, 2)}" if np.isfinite(s.gain) else "—", s.gain), Cell(s.reason),
-        )
-        for k, s in enumerate(d.steps)
-    )  # fmt: skip
-    blocks.append(Table("Steps of the search", columns, rows))
     lead = "Every family is scored beside the model so far, over all its shapes and places."
-    return Section("evidence", "The evidence", lead, tuple(blocks))
+    rows = [
+        (str(k), " in ".join(s.best), s.p_value, Cell(percent(-s.gain, 2), s.gain), s.reason)
+        for k, s in enumerate(d.steps, 1)
+    ]
+    table = Table.of("Steps of the search", STEPS, rows)
+    families = list(dict.fromkeys(f for s in d.steps for f, _ in s.evidence))
+    if not families:
+        return Section("evidence", "The evidence", lead, (table,))
+    steps = d.steps[:6]
+    scores = np.full((len(families), len(steps)), np.nan)
+    for k, s in enumerate(steps):
+        for (family, _), score in s.evidence.items():
+            at = families.index(family), k
+            scores[at] = np.fmax(scores[at], score)
+    critical = np.array([s.critical for s in steps])
+    picture = Picture(
+        draw_evidence([title_of(f) for f in families], scores, critical),
+        "Right of the dashed line an effect stands out from the noise.",
+        "Evidence of every family at every step",
+    )
+    return Section("evidence", "The evidence", lead, (picture, table))
+
+
+STEPS = (
+    Column("step"),
+    Column("best"),
+    Column("p", digits(2)),
+    Column("unseen error", "number"),
+    Column("what became of it"),
+)
 
 
 def _section_aliases(d: Diagnosis) -> Section:
-    columns = (
-        Column("effect"), Column("where"), Column("visible", "number"), Column("hidden behind")
-    )  # fmt: skip
-    rows = tuple(
-        (Cell(a.family.replace("_", " ")), Cell(a.place),
-         Cell(_percent(a.remaining, 2), a.remaining), Cell(", ".join(a.behind)))
-        for a in sorted(d.aliases, key=lambda a: a.remaining)
-        if a.structural
-    )  # fmt: skip
+    hidden = sorted((a for a in d.aliases if a.structural), key=lambda a: a.remaining)
     refused = tuple(
         Term(f"{r.family.replace('_', ' ')} {r.place}".strip(), r.reason) for r in d.refusals
     )
     blocks: list[Block] = []
-    if rows:
-        blocks.append(Table("Cannot be named from this motion", columns, rows))
+    if hidden:
+        blocks.append(Table.of("Cannot be named from this motion", HIDDEN, hidden))
     if refused:
         blocks.append(Terms(refused))
     if not blocks:
@@ -208,16 +187,25 @@ def _section_aliases(d: Diagnosis) -> Section:
     return Section("aliases", "What could not be named", lead, tuple(blocks))
 
 
+HIDDEN = (
+    Column("effect", get=lambda a: a.family.replace("_", " ")),
+    Column("where", get="place"),
+    Column("visible", rough_percent, "", "remaining"),
+    Column("hidden behind", get=lambda a: ", ".join(a.behind)),
+)
+
+
 def _section_remainder(d: Diagnosis) -> Section:
-    columns = (Column("effect"), Column("smallest that is named", "number", "Rms over residual."))
-    rows = tuple(
-        (Cell(name.replace("_", " ")), Cell(_percent(size, 2), size))
-        for name, size in sorted(d.remainder.detectable.items(), key=lambda x: x[1])
+    columns = (
+        Column("effect"),
+        Column("smallest that is named", rough_percent, "Rms over residual."),
     )
+    sizes = sorted(d.remainder.detectable.items(), key=lambda x: x[1])
     blocks: list[Block] = [Prose((d.unexplained,))]
-    if rows:
+    if sizes:
         caption = "Sizes that are named in four of five logs like these, at the best place"
-        blocks.append(Table(caption, columns, rows))
+        rows = [(name.replace("_", " "), size) for name, size in sizes]
+        blocks.append(Table.of(caption, columns, rows))
     return Section("remainder", "What is left", "", tuple(blocks))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from identifiability.report.blocks import (
     Tile,
 )
 from identifiability.report.figures.excitation import draw_gain, draw_joint, draw_search
-from identifiability.report.numbers import format_count, format_number
-from identifiability.report.page import write_page
+from identifiability.report.numbers import digits, format_count, format_number, whole_percent
+from identifiability.report.page import Page
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.workflows.excite.result import CONFUSABLE, Excitation
 
@@ -29,19 +29,12 @@ TITLES = {
 }
 
 
-def write_excitation_report(result: Excitation, path: str | Path) -> Path:
-    """Write an excitation as one self-contained HTML file, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-    """
-    sections = [section_motion(result), section_gain(result), section_method(result)]
-    return write_page(
-        TITLES[result.criterion.name],
-        result.statement,
-        sections,
-        path,
+def build_excitation_page(result: Excitation) -> Page:
+    """Return the report as a page of blocks, to look at or to extend."""
+    return Page(
+        title=TITLES[result.criterion.name],
+        statement=result.statement,
+        sections=(section_motion(result), section_gain(result), section_method(result)),
         overline="Excitation report",
         subtitle=(
             f"{result.robot.title or result.robot.name} · {result.trajectory.period:g} s, "
@@ -66,16 +59,41 @@ def section_motion(result: Excitation) -> Section:
         ]
         figure = draw_joint(t, [x[:, k] for x in parts], bounds, joint, unit)
         pictures.append(Picture(figure, alt=f"Motion of {joint} between its limits"))
-    return Section(
-        "motion",
-        "The motion",
-        "One period; dashed lines are limits, which hold at every time, not only at the samples.",
-        (
-            Gallery(tuple(pictures)),
-            _limits_table(result),
-            Fold("Coefficients", (_coefficients(result),)),
-        ),
+    caption = "What each joint does, and may do [SI units]"
+    lead = "One period; dashed lines are limits, which hold at every time, not only at the samples."
+    blocks = (
+        Gallery(tuple(pictures)),
+        Table.of(caption, LIMITS, result.to_frame().itertuples()),
+        Fold("Coefficients", (_coefficients(result),)),
     )
+    return Section("motion", "The motion", lead, blocks)
+
+
+def _range(row: Any) -> Cell:
+    low, high = (format_number(x, 3) for x in (row.lower_limit, row.upper_limit))
+    return Cell(f"{low} … {high}", row.upper_limit - row.lower_limit)
+
+
+LIMITS = (
+    Column("joint", get="joint"),
+    Column("least", format_number, "", "least"),
+    Column("largest", format_number, "", "largest"),
+    Column("range", "number", "Limits of position.", _range),
+    Column("speed", digits(3), "", "speed"),
+    Column("limit", digits(3), "Of the speed.", "speed_limit"),
+    Column("acceleration", digits(3), "", "acceleration"),
+    Column("limit", digits(3), "Of the acceleration.", "acceleration_limit"),
+)
+
+
+def _coefficients(result: Excitation) -> Table:
+    path = result.trajectory
+    kinds = [f"{kind} {k + 1}" for kind in ("sin", "cos") for k in range(path.sin.shape[1])]
+    columns = [Column("joint"), *(Column(kind, digits(5)) for kind in ("offset", *kinds))]
+    numbers = np.column_stack([path.offset, path.sin, path.cos])
+    rows = [(joint, *x) for joint, x in zip(result.limits.joints, numbers, strict=True)]
+    caption = "q = offset + Σ sin k/(kω) sin(kωt) − cos k/(kω) cos(kωt), ω = 2π/period"
+    return Table.of(caption, columns, rows, cards=False)
 
 
 def section_gain(result: Excitation) -> Section:
@@ -84,21 +102,15 @@ def section_gain(result: Excitation) -> Section:
         draw_gain(result.names, result.gain),
         f"Left of 1 a parameter is known better than from {result.beside}.",
     )
-    numbers = sorted({s.start for s in result.history})
-    figure = result.criterion.figure
+    starts = sorted({s.start for s in result.history})
+    criterion = result.criterion
     lines = [
-        np.array([figure(s.cost) for s in result.history if s.start == k]) for k in numbers
-    ]  # fmt: skip
-    logarithmic = result.criterion.name == "condition"
-    progress = draw_search(
-        lines, result.before.figure, result.criterion.short, logarithmic=logarithmic
-    )
-    return Section(
-        "gain",
-        "What it is worth",
-        f"Compared with {result.beside}.",
-        (picture, Picture(progress, f"The search: {result.criterion.title} by iteration.")),
-    )
+        np.array([criterion.figure(s.cost) for s in result.history if s.start == k]) for k in starts
+    ]
+    logarithmic = criterion.name == "condition"
+    progress = draw_search(lines, result.before.figure, criterion.short, logarithmic=logarithmic)
+    blocks = (picture, Picture(progress, f"The search: {criterion.title} by iteration."))
+    return Section("gain", "What it is worth", f"Compared with {result.beside}.", blocks)
 
 
 def section_method(result: Excitation) -> Section:
@@ -125,15 +137,12 @@ def section_method(result: Excitation) -> Section:
 
 def _tiles(result: Excitation) -> tuple[Tile, ...]:
     after, before = result.after.figure, result.before.figure
-    if result.criterion.name == "separate":
-        value, was = f"{after:.2f}", f"{before:.2f}"
-    else:
-        value, was = format_number(after, 3), format_number(before, 3)
+    show = "{:.2f}".format if result.criterion.name == "separate" else digits(3)
     usage = result.to_frame()
     fast = float((usage["speed"] / usage["speed_limit"]).max())
     tiles = [
-        Tile(value, result.criterion.title, f"{was} with {result.beside}"),
-        Tile(f"{100 * fast:.0f} %", "of the speed limit is used", "by the fastest joint"),
+        Tile(show(after), result.criterion.title, f"{show(before)} with {result.beside}"),
+        Tile(whole_percent(fast), "of the speed limit is used", "by the fastest joint"),
     ]
     if result.robot.closed:
         bound = f"bound {result.limits.closure_bound:g}"
@@ -158,53 +167,3 @@ def _notes(result: Excitation) -> list[Note]:
     if not notes:
         notes.append(Note("good", "The motion keeps every limit.", result.limits_statement))
     return notes
-
-
-def _limits_table(result: Excitation) -> Table:
-    columns = (
-        Column("joint"),
-        Column("least", "number"),
-        Column("largest", "number"),
-        Column("range", "number", "Limits of position."),
-        Column("speed", "number"),
-        Column("limit", "number", "Of the speed."),
-        Column("acceleration", "number"),
-        Column("limit", "number", "Of the acceleration."),
-    )
-    rows = []
-    for row in result.to_frame().to_dict("records"):
-        span = f"{format_number(row['lower_limit'], 3)} … {format_number(row['upper_limit'], 3)}"
-        numbers = ("speed", "speed_limit", "acceleration", "acceleration_limit")
-        rows.append(
-            (
-                Cell(str(row["joint"])),
-                Cell(format_number(row["least"], 4), row["least"]),
-                Cell(format_number(row["largest"], 4), row["largest"]),
-                Cell(span, row["upper_limit"] - row["lower_limit"]),
-                *(Cell(format_number(row[k], 3), row[k]) for k in numbers),
-            )
-        )
-    return Table("What each joint does, and may do [SI units]", columns, tuple(rows))
-
-
-def _coefficients(result: Excitation) -> Table:
-    path = result.trajectory
-    H = path.sin.shape[1]
-    kinds = [*(f"sin {k + 1}" for k in range(H)), *(f"cos {k + 1}" for k in range(H))]
-    columns = (
-        Column("joint"),
-        Column("offset", "number"),
-        *(Column(kind, "number") for kind in kinds),
-    )
-    rows = tuple(
-        (
-            Cell(joint),
-            *(
-                Cell(format_number(float(x), 5), float(x))
-                for x in (path.offset[k], *path.sin[k], *path.cos[k])
-            ),
-        )
-        for k, joint in enumerate(result.limits.joints)
-    )
-    caption = "q = offset + Σ sin k/(kω) sin(kωt) − cos k/(kω) cos(kωt), ω = 2π/period"
-    return Table(caption, columns, rows, cards=False)

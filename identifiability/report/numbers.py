@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from decimal import ROUND_HALF_EVEN, Decimal
+from functools import partial
 
 #: What stands where there is no number.
 NONE = "—"
@@ -88,6 +90,59 @@ def format_percent(value: float | None) -> str:
     if value > 9999:
         return "> 9999"
     return f"{value:.0f}" if value >= 9.95 else _two_digits(value)
+
+
+def digits(count: int) -> Callable[[float | None], str]:
+    """Return the function that writes numbers with some significant digits.
+
+    Examples
+    --------
+    >>> digits(3)(0.12345)
+    '0.123'
+    """
+    return lambda x: format_number(x, count)
+
+
+def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
+    """Return a share in percent with some significant digits, or a dash.
+
+    Examples
+    --------
+    >>> percent(0.12345), percent(0.12345, 2), percent(0.12, pad=True)
+    ('12.3 %', '12 %', '12.0 %')
+    """
+    return f"{format_number(100 * share, count, pad=pad)} %" if math.isfinite(share) else NONE
+
+
+#: Shares in percent to two digits, and errors to three, zeros kept.
+rough_percent, error_text = partial(percent, count=2), partial(percent, pad=True)
+
+
+def whole_percent(share: float) -> str:
+    """Return a share in percent without decimals, or a dash.
+
+    Examples
+    --------
+    >>> whole_percent(0.8249), whole_percent(float("nan"))
+    ('82 %', '—')
+    """
+    return f"{100 * share:.0f} %" if math.isfinite(share) else NONE
+
+
+def stated_text(stated: float | None) -> str:
+    """Return a stated value; sums that cancel leave a rounding error, which is zero."""
+    return "0" if stated is not None and abs(stated) < 1e-12 else format_number(stated)
+
+
+def time_text(time: float) -> str:
+    """Return an autocorrelation time in samples."""
+    return f"{time:.2f}" if time < 10 else f"{time:.0f}"
+
+
+def percent_text(value: float) -> str:
+    """Return a percentage with its sign, or a dash."""
+    text = format_percent(value)
+    return f"{text} %" if text != NONE else text
 
 
 def format_count(count: int, noun: str, plural: str = "") -> str:

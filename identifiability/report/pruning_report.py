@@ -2,55 +2,27 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from identifiability.estimation.verdict import Class
-from identifiability.foundation.output import write_text
+from identifiability.estimation.verdict import Class, Verdict
 from identifiability.report.blocks import Fold, Note, Notes, Picture, Prose, Section, Tile
 from identifiability.report.figures.pruning import draw_ladder, draw_survival
 from identifiability.report.numbers import (
+    NONE,
+    digits,
+    error_text,
     format_count,
     format_measured,
     format_number,
+    percent,
+    percent_text,
+    whole_percent,
 )
-from identifiability.report.page import Page, render_page
-from identifiability.report.sections.facts import error_text, percent_text
+from identifiability.report.page import Page
+from identifiability.report.sections.facts import SIGMA, UNIT, VALUE, VERDICT, found_cell
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.prune.rung import PrunedRung
-
-MOVES = (
-    Column("move", hint="What was zeroed or made equal, and why."),
-    Column("size", "number", "Number of parameters that are left."),
-    Column("p", "number", "Of the denied difference, by the scatter between folds."),
-    Column("identifiable", "number"),
-    Column("fitted", "number", "ε_RA on the logs it was fitted to."),
-    Column("unseen", "number", "ε_RA on stretches or logs that the fits have not seen."),
-    Column("± SE", "error", "Standard error of the difference to the rung to use."),
-    Column("squares", "number", "What the rung is chosen by, relative to the unpruned model."),
-    Column("worst σ%", "number", "Largest robust σ of a parameter; below it the condition number."),
-    Column("signs", "badge", "Whether no parameter has a sign that physics forbids."),
-)
-
-SURVIVORS = (
-    Column("parameter"),
-    Column("value", "number"),
-    Column("± σ", "error"),
-    Column("unit"),
-    Column("σ%", "number", "Relative robust standard deviation."),
-    Column("survives", "bar", "Share of resampled logs whose pruning keeps it."),
-    Column("verdict", "badge"),
-)
-
-ABSORBED = (
-    Column("removed"),
-    Column("estimate ± σ", "number", "In the unpruned model."),
-    Column("torque", "number", "Rms torque of that estimate, relative to the residual."),
-    Column("absorbed", "bar", "Share of its column that survivors can take over."),
-    Column("by", hint="Survivors, those shifted most (in their σ) first, with the shift."),
-)
 
 
 def build_pruning_page(ladder: Ladder) -> Page:
@@ -76,42 +48,23 @@ def build_pruning_page(ladder: Ladder) -> Page:
     )
 
 
-def write_pruning_report(ladder: Ladder, path: str | Path) -> Path:
-    """Write the report on a pruning as one self-contained HTML file, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-    """
-    return write_text(path, render_page(build_pruning_page(ladder)))
-
-
 def _tiles(ladder: Ladder) -> tuple[Tile, ...]:
     chosen, full = ladder.chosen, ladder.full
     found = ladder.result.count(Class.IDENTIFIABLE)
     outside = np.isfinite(chosen.error_ra_validation)
     error = chosen.error_ra_validation if outside else chosen.error_ra_unseen
     before = full.error_ra_validation if outside else full.error_ra_unseen
-    same = ladder.stability.same
+    size = 0 if ladder.nothing else len(chosen)
+    logs = format_count(ladder.stability.replicates, "resampled log")
+    where = "error on the validation logs" if outside else "error on unseen motion"
+    feasible, tone = ("Yes", "green") if ladder.feasible else ("No", "vermilion")
     return (
-        Tile(
-            f"{0 if ladder.nothing else len(chosen)} of {len(full)}", "parameters are worth using"
-        ),
+        Tile(f"{size} of {len(full)}", "parameters are worth using"),
         Tile(f"{found} of {len(chosen)}", "are identifiable", ladder.result.unjudged),
-        Tile(
-            error_text(error),
-            "error on the validation logs" if outside else "error on unseen motion",
-            f"{error_text(before)} unpruned",
-        ),
-        Tile(
-            f"{100 * same:.0f} %" if np.isfinite(same) else "—", "choose exactly this model",
-            f"of {format_count(ladder.stability.replicates, 'resampled log')}",
-        ),
-        Tile(
-            "Yes" if ladder.feasible else "No", "physically possible", "",
-            "green" if ladder.feasible else "vermilion",
-        ),
-    )  # fmt: skip
+        Tile(error_text(error), where, f"{error_text(before)} unpruned"),
+        Tile(whole_percent(ladder.stability.same), "choose exactly this model", f"of {logs}"),
+        Tile(feasible, "physically possible", "", tone),
+    )
 
 
 def _notes(ladder: Ladder) -> list[Note]:
@@ -127,35 +80,27 @@ def _notes(ladder: Ladder) -> list[Note]:
                 "The latter was kept; it stands for both."
             )
             notes.append(Note("note", "Either of two.", text))
-    stable = ladder.stability.same > 0.5
-    notes.append(
-        Note(
-            "good" if stable else "note",
-            "The choice is stable." if stable else "Another log might lead to another model.",
-            ladder.stability.statement,
-        )
-    )
-    return notes
+    text = ladder.stability.statement
+    if ladder.stability.same > 0.5:
+        return [*notes, Note("good", "The choice is stable.", text)]
+    return [*notes, Note("note", "Another log might lead to another model.", text)]
 
 
 def section_ladder(ladder: Ladder) -> Section:
     """Return the rungs: chart and table of moves."""
-    rungs = ladder.rungs
-    figure = draw_ladder(
-        np.array([len(r) for r in rungs]),
-        np.array([r.error_ra for r in rungs]),
-        np.array([r.error_ra_unseen for r in rungs]),
-        np.array([r.error_se for r in rungs]),
-        ladder.selected,
-        ladder.least,
+    sizes, fitted, unseen, spread = np.array(
+        [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in ladder.rungs]
+    ).T
+    caption = (
+        "Error against the number of parameters, from the unpruned model on the left down "
+        "to none. Where the curve rises, parameters are lost that the robot needs."
     )
     picture = Picture(
-        figure, "Error against the number of parameters, from the unpruned model on the left down "
-        "to none. Where the curve rises, parameters are lost that the robot needs.",
+        draw_ladder(sizes, fitted, unseen, spread, ladder.selected, ladder.least),
+        caption,
         "Relative torque error of each rung against its number of parameters",
-    )  # fmt: skip
-    rows = tuple(_move_row(r) for r in rungs)
-    table = Table("", MOVES, rows, marked=ladder.selected)
+    )
+    table = Table.of("", MOVES, ladder.rungs, marked=ladder.selected)
     return Section("ladder", "The way down", _why(ladder), (picture, table))
 
 
@@ -173,113 +118,145 @@ def _why(ladder: Ladder) -> str:
     }[ladder.criterion]
 
 
-def _move_row(rung: PrunedRung) -> tuple[Cell, ...]:
-    move, evidence = rung.step.move, rung.step.evidence
-    p = evidence.p_value if evidence is not None else np.nan
-    title = f"{move.kind.value}: {move.text}" if move is not None else rung.name
-    wrong = ", ".join(rung.infeasible[:4]) + (" …" if len(rung.infeasible) > 4 else "")
-    return (
-        Cell(title, note=rung.reason),
-        Cell(str(len(rung)), len(rung)),
-        Cell(format_number(p, 2), p),
-        Cell("not judged" if rung.unjudged else str(rung.identifiable), rung.identifiable),
-        Cell(error_text(rung.error_ra), rung.error_ra),
-        Cell(error_text(rung.error_ra_unseen), rung.error_ra_unseen),
-        Cell(f"± {format_number(100 * rung.error_se, 2)} %" if rung.error_se > 0 else "—",
-             rung.error_se),
-        Cell(format_number(rung.error_squares, 3), rung.error_squares),
-        Cell(
-            percent_text(rung.worst_sigma_percent),
-            rung.worst_sigma_percent,
-            f"condition {format_number(rung.estimate.condition, 3)}",
-        ),
-        Cell("possible" if rung.feasible else "impossible", None, wrong,
-             "pass" if rung.feasible else "differs"),
-    )  # fmt: skip
+def _move_cell(r: PrunedRung) -> Cell:
+    move = r.step.move
+    return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
+
+
+def _p_value(r: PrunedRung) -> float:
+    return r.step.evidence.p_value if r.step.evidence is not None else np.nan
+
+
+def _spread_cell(r: PrunedRung) -> Cell:
+    return Cell(f"± {percent(r.error_se, 2)}" if r.error_se > 0 else NONE, r.error_se)
+
+
+def _worst_cell(r: PrunedRung) -> Cell:
+    condition = f"condition {format_number(r.estimate.condition, 3)}"
+    return Cell(percent_text(r.worst_sigma_percent), r.worst_sigma_percent, condition)
+
+
+def _signs_cell(r: PrunedRung) -> Cell:
+    wrong = ", ".join(r.infeasible[:4]) + (" …" if len(r.infeasible) > 4 else "")
+    text, word = ("possible", "pass") if r.feasible else ("impossible", "differs")
+    return Cell(text, None, wrong, word)
+
+
+MOVES = (
+    Column("move", "text", "What was zeroed or made equal, and why.", _move_cell),
+    Column("size", "number", "Number of parameters that are left.", len),
+    Column("p", digits(2), "Of the denied difference, by the scatter between folds.", _p_value),
+    Column("identifiable", "number", "", found_cell),
+    Column("fitted", error_text, "ε_RA on the logs it was fitted to.", "error_ra"),
+    Column(
+        "unseen",
+        error_text,
+        "ε_RA on stretches or logs that the fits have not seen.",
+        "error_ra_unseen",
+    ),
+    Column("± SE", "error", "Standard error of the difference to the rung to use.", _spread_cell),
+    Column(
+        "squares",
+        digits(3),
+        "What the rung is chosen by, relative to the unpruned model.",
+        "error_squares",
+    ),
+    Column(
+        "worst σ%",
+        "number",
+        "Largest robust σ of a parameter; below it the condition number.",
+        _worst_cell,
+    ),
+    Column("signs", "badge", "Whether no parameter has a sign that physics forbids.", _signs_cell),
+)
 
 
 def section_survivors(ladder: Ladder) -> Section:
     """Return the parameters of the rung to use."""
-    share = dict(zip(ladder.stability.columns, ladder.stability.survives, strict=True))
+    share = dict(zip(ladder.stability.columns, ladder.stability.survives.tolist(), strict=True))
     ties = ladder.partition.ties()
-    rows = []
-    for v in ladder.verdicts:
-        value, sigma = format_measured(v.value, v.sigma_robust)
-        kept = float(share.get(ties.get(v.name, [v.name])[0], np.nan))
-        kind = v.verdict.value
-        rows.append(
-            (
-                Cell(v.name, note=v.label),
-                Cell(value, v.value),
-                Cell(f"± {sigma}", v.sigma_robust),
-                Cell(v.unit),
-                Cell(percent_text(v.sigma_robust_percent), v.sigma_robust_percent),
-                Cell(f"{100 * kept:.0f} %" if np.isfinite(kept) else "—", kept, share=_unit(kept)),
-                Cell(kind, kind, v.reason, kind),
-            )
-        )
-    table = Table("", SURVIVORS, tuple(rows), filter_by=len(SURVIVORS) - 1)
+
+    def survives(v: Verdict) -> Cell:
+        return share_cell(share.get(ties.get(v.name, [v.name])[0], np.nan))
+
+    columns = (
+        Column("parameter", get=lambda v: Cell(v.name, note=v.label)),
+        VALUE,
+        SIGMA,
+        UNIT,
+        Column("σ%", percent_text, "Relative robust standard deviation.", "sigma_robust_percent"),
+        Column("survives", "bar", "Share of resampled logs whose pruning keeps it.", survives),
+        VERDICT,
+    )
+    table = Table.of("", columns, ladder.verdicts, filter_by=-1)
     lead = f"The {format_count(len(ladder.chosen), 'parameter')} of the model to use."
     return Section("survivors", "What survives", lead, (table,))
 
 
+def share_cell(share: float) -> Cell:
+    """Return a share with its bar; none where it is not known."""
+    return Cell(whole_percent(share), share, share=float(np.clip(np.nan_to_num(share), 0.0, 1.0)))
+
+
 def section_stability(ladder: Ladder) -> Section:
     """Return how often each parameter survives on resampled logs."""
-    stability = ladder.stability
+    stability, title = ladder.stability, "How stable the choice is"
     if not stability.replicates:
-        return Section("stability", "How stable the choice is", stability.statement)
+        return Section("stability", title, stability.statement)
     order = np.argsort(-stability.survives, kind="stable")
     names = [stability.columns[k] for k in order]
-    figure = draw_survival(names, stability.survives[order], ladder.partition.survivors()[order])
     picture = Picture(
-        figure, "Pruning was repeated from the start on resampled blocks of time.",
+        draw_survival(names, stability.survives[order], ladder.partition.survivors()[order]),
+        "Pruning was repeated from the start on resampled blocks of time.",
         "Share of resampled logs in which each parameter survives",
-    )  # fmt: skip
-    columns = (Column("share", "number"), Column("parameters", "number"), Column("which"))
-    rows = tuple(
-        (Cell(f"{100 * s:.0f} %", s), Cell(str(len(m)), len(m)), Cell(", ".join(m)))
-        for m, s in stability.models
     )
-    table = Table("Models chosen most often", columns, rows)
-    return Section("stability", "How stable the choice is", stability.statement, (picture, table))
+    columns = (Column("share", whole_percent), Column("parameters", "number"), Column("which"))
+    rows = [(share, len(m), ", ".join(m)) for m, share in stability.models]
+    table = Table.of("Models chosen most often", columns, rows)
+    return Section("stability", title, stability.statement, (picture, table))
 
 
 def section_absorption(ladder: Ladder) -> Section:
     """Return what survivors took over from what was removed."""
-    a = ladder.absorption
+    a, title = ladder.absorption, "What the survivors took over"
     if not a.removed:
-        return Section("absorption", "What the survivors took over", "Nothing was removed.")
+        return Section("absorption", title, "Nothing was removed.")
     rows = []
     for k in np.argsort(-a.torque):
         value, sigma = format_measured(float(a.value[k]), float(a.sigma[k]))
         into = ", ".join(f"{s} ({format_number(b, 2)})" for s, b in a.main(int(k)))
-        rows.append(
-            (
-                Cell(a.removed[k]),
-                Cell(f"{value} ± {sigma}", float(a.value[k])),
-                Cell(format_number(float(a.torque[k]), 2), float(a.torque[k])),
-                Cell(f"{100 * a.share[k]:.0f} %", float(a.share[k]), share=_unit(a.share[k])),
-                Cell(into),
-            )
-        )
+        estimate = Cell(f"{value} ± {sigma}", float(a.value[k]))
+        rows.append((a.removed[k], estimate, a.torque[k], share_cell(float(a.share[k])), into))
     lead = (
         "A parameter that is left out although it is not zero does not vanish: survivors take it "
         "over and are biased by as much. The shifts below are what the estimates of the unpruned "
         "model imply; those estimates are uncertain themselves (± σ)."
     )
-    title = f"All {format_count(len(a.removed), 'removed parameter')}"
-    fold = Fold(title, (Table("", ABSORBED, tuple(rows)),))
-    return Section("absorption", "What the survivors took over", lead, (fold,))
+    summary = f"All {format_count(len(a.removed), 'removed parameter')}"
+    return Section("absorption", title, lead, (Fold(summary, (Table.of("", ABSORBED, rows),)),))
+
+
+ABSORBED = (
+    Column("removed"),
+    Column("estimate ± σ", "number", "In the unpruned model."),
+    Column("torque", digits(2), "Rms torque of that estimate, relative to the residual."),
+    Column("absorbed", "bar", "Share of its column that survivors can take over."),
+    Column("by", hint="Survivors, those shifted most (in their σ) first, with the shift."),
+)
 
 
 def section_refused(ladder: Ladder) -> Section:
     """Return the suggested moves that the data contradict."""
-    title, columns = "What the data contradict", (Column("move"), Column("because"), Column("but"))
+    title = "What the data contradict"
     if not ladder.refused:
         return Section("refused", title, "No suggested symmetry is contradicted by the data.")
-    rows = tuple((Cell(r.move.text), Cell(r.move.why), Cell(r.reason)) for r in ladder.refused)
+    columns = (
+        Column("move", get="move.text"),
+        Column("because", get="move.why"),
+        Column("but", get="reason"),
+    )
     lead = "These moves were suggested by the robot and refused by the data."
-    return Section("refused", title, lead, (Table("", columns, rows),))
+    return Section("refused", title, lead, (Table.of("", columns, ladder.refused),))
 
 
 def section_method(ladder: Ladder) -> Section:
@@ -296,7 +273,3 @@ def section_method(ladder: Ladder) -> Section:
         f"{ladder.criterion}, seed {ladder.seed}.",
     )
     return Section("method", "How it was done", "", (Prose(text),))
-
-
-def _unit(share: float) -> float:
-    return float(np.clip(np.nan_to_num(share), 0.0, 1.0))

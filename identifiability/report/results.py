@@ -6,19 +6,26 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-#: Module of this room that draws a result, and its function.
+from identifiability.foundation.output import write_text
+from identifiability.report.page import render_page
+
+#: Module of this room with the page of a result, and the function that builds it.
 PAGES = {
-    "identifiability/analysis/1": ("analysis_report", "write_analysis_report"),
-    "identifiability/pruning/1": ("pruning_report", "write_pruning_report"),
-    "identifiability/diagnosis/1": ("diagnosis_report", "write_diagnosis_report"),
-    "identifiability/calibration/1": ("calibration_report", "write_calibration_report"),
-    "identifiability/excitation/1": ("excitation_report", "write_excitation_report"),
+    "identifiability/analysis/1": ("analysis_report", "build_analysis_page"),
+    "identifiability/pruning/1": ("pruning_report", "build_pruning_page"),
+    "identifiability/diagnosis/1": ("diagnosis_report", "build_diagnosis_page"),
+    "identifiability/calibration/1": ("calibration_report", "build_calibration_page"),
+    "identifiability/excitation/1": ("excitation_report", "build_excitation_page"),
 }
 
 
 def write_result(result: Any, path: str | Path) -> Path:
-    """Write the page of a result; only its own figures are loaded."""
+    """Write the page of a result, whole or not at all; only its own figures are loaded.
+
+    Raises
+    ------
+    OutputError
+    """
     module, name = PAGES[result.schema]
-    write = getattr(import_module(f"identifiability.report.{module}"), name)
-    written: Path = write(result, path)
-    return written
+    build = getattr(import_module(f"identifiability.report.{module}"), name)
+    return write_text(path, render_page(build(result)))

@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, ClassVar, Literal
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from operator import attrgetter
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from identifiability.foundation.values import frozen
 from identifiability.report.marks import MARKS
-from identifiability.report.numbers import NONE, format_number
+from identifiability.report.numbers import NONE, format_measured, format_number
 
 Kind = Literal["text", "number", "error", "bar", "badge", "code"]
-
-
-@frozen
-class Column:
-    """A column of a table.
-
-    Attributes
-    ----------
-    title : str
-    kind : {"text", "number", "error", "bar", "badge", "code"}
-        Numbers stand right, errors left (so that they meet at ±), bars have a `Cell.share`.
-    hint : str
-        One sentence that says what the column is.
-    """
-
-    title: str
-    kind: Kind = "text"
-    hint: str = ""
 
 
 @frozen
@@ -67,6 +51,48 @@ class Cell:
         return f"{self.key:.6g}".replace("inf", "Infinity")
 
 
+#: What a column looks like: its kind, or the function that writes its numbers.
+Look: TypeAlias = Kind | Callable[[Any], str]
+
+
+@frozen
+class Column:
+    """A column of a table: what it is called, and how its cells come from what the rows are of.
+
+    Attributes
+    ----------
+    title : str
+    look : {"text", "number", "error", "bar", "badge", "code"} or callable
+        Numbers stand right, errors left (so that they meet at ±), bars have a `Cell.share`. A
+        function makes numbers into text.
+    hint : str
+        One sentence that says what the column is.
+    get : str, callable or None
+        What of a row stands here: an attribute (with dots for one of an attribute), or a function
+        of the row; None for the element of the row at the column's own place.
+    """
+
+    title: str
+    look: Look = "text"
+    hint: str = ""
+    get: str | Callable[[Any], Any] | None = None
+
+    @property
+    def kind(self) -> Kind:
+        """The kind of its cells."""
+        return "number" if callable(self.look) else self.look
+
+    def cell(self, row: Any, place: int) -> Cell:
+        """Return what of a row stands in this column, which is the one at `place`."""
+        if self.get is None:
+            value = row[place]
+        else:
+            value = (attrgetter(self.get) if isinstance(self.get, str) else self.get)(row)
+        if isinstance(value, Cell) or not callable(self.look):
+            return as_cell(value)
+        return Cell(self.look(value), math.nan if value is None else float(value))
+
+
 @frozen
 class Table:
     """A table that sorts by click and, where asked for, filters by the words of one column.
@@ -78,7 +104,7 @@ class Table:
         The first names the row.
     rows : tuple of tuple of Cell
     filter_by : int or None
-        Badge column with a chip for each of its words.
+        Badge column with a chip for each of its words; -1 for the last.
     marked : int or None
         Row that is emphasised.
     cards : bool
@@ -92,6 +118,24 @@ class Table:
     marked: int | None = None
     cards: bool = True
     kind: ClassVar[str] = "table"
+
+    @classmethod
+    def of(
+        cls, caption: str, columns: Sequence[Column], rows: Iterable[Any], **options: Any
+    ) -> Table:
+        """Return the table of some rows: objects, or tuples with an element for each column.
+
+        Parameters
+        ----------
+        caption : str
+        columns : sequence of Column
+            Say what of each row they show, and how.
+        rows : iterable
+        options
+            `filter_by`, `marked` and `cards`.
+        """
+        cells = (tuple(c.cell(row, k) for k, c in enumerate(columns)) for row in rows)
+        return cls(caption, tuple(columns), tuple(cells), **options)
 
     @property
     def words(self) -> list[tuple[str, int]]:
@@ -142,15 +186,26 @@ def frame_table(
     """
     if frame.index.name is not None:
         frame = frame.reset_index()
-    names = [str(c) for c in frame.columns]
-    columns = tuple(
-        Column(name, _kind(list(frame.iloc[:, k]), first=k == 0)) for k, name in enumerate(names)
-    )
-    rows = tuple(
-        tuple(as_cell(x, digits) for x in row) for row in frame.itertuples(index=False, name=None)
-    )
-    at = names.index(filter_by) if filter_by is not None else None
-    return Table(caption, columns, rows, at, cards=len(columns) > 2)
+    columns = [
+        Column(str(name), _kind(list(frame.iloc[:, k]), first=k == 0))
+        for k, name in enumerate(frame.columns)
+    ]
+    rows = [[as_cell(x, digits) for x in row] for row in frame.itertuples(index=False, name=None)]
+    at = [c.title for c in columns].index(filter_by) if filter_by is not None else None
+    return Table.of(caption, columns, rows, filter_by=at, cards=len(columns) > 2)
+
+
+def measured_cells(value: float, sigma: float) -> tuple[Cell, Cell]:
+    """Return a value and ± its standard deviation, rounded together."""
+    first, second = format_measured(value, sigma)
+    if first == NONE:
+        return Cell(first, math.nan), Cell(second, sigma)
+    return Cell(first, value), Cell(f"± {second}", sigma)
+
+
+def badge_cell(word: str, note: str = "") -> Cell:
+    """Return a word with its mark, to sort and to filter by."""
+    return Cell(word, word, note, word)
 
 
 def as_cell(x: Any, digits: int = 4) -> Cell:
@@ -158,7 +213,7 @@ def as_cell(x: Any, digits: int = 4) -> Cell:
     if isinstance(x, Cell):
         return x
     if isinstance(x, Check):
-        return Cell(x.text or x.word, x.word, x.reason, x.word)
+        return replace(badge_cell(x.word, x.reason), text=x.text or x.word)
     if isinstance(x, (bool, np.bool_)):
         return Cell("yes" if x else "no")
     if isinstance(x, (int, np.integer)):

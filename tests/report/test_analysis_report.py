@@ -149,7 +149,7 @@ def test_impossible_values_are_a_warning_and_not_a_footnote(paper_analysis):
 
 
 def test_long_combinations_are_cut_between_terms():
-    from identifiability.report.sections.parameters import shorten_label
+    from identifiability.report.sections.models import shorten_label
 
     label = " + ".join(f"0.1234·m({k})" for k in range(40))
     short = shorten_label(label)

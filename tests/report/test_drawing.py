@@ -45,7 +45,12 @@ def draw_all(names, value=1.0):
         fig.draw_forest(
             names, {"one": np.stack([x, -x, x], 1), "b$": np.stack([x] * 3, 1)}, x, names[0]
         ),
-        fig.draw_pair(value * t, t, (f"{names[0]} [–]", f"{names[-1]} [–]"), (value, value), value),
+        fig.draw_pair(
+            np.stack([value * t, t], 1),
+            (f"{names[0]} [–]", f"{names[-1]} [–]"),
+            (value, value),
+            value,
+        ),
         fig.draw_contraction(names, x, kinds, 0.5),
         fig.draw_margins(names, x, -x, [i % 2 == 0 for i in range(k)], names[0]),
         draw_ranks(np.full((k, 8), value), (4.0, 12.0), 0, names[0]),

@@ -116,13 +116,13 @@ def _stated(axes: Axes, stated: Array, rows: Array, label: str) -> None:
 
 @drawn
 def draw_pair(
-    x: Array, y: Array, labels: tuple[str, str], estimate: tuple[float, float], rho: float
+    draws: Array, labels: tuple[str, str], estimate: tuple[float, float], rho: float
 ) -> Figure:
     """Draw the draws of two parameters against each other.
 
     Parameters
     ----------
-    x, y : (D,)
+    draws : (D, 2)
     labels : (str, str)
         Name and unit of each.
     estimate : (float, float)
@@ -131,8 +131,8 @@ def draw_pair(
         Their correlation.
     """
     figure, (axes,) = canvas(320, 280, (72, 14, 32, 46))
-    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))[:POINTS]
-    dots(axes, x[known], y[known], COLOURS["purple"], 3.2, 0.55)
+    known = draws[np.isfinite(draws).all(1)][:POINTS]
+    dots(axes, known[:, 0], known[:, 1], COLOURS["purple"], 3.2, 0.55)
     axes.margins(0.08)
     (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     if low <= estimate[0] <= high and bottom <= estimate[1] <= top:

@@ -2,17 +2,19 @@
 
 from identifiability.report.sections.answer import answer_notes, answer_terms, answer_tiles
 from identifiability.report.sections.belief import section_posterior
-from identifiability.report.sections.ladder import section_ladder
 from identifiability.report.sections.method import (
     section_preparation,
     section_provenance,
     section_terms,
 )
-from identifiability.report.sections.parameters import section_full_model, section_parameters
-from identifiability.report.sections.physics import section_physics
+from identifiability.report.sections.models import (
+    section_full_model,
+    section_ladder,
+    section_parameters,
+)
 from identifiability.report.sections.prediction import section_prediction, section_residuals
+from identifiability.report.sections.robot import section_physics, section_structure
 from identifiability.report.sections.standard import section_bodies, section_standard
-from identifiability.report.sections.structure import section_structure
 
 __all__ = [
     "answer_notes",

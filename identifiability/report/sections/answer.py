@@ -7,13 +7,8 @@ import numpy as np
 from identifiability.estimation.verdict import Class
 from identifiability.report.blocks import Note, Notes, Term, Terms, Tile
 from identifiability.report.marks import MARKS
-from identifiability.report.numbers import format_count, format_number, join
-from identifiability.report.sections.facts import (
-    error_text,
-    model_title,
-    sigma_inflation,
-    time_text,
-)
+from identifiability.report.numbers import error_text, format_count, format_number, join, time_text
+from identifiability.report.sections.facts import model_title, sigma_inflation
 from identifiability.workflows.analyze import Analysis
 
 #: σ may grow by this factor before the report warns of autocorrelation.

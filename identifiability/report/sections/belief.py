@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.shares import REACH
 from identifiability.posterior.diagnostics import Thresholds
-from identifiability.report.blocks import Block, Gallery, Note, Notes, Picture, Section
+from identifiability.report.blocks import Gallery, Note, Notes, Picture, Section
 from identifiability.report.figures import draw_forest, draw_pair
+from identifiability.report.numbers import whole_percent
 from identifiability.report.sections.facts import model_title, stated_values
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.workflows.analyze import Analysis
@@ -20,24 +23,39 @@ PAIRS, LEAST_CORRELATION = 6, 0.3
 #: Most rows of one forest plot.
 ROWS = 14
 
-_SIGNS, _BODIES = "posterior with signs", "posterior with bodies"
+SIGNS, BODIES = "posterior with signs", "posterior with bodies"
+
+CONVERGENCE = (
+    Column("posterior"),
+    Column("nested R-hat", "{:.4f}".format, "Largest; between independent ensembles."),
+    Column("effective draws", "{:.0f}".format, "Fewest, in the bulk of a parameter."),
+    Column("in the tails", "{:.0f}".format, "Fewest, in the 5 % tails."),
+    Column("autocorrelation time", "{:.1f}".format, "Longest, in draws of one walker."),
+    Column("accepted", whole_percent, "Share of the proposals that emcee accepted."),
+    Column("may be shown", "badge"),
+)
+
+
+def summaries(analysis: Analysis) -> dict[str, Summary | None]:
+    """Return both posteriors of the selected model by name, None for one that was not sampled."""
+    belief = analysis.belief
+    assert belief is not None
+    return {SIGNS: belief.signs, BODIES: belief.physical}
 
 
 def section_posterior(analysis: Analysis) -> Section:
     """Return the parameters of the selected model by every road, beside each other."""
-    belief = analysis.belief
-    assert belief is not None
     lead = (
         f"{model_title(analysis.chosen)} by every road. Two posteriors count as many samples as "
         "are independent: one knows only which values cannot be negative, such as friction, the "
         "other that every body can exist, with a prior around the robot file."
     )
-    blocks: list[Block] = []
     notes = posterior_notes(analysis)
-    if notes:
-        blocks.append(Notes(notes))
-    blocks += [forest_gallery(analysis), *pair_gallery(analysis), convergence_table(analysis)]
-    return Section("posterior", "What is believed after the data", lead, tuple(blocks))
+    pictures = (forest_gallery(analysis), *pair_gallery(analysis))
+    title = "What is believed after the data"
+    caveats = (Notes(notes),) if notes else ()
+    blocks = (*caveats, *pictures, convergence_table(analysis))
+    return Section("posterior", title, lead, blocks)
 
 
 def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
@@ -45,21 +63,20 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
     belief = analysis.belief
     assert belief is not None
     notes = []
-    for name, summary in ((_SIGNS, belief.signs), (_BODIES, belief.physical)):
+    for name, summary in summaries(analysis).items():
         if summary is None:
             why = belief.note.rstrip(".") or "it was not sampled"
             notes.append(Note("note", f"No {name}.", f"{why[0].upper()}{why[1:]}."))
         elif not summary.trustworthy:
-            reasons = " ".join(summary.convergence.reasons)
-            notes.append(
-                Note("warning", f"The {name} has not converged; its numbers are withheld.", reasons)
-            )
+            title = f"The {name} has not converged; its numbers are withheld."
+            notes.append(Note("warning", title, " ".join(summary.convergence.reasons)))
     return tuple(notes)
 
 
-def shown(summary: Summary | None) -> Summary | None:
-    """Return a posterior only if its numbers may be shown."""
-    return summary if summary is not None and summary.trustworthy else None
+def shown(analysis: Analysis) -> dict[str, Summary | None]:
+    """Return both posteriors by name, None for one whose numbers may not be shown."""
+    found = summaries(analysis)
+    return {name: x if x is not None and x.trustworthy else None for name, x in found.items()}
 
 
 def forest_gallery(analysis: Analysis) -> Gallery:
@@ -68,10 +85,8 @@ def forest_gallery(analysis: Analysis) -> Gallery:
     layers, stated = forest_layers(analysis)
     pictures = []
     for kind, rows in forest_groups(columns):
-        figure = draw_forest(
-            [columns[k] for k in rows], {n: v[rows] for n, v in layers.items()}, stated[rows],
-            analysis.robot.path.name,
-        )  # fmt: skip
+        names, own = [columns[k] for k in rows], {n: v[rows] for n, v in layers.items()}
+        figure = draw_forest(names, own, stated[rows], analysis.robot.path.name)
         pictures.append(Picture(figure, f"{kind.capitalize()}.", f"95 % intervals of {kind}"))
     caption = (
         "95 % intervals by each road, as distance from the estimate in its robust σ; ▸ is beyond "
@@ -106,58 +121,53 @@ def group_of(name: str) -> str:
 
 def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
     """Return 95 % intervals of every road in σ_robust, (k, 3) each, and the stated values (k,)."""
-    chosen, belief = analysis.chosen, analysis.belief
-    assert belief is not None
-    value = np.array([v.value for v in chosen.verdicts], float)
-    white = np.array([v.sigma for v in chosen.verdicts], float)
-    robust = np.array([v.sigma_robust for v in chosen.verdicts], float)
+    chosen = analysis.chosen
+    posteriors = shown(analysis)
+    value, white, robust = np.array(
+        [(v.value, v.sigma, v.sigma_robust) for v in chosen.verdicts], float
+    ).T
     open_ = ~(np.isfinite(robust) & (robust > 0) & chosen.estimate.determined)
-    physical, drawn = shown(belief.physical), chosen.uncertainty.bootstrap
+    physical, drawn = posteriors[BODIES], chosen.uncertainty.bootstrap
     half = REACH * np.array([0.0, -1.0, 1.0])
     roads = {"white σ": value[:, None] + np.outer(np.where(open_, np.nan, white), half)}
     roads["robust σ"] = value[:, None] + np.outer(np.where(open_, np.nan, robust), half)
     if drawn is not None:
         ends = np.column_stack([drawn.values.mean(0), drawn.interval()])
         roads["block bootstrap"] = np.where(open_[:, None], np.nan, ends)
-    for name, summary in ((_SIGNS, shown(belief.signs)), (_BODIES, physical)):
+    for name, summary in posteriors.items():
         if summary is not None:
             roads[name] = np.column_stack([summary.mean, summary.interval])
-    unknown = np.full(len(value), np.nan)
-    centre = np.where(open_, unknown if physical is None else physical.mean, value)
-    scale = np.where(open_, unknown if physical is None else physical.sd, robust)
+    centre = np.where(open_, np.nan if physical is None else physical.mean, value)
+    scale = np.where(open_, np.nan if physical is None else physical.sd, robust)
     scale = np.where(scale > 0, scale, np.nan)
-    stated = np.array([np.nan if s is None else s for s in stated_values(analysis, chosen)])
+    stated = np.array(stated_values(analysis, chosen), float)
     layers = {n: (x - centre[:, None]) / scale[:, None] for n, x in roads.items()}
     return layers, (stated - centre) / scale
 
 
 def pair_gallery(analysis: Analysis) -> tuple[Gallery, ...]:
     """Return the draws of the most correlated pairs of parameters, if any is worth a picture."""
-    belief, chosen = analysis.belief, analysis.chosen
-    assert belief is not None
-    summary, name = shown(belief.physical), _BODIES
-    if summary is None:
-        summary, name = shown(belief.signs), _SIGNS
+    posteriors = shown(analysis)
+    name = SIGNS if posteriors[BODIES] is None else BODIES
+    summary = posteriors[name]
     if summary is None:
         return ()
-    rho = summary.correlation
-    labels = [f"{v.name} [{v.unit}]" for v in chosen.verdicts]
-    values = [v.value for v in chosen.verdicts]
-    pictures = tuple(
-        Picture(
-            draw_pair(
-                summary.draws[:, i], summary.draws[:, j], (labels[i], labels[j]),
-                (values[i], values[j]), float(rho[i, j]),
-            ),
-            alt=f"Draws of {labels[i]} and {labels[j]}",
+    rho, verdicts = summary.correlation, analysis.chosen.verdicts
+    labels = [f"{v.name} [{v.unit}]" for v in verdicts]
+    pictures = []
+    for i, j in strongest_pairs(rho):
+        figure = draw_pair(
+            summary.draws[:, [i, j]],
+            (labels[i], labels[j]),
+            (verdicts[i].value, verdicts[j].value),
+            float(rho[i, j]),
         )
-        for i, j in strongest_pairs(rho)
-    )  # fmt: skip
+        pictures.append(Picture(figure, alt=f"Draws of {labels[i]} and {labels[j]}"))
     caption = (
         f"The most correlated pairs under the {name}: what the data tell of one they take from the "
         "other. The cross is the least-squares estimate."
     )
-    return (Gallery(pictures, caption),) if pictures else ()
+    return (Gallery(tuple(pictures), caption),) if pictures else ()
 
 
 def strongest_pairs(rho: Array) -> list[tuple[int, int]]:
@@ -170,33 +180,23 @@ def strongest_pairs(rho: Array) -> list[tuple[int, int]]:
 
 def convergence_table(analysis: Analysis) -> Table:
     """Return the numbers that decide whether a posterior may be shown, and their limits."""
-    belief, limits = analysis.belief, Thresholds()
-    assert belief is not None
-    columns = (
-        Column("posterior"),
-        Column("nested R-hat", "number", "Largest; between independent ensembles."),
-        Column("effective draws", "number", "Fewest, in the bulk of a parameter."),
-        Column("in the tails", "number", "Fewest, in the 5 % tails."),
-        Column("autocorrelation time", "number", "Longest, in draws of one walker."),
-        Column("accepted", "number", "Share of the proposals that emcee accepted."),
-        Column("may be shown", "badge"),
-    )
-    rows = []
-    for name, summary in ((_SIGNS, belief.signs), (_BODIES, belief.physical)):
-        if summary is None:
-            continue
-        c, word = summary.convergence, "pass" if summary.trustworthy else "differs"
-        numbers = (c.rhat.max(), c.ess_bulk.min(), c.ess_tail.min(), c.tau.max(), c.acceptance)
-        texts = (
-            f"{numbers[0]:.4f}", f"{numbers[1]:.0f}", f"{numbers[2]:.0f}", f"{numbers[3]:.1f}",
-            f"{100 * numbers[4]:.0f} %",
-        )  # fmt: skip
-        cells = [Cell(t, float(x)) for t, x in zip(texts, numbers, strict=True)]
-        rows.append((Cell(name), *cells, Cell("yes" if word == "pass" else "no", badge=word)))
+    rows: list[tuple[Any, ...]] = []
+    for name, summary in summaries(analysis).items():
+        if summary is not None:
+            c = summary.convergence
+            numbers = (c.rhat.max(), c.ess_bulk.min(), c.ess_tail.min(), c.tau.max(), c.acceptance)
+            good = summary.trustworthy
+            word = Cell("yes" if good else "no", badge="pass" if good else "differs")
+            rows.append((name, *numbers, word))
+    limits = Thresholds()
     least = f"≥ {limits.ess:g}"
     limit = (
-        f"≤ {limits.rhat:g}", least, least, f"draws ≥ {limits.lengths:g} ×",
-        f"≥ {100 * limits.acceptance:g} %", "",
-    )  # fmt: skip
-    rows.append((Cell("limit"), *(Cell(text, np.nan) for text in limit)))
-    return Table("Convergence of the chains", columns, tuple(rows))
+        f"≤ {limits.rhat:g}",
+        least,
+        least,
+        f"draws ≥ {limits.lengths:g} ×",
+        f"≥ {100 * limits.acceptance:g} %",
+        "",
+    )
+    rows.append(("limit", *(Cell(text, np.nan) for text in limit)))
+    return Table.of("Convergence of the chains", CONVERGENCE, rows)

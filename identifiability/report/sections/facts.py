@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.report.numbers import format_number, format_percent
+from identifiability.report.tables import Cell, Column, badge_cell, measured_cells
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.prune.rung import PrunedRung
 
 
 def unseen_samples(analysis: Analysis) -> tuple[Prepared, ...]:
@@ -32,11 +34,6 @@ def model_title(result: RungResult) -> str:
     return result.name if "model" in result.name.lower() else f"“{result.name}”"
 
 
-def error_text(error: float) -> str:
-    """Return an error, given as a fraction, in percent to three digits."""
-    return f"{format_number(100 * error, 3, pad=True)} %" if np.isfinite(error) else "—"
-
-
 def sigma_inflation(result: RungResult) -> float:
     """Return by how much autocorrelation widens σ, over the determined parameters."""
     pairs = [(v.sigma_robust, v.sigma) for v in result.verdicts]
@@ -55,25 +52,20 @@ def stated_values(analysis: Analysis, result: RungResult) -> list[float | None]:
     ]
 
 
-def percents(result: RungResult) -> tuple[Array, Array]:
-    """Return σ% white and robust of each parameter, infinite where it is not determined."""
+def sigma_percents(result: RungResult) -> tuple[Array, Array]:
+    """Return σ white and σ robust of each parameter [% of its value], (k,) each."""
     white = np.array([v.sigma_percent for v in result.verdicts], float)
-    robust = np.array([v.sigma_robust_percent for v in result.verdicts], float)
-    unknown = ~np.array(result.estimate.determined, bool)
-    return np.where(unknown, np.inf, white), np.where(unknown, np.inf, robust)
+    return white, np.array([v.sigma_robust_percent for v in result.verdicts], float)
 
 
-def stated_text(stated: float | None) -> str:
-    """Return a stated value; sums that cancel leave a rounding error, which is zero."""
-    return "0" if stated is not None and abs(stated) < 1e-12 else format_number(stated)
+def found_cell(model: RungResult | PrunedRung) -> Cell:
+    """Return how many parameters of a model are identifiable."""
+    found = sum(v.verdict is Class.IDENTIFIABLE for v in model.verdicts)
+    return Cell("not judged" if model.unjudged else str(found), found)
 
 
-def time_text(time: float) -> str:
-    """Return an autocorrelation time in samples."""
-    return f"{time:.2f}" if time < 10 else f"{time:.0f}"
-
-
-def percent_text(value: float) -> str:
-    """Return a percentage with its sign, or a dash."""
-    text = format_percent(value)
-    return f"{text} %" if text != "—" else text
+#: What every table of judged parameters shows of a `Verdict`.
+VALUE = Column("value", "number", get=lambda v: measured_cells(v.value, v.sigma_robust)[0])
+SIGMA = Column("± σ", "error", get=lambda v: measured_cells(v.value, v.sigma_robust)[1])
+UNIT = Column("unit", get="unit")
+VERDICT = Column("verdict", "badge", get=lambda v: badge_cell(v.verdict.value, v.reason))

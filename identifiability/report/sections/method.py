@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from operator import itemgetter
 
 from identifiability.estimation.estimator import PAPER_FACTOR
 from identifiability.estimation.torque_errors import STRETCHES
@@ -12,7 +13,7 @@ from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.report.blocks import Fold, Section, Terms
 from identifiability.report.glossary import GLOSSARY
 from identifiability.report.numbers import format_count, format_number
-from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.tables import Column, Table
 from identifiability.workflows.analyze import Analysis
 
 _MEANING = {
@@ -43,34 +44,38 @@ _MEANING = {
 
 def section_preparation(analysis: Analysis) -> Section:
     """Return how each log was made into motion and torque."""
-    rows = [_sample_row(s, "fitted") for s in analysis.samples]
-    rows += [_sample_row(s, "held out") for s in analysis.validation]
-    columns = (
-        Column("log"),
-        Column("use"),
-        Column("samples", "number"),
-        Column("from … to [s]"),
-        Column("how it was prepared"),
-    )
     seen = format_count(analysis.information.samples, "sample")
     out = analysis.held_out.samples
     lead = (
         f"Fitted to {seen} by {analysis.chosen.estimate.estimator.description}; checked on "
         f"{format_count(out, 'sample')} ({analysis.validation_kind})."
     )
-    return Section("motion", "How the motion was made", lead, (Table("", columns, tuple(rows)),))
+    table = Table.of("", MOTION, _logs(analysis))
+    return Section("motion", "How the motion was made", lead, (table,))
 
 
-def _sample_row(samples: Prepared, use: str) -> tuple[Cell, ...]:
-    start, stop = samples.survey.start, samples.survey.stop
-    span = f"{start:.4g} … {stop:.4g}" if samples.survey.kept else ""
-    return (
-        Cell(samples.name),
-        Cell(use),
-        Cell(str(samples.outputs), samples.outputs),
-        Cell(span),
-        Cell("; ".join(samples.notes) + "." if samples.notes else ""),
-    )
+def _logs(analysis: Analysis) -> list[tuple[str, Prepared]]:
+    """Return every log with what it was used for."""
+    fitted = [("fitted", s) for s in analysis.samples]
+    return fitted + [("held out", s) for s in analysis.validation]
+
+
+def _span(row: tuple[str, Prepared]) -> str:
+    survey = row[1].survey
+    return f"{survey.start:.4g} … {survey.stop:.4g}" if survey.kept else ""
+
+
+def _notes(row: tuple[str, Prepared]) -> str:
+    return "; ".join(row[1].notes) + "." if row[1].notes else ""
+
+
+MOTION = (
+    Column("log", get=lambda row: row[1].name),
+    Column("use", get=itemgetter(0)),
+    Column("samples", "number", get=lambda row: row[1].outputs),
+    Column("from … to [s]", get=_span),
+    Column("how it was prepared", get=_notes),
+)
 
 
 def section_terms(analysis: Analysis) -> Section:
@@ -93,18 +98,17 @@ def threshold_table(thresholds: Thresholds) -> Table:
         ("singular values that count as zero", RANK_TOLERANCE, "of the largest, columns scaled"),
         ("stretches of time for the standard error, at most", STRETCHES, "of a held-out error"),
     ]
-    columns = (Column("threshold"), Column("value", "number"), Column("of what"))
-    cells = tuple((Cell(a), Cell(format_number(float(b)), float(b)), Cell(c)) for a, b, c in rows)
-    return Table("", columns, cells)
+    columns = (Column("threshold"), Column("value", format_number), Column("of what"))
+    return Table.of("", columns, rows)
 
 
 def section_provenance(analysis: Analysis) -> Section:
     """Return versions, seed and hashes of the inputs."""
+    robot = analysis.robot
     rows = [(k, v) for k, v in analysis.provenance.items() if not k.startswith("sha256")]
-    rows.append((f"robot {analysis.robot.path.name}", f"sha256 {analysis.robot.sha256}"))
-    rows += [(f"fitted {s.name}", f"sha256 {s.sha256}") for s in analysis.samples]
-    rows += [(f"held out {s.name}", f"sha256 {s.sha256}") for s in analysis.validation]
+    rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
+    rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in _logs(analysis)]
     columns = (Column("what"), Column("version, seed or hash", "code"))
-    cells = tuple((Cell(a), Cell(b)) for a, b in rows)
     lead = "With these inputs and versions the same report comes out, to the byte."
-    return Section("provenance", "Provenance", lead, (Table("", columns, cells, cards=False),))
+    table = Table.of("", columns, rows, cards=False)
+    return Section("provenance", "Provenance", lead, (table,))

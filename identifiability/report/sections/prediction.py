@@ -15,16 +15,14 @@ from identifiability.report.figures import (
     draw_torque,
 )
 from identifiability.report.figures.torque import choose_stretch
-from identifiability.report.numbers import format_number
+from identifiability.report.numbers import digits, error_text, time_text
 from identifiability.report.sections.facts import (
-    error_text,
     model_title,
-    time_text,
     torque_units,
     unseen_samples,
     velocity_units,
 )
-from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.tables import Column, Table
 from identifiability.workflows.analyze import Analysis
 
 #: Joints that are shown at once; those beyond are folded.
@@ -35,15 +33,6 @@ LINE_POINTS, SCATTER_POINTS = 18_000, 5_000
 
 #: Lags of the autocorrelation that are shown: least, most, and per autocorrelation time.
 LAGS = (40, 400, 12.0)
-
-COLUMNS = (
-    Column("joint"),
-    Column("measured, rms", "number"),
-    Column("unit"),
-    Column("error, fitted", "number"),
-    Column("error, unseen", "number"),
-    Column("autocorrelation time [samples]", "number", "Of the residual on the fitted motion."),
-)
 
 
 def section_prediction(analysis: Analysis) -> Section:
@@ -90,22 +79,27 @@ def torque_pictures(analysis: Analysis, part: slice) -> tuple[Block, ...]:
 def joint_table(analysis: Analysis) -> Table:
     """Return the errors of each joint by itself."""
     fitted, out, m = analysis.fitted, analysis.held_out, analysis.selected
-    inside, unseen = fitted.joint_error()[:, m], out.joint_error()[:, m]
-    rms = out.rms
-    times = analysis.chosen.autocorrelation_time
-    units = torque_units(analysis.robot)
-    rows = tuple(
-        (
-            Cell(joint),
-            Cell(format_number(float(rms[k]), 3), float(rms[k])),
-            Cell(units[k]),
-            Cell(error_text(inside[k]), float(inside[k])),
-            Cell(error_text(unseen[k]), float(unseen[k])),
-            Cell(time_text(times[k]), float(times[k])),
-        )
-        for k, joint in enumerate(analysis.robot.joints)
+    time = "autocorrelation time [samples]"
+    columns = (
+        Column("joint"),
+        Column("measured, rms", digits(3)),
+        Column("unit"),
+        Column("error, fitted", error_text),
+        Column("error, unseen", error_text),
+        Column(time, time_text, "Of the residual on the fitted motion."),
     )
-    return Table("Each joint by itself, relative to how much its own torque varies", COLUMNS, rows)
+    rows = zip(
+        analysis.robot.joints,
+        out.rms,
+        torque_units(analysis.robot),
+        fitted.joint_error()[:, m],
+        out.joint_error()[:, m],
+        analysis.chosen.autocorrelation_time,
+        strict=True,
+    )
+    return Table.of(
+        "Each joint by itself, relative to how much its own torque varies", columns, rows
+    )
 
 
 def log_table(analysis: Analysis) -> Table:
@@ -114,21 +108,15 @@ def log_table(analysis: Analysis) -> Table:
     columns = (
         Column("log"),
         Column("samples", "number"),
-        Column(f"error, {analysis.chosen.name}", "number"),
-        Column(f"error, {analysis.full.name}", "number"),
+        Column(f"error, {analysis.chosen.name}", error_text),
+        Column(f"error, {analysis.full.name}", error_text),
     )
-    rows = []
-    for k, samples in enumerate(unseen_samples(analysis)):
-        error = out.relative_error(k)
-        pair = (float(error[analysis.selected]), float(error[0]))
-        rows.append(
-            (
-                Cell(samples.name),
-                Cell(str(samples.outputs), samples.outputs),
-                *(Cell(error_text(e), e) for e in pair),
-            )
-        )
-    return Table("Each log by itself", columns, tuple(rows))
+    errors = [out.relative_error(k) for k in range(len(out.t))]
+    rows = [
+        (s.name, s.outputs, error[analysis.selected], error[0])
+        for s, error in zip(unseen_samples(analysis), errors, strict=True)
+    ]
+    return Table.of("Each log by itself", columns, rows)
 
 
 def section_residuals(analysis: Analysis) -> Section:

@@ -18,10 +18,9 @@ from identifiability.report.blocks import (
     Terms,
 )
 from identifiability.report.figures import draw_contraction, draw_margins
-from identifiability.report.numbers import format_count, format_measured, format_number, join
-from identifiability.report.sections.belief import posterior_notes, shown
-from identifiability.report.sections.facts import stated_text
-from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.numbers import digits, format_count, join, stated_text
+from identifiability.report.sections.belief import BODIES, posterior_notes, shown
+from identifiability.report.tables import Column, Table, badge_cell, measured_cells
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import LEARNED, Source, StandardBelief
 
@@ -34,13 +33,13 @@ def section_standard(analysis: Analysis) -> Section:
     belief = analysis.belief
     assert belief is not None
     title = "Where knowledge of each mass and inertia comes from"
-    if belief.standard is None or shown(belief.physical) is None:
+    if belief.standard is None or shown(analysis)[BODIES] is None:
         notes = [n for n in posterior_notes(analysis) if "bodies" in n.title]
         why = " ".join(f"{n.title} {n.text}" for n in notes)
         note = Note("warning", "Nothing is said of standard parameters.", why)
         return Section("standard", title, "", (Notes((note,)),))
     known = belief.standard
-    counts = [f"{sum(s is kind for s in known.source)} by the {_WORDS[kind]}" for kind in Source]
+    counts = [f"{known.source.count(kind)} by the {words}" for kind, words in _WORDS.items()]
     lead = (
         f"The logs determine combinations; of the {len(known.names)} standard parameters behind "
         f"them {join(counts)} are determined. Contraction is the share of the prior's sd that is "
@@ -64,6 +63,18 @@ _WORDS = {
 }
 
 
+STANDARD = (
+    Column("parameter"),
+    Column("robot file", stated_text),
+    Column("prior sd", digits(3)),
+    Column("posterior", "number"),
+    Column("± sd", "error"),
+    Column("unit"),
+    Column("contraction", lambda x: f"{x:.2f}".replace("-", "−")),
+    Column("determined by", "badge"),
+)
+
+
 def contraction_order(known: StandardBelief) -> tuple[np.ndarray, np.ndarray]:
     """Return the parameters to draw at once and the rest, both in the order of the bodies."""
     idle = np.array([s is Source.STRUCTURE for s in known.source])
@@ -73,53 +84,32 @@ def contraction_order(known: StandardBelief) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _contraction_gallery(known: StandardBelief, rows: np.ndarray) -> Gallery:
-    parts = np.array_split(rows, max(1, -(-len(rows) // ROWS)))
-    figures = [
-        draw_contraction(
-            [known.names[k] for k in part], known.contraction[part],
-            [known.source[k].value for k in part], LEARNED,
-        )
-        for part in parts
-    ]  # fmt: skip
-    pictures = tuple(Picture(f, alt="Contraction of standard parameters") for f in figures)
-    return Gallery(
-        pictures,
+    pictures = []
+    for part in np.array_split(rows, max(1, -(-len(rows) // ROWS))):
+        names, sources = [known.names[k] for k in part], [known.source[k].value for k in part]
+        figure = draw_contraction(names, known.contraction[part], sources, LEARNED)
+        pictures.append(Picture(figure, alt="Contraction of standard parameters"))
+    caption = (
         "0: the posterior is as wide as the prior, nothing was learned; 1: known exactly. The mark "
-        "says what determines the parameter.",
+        "says what determines the parameter."
     )
+    return Gallery(tuple(pictures), caption)
 
 
 def standard_table(analysis: Analysis, known: StandardBelief) -> Table:
     """Return one row for each standard parameter, filtered by what determines it."""
-    units = [p.unit for p in analysis.base.parameters]
-    nominal = analysis.structure.nominal
-    columns = (
-        Column("parameter"),
-        Column("robot file", "number"),
-        Column("prior sd", "number"),
-        Column("posterior", "number"),
-        Column("± sd", "error"),
-        Column("unit"),
-        Column("contraction", "number"),
-        Column("determined by", "badge"),
+    pairs = [measured_cells(*x) for x in zip(known.mean.tolist(), known.sd.tolist(), strict=True)]
+    rows = zip(
+        known.names,
+        analysis.structure.nominal,
+        known.prior_sd,
+        *zip(*pairs, strict=True),
+        [p.unit for p in analysis.base.parameters],
+        known.contraction,
+        [badge_cell(s.value) for s in known.source],
+        strict=True,
     )
-    rows = []
-    for k, name in enumerate(known.names):
-        mean, sd = format_measured(float(known.mean[k]), float(known.sd[k]))
-        source, learned = known.source[k].value, float(known.contraction[k])
-        rows.append(
-            (
-                Cell(name),
-                Cell(stated_text(float(nominal[k])), float(nominal[k])),
-                Cell(format_number(float(known.prior_sd[k]), 3), float(known.prior_sd[k])),
-                Cell(mean, float(known.mean[k])),
-                Cell(f"± {sd}", float(known.sd[k])),
-                Cell(units[k]),
-                Cell(f"{learned:.2f}".replace("-", "−"), learned),
-                Cell(source, source, badge=source),
-            )
-        )
-    return Table("", columns, tuple(rows), filter_by=len(columns) - 1)
+    return Table.of("", STANDARD, rows, filter_by=-1)
 
 
 def section_bodies(analysis: Analysis) -> Section:
@@ -134,10 +124,8 @@ def section_bodies(analysis: Analysis) -> Section:
         "mass can produce it; the smallest, in units of the body's own mass and size, is its room. "
         + _held_text(active)
     )
-    figure = draw_margins(
-        region.names, margins, nominal, [n in active for n in region.names],
-        analysis.robot.path.name,
-    )  # fmt: skip
+    held, origin = [n in active for n in region.names], analysis.robot.path.name
+    figure = draw_margins(region.names, margins, nominal, held, origin)
     caption = (
         "Room of each body; at the left edge it is a thin rod or a flat plate, and nothing is left."
     )

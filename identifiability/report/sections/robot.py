@@ -1,0 +1,153 @@
+"""What the robot's structure allows to determine, and whether a real robot can have the values."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.foundation.linalg import RANK_TOLERANCE
+from identifiability.physical.mass import state_mass
+from identifiability.report.blocks import Block, Fold, Gallery, Picture, Prose, Section, Term, Terms
+from identifiability.report.figures import draw_conditions, draw_errors, draw_pulls, draw_spectrum
+from identifiability.report.numbers import error_text, format_count, format_number, stated_text
+from identifiability.report.sections.facts import model_title, sigma_percents
+from identifiability.report.sections.models import pulls_from
+from identifiability.report.tables import Column, Table
+from identifiability.workflows.analyze import Analysis
+
+
+def section_physics(analysis: Analysis) -> Section:
+    """Return the certificate, the way to the nearest real robot, and its parameters."""
+    chosen = analysis.chosen
+    lead = (
+        "A real robot has bodies whose mass and inertia some distribution of mass can produce, and "
+        f"friction that brakes. {chosen.physical.sentence} "
+        f"{state_mass(analysis.robot, chosen.physical.parameters(), chosen.physical.cad_weight)}"
+    ).rstrip()
+    blocks: tuple[Block, ...] = (nearest_fold(analysis),)
+    if not chosen.feasible:
+        blocks = (Gallery((nearest_picture(analysis), cost_picture(analysis))), *blocks)
+    return Section("physics", "Can a real robot have these values?", lead, blocks)
+
+
+def nearest_picture(analysis: Analysis) -> Picture:
+    """Return how far the estimate lies from the nearest real robot, in its own σ."""
+    chosen = analysis.chosen
+    figure = draw_pulls(
+        [v.name for v in chosen.verdicts],
+        pulls_from(chosen.physical.value, chosen),
+        sigma_percents(chosen)[1],
+        [v.verdict.value for v in chosen.verdicts],
+        "nearest real robot",
+    )
+    caption = (
+        f"From {model_title(chosen)} to the nearest real robot, in σ of the estimate. What moves "
+        "within the grey band moves no further than noise may have moved it."
+    )
+    return Picture(figure, caption, "Distance of each parameter from the nearest real robot")
+
+
+def cost_picture(analysis: Analysis) -> Picture:
+    """Return what it costs each model to be a real robot."""
+    models, chosen = analysis.models, analysis.chosen
+    before, after = np.array([(m.error_ra_validation, m.error_ra_physical) for m in models]).T
+    labels = ("estimate", "nearest real robot")
+    names = [m.name for m in models]
+    figure = draw_errors(names, before, after, np.zeros(len(models)), analysis.selected, labels)
+    caption = (
+        "Error on unseen motion of each estimate and of the real robot nearest to it: "
+        f"{error_text(chosen.error_ra_validation)} and "
+        f"{error_text(chosen.error_ra_physical)} for {model_title(chosen)}."
+    )
+    return Picture(figure, caption, "Error of each model and of the nearest real robot")
+
+
+def nearest_fold(analysis: Analysis) -> Fold:
+    """Return the standard parameters of the nearest real robot beside the robot file's."""
+    known = analysis.robot.nominal
+    units = {p.name: p.unit for p in analysis.base.parameters}
+    nearest = analysis.chosen.physical.parameters()
+    columns = (
+        Column("parameter"),
+        Column("nearest real robot", stated_text),
+        Column("robot file", stated_text),
+        Column("unit"),
+    )
+    rows = [(name, value, known.get(name), units.get(name, "")) for name, value in nearest.items()]
+    text = (
+        "One of the robots that fit the logs equally well: the logs determine combinations, not "
+        "these values one by one. It stays as near to the robot file as they allow, and a "
+        "simulator accepts it."
+    )
+    summary = f"All {len(rows)} parameters of the nearest real robot"
+    return Fold(summary, (Prose((text,)), Table.of("", columns, rows)))
+
+
+def section_structure(analysis: Analysis) -> Section:
+    """Return rank with its gap, condition of each model, and the groupings."""
+    base = analysis.base
+    last, first = base.gap
+    lead = (
+        f"{base.rank} of {format_count(len(base.parameters), 'parameter')} are independent. The "
+        f"weakest of them acts with {format_number(last, 2)} of the strongest, the next singular "
+        f"value is {format_number(first, 2)}: the wider this gap, the surer the "
+        "count. The condition number says how much a model magnifies errors."
+    )
+    blocks: tuple[Block, ...] = (structure_pictures(analysis), grouping_fold(analysis))
+    if base.without_effect:
+        blocks = (*blocks, idle_fold(base.without_effect))
+    return Section("structure", "Rank and condition", lead, blocks)
+
+
+def structure_pictures(analysis: Analysis) -> Gallery:
+    """Return the spectrum of the structure and the condition number of each model."""
+    base, models = analysis.base, analysis.models
+    spectrum = Picture(
+        draw_spectrum(base.singular_values, base.rank, RANK_TOLERANCE),
+        "Singular values of the column-scaled regressor at random states: what any motion could "
+        "show. Columns that never act are left out.",
+        "Singular values relative to the largest",
+    )
+    condition = np.array([m.estimate.condition for m in models], float)
+    conditions = Picture(
+        draw_conditions([m.name for m in models], condition, analysis.selected),
+        "Condition number along the fitted motion, columns scaled to equal length.",
+        "Condition number of each model",
+    )
+    return Gallery((spectrum, conditions))
+
+
+def grouping_fold(analysis: Analysis) -> Fold:
+    """Return every base parameter with its grouping and its fate in the selected model."""
+    base = analysis.base
+    fates = [_fate(analysis, k) for k in range(base.rank)]
+    columns = (
+        Column("base parameter"),
+        Column("combination"),
+        Column("unit"),
+        Column(f"in {analysis.chosen.name}", hint="Kept, tied to others, held, or left out."),
+    )
+    rows = zip(base.names, base.labels, base.units, fates, strict=True)
+    return Fold(f"Groupings of all {base.rank} base parameters", (Table.of("", columns, rows),))
+
+
+def _fate(analysis: Analysis, row: int) -> str:
+    """Return what became of a base parameter in the selected model."""
+    rung = analysis.chosen.rung
+    kept = [rung.columns[k] for k in np.flatnonzero(rung.M[row])]
+    if not kept:
+        held = float(rung.held[row])
+        return f"held at {format_number(held)}" if held else "left out"
+    alone = kept == [analysis.base.names[row]]
+    return "kept" if alone else f"as {', '.join(kept)}"
+
+
+def idle_fold(names: tuple[str, ...]) -> Fold:
+    """Return the parameters that never change the torque, by owner."""
+    owners: dict[str, list[str]] = {}
+    for name in names:
+        owner, _, kind = name.rpartition(".")
+        owners.setdefault(owner, []).append(kind)
+    terms = Terms(tuple(Term(owner, ", ".join(kinds)) for owner, kinds in owners.items()))
+    text = "No motion of this robot makes them act on the measured torque; any value will do."
+    summary = f"{format_count(len(names), 'parameter')} without any effect"
+    return Fold(summary, (Prose((text,)), terms))
