@@ -5,17 +5,16 @@ same motions, with one size of every hidden effect in all of them; `MujocoRobot`
 rigid-body torques.
 """
 
-from identifiability.simulation.campaign import Campaign
-from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
-from identifiability.simulation.noise import PAPER_NOISE, Noise
-from identifiability.simulation.prescribed import PrescribedMotion
-from identifiability.simulation.simulator import simulate
-from identifiability.simulation.trajectory import (
+from identifiability.simulation.motion import (
+    PrescribedMotion,
     Trajectory,
     random_trajectory,
     read_trajectories,
     shipped_trajectory,
 )
+from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
+from identifiability.simulation.noise import PAPER_NOISE, Noise
+from identifiability.simulation.simulator import Campaign, simulate
 
 __all__ = [
     "PAPER_NOISE",

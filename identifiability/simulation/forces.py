@@ -1,20 +1,19 @@
-"""Friction, rotor inertia and hidden effects of the simulated robot.
+"""Friction, rotor inertia and springs of the simulated robot.
 
-Written out as force laws of speed, position and load; the columns in `effects` are written apart.
+Written out as force laws of speed and position; the columns in `effects` are written apart.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-
-#: Law of a hidden effect at one axis: (speed, position from home, load) -> force, up to a factor.
-Law = Callable[[Array, Array, Array], Array]
+from identifiability.robot import Robot
+from identifiability.simulation.motion import PrescribedMotion
+from identifiability.simulation.mujoco_robot import RigidTorque
 
 
 def both_directions(parameters: Mapping[str, float]) -> dict[str, float]:
@@ -27,13 +26,50 @@ def both_directions(parameters: Mapping[str, float]) -> dict[str, float]:
     return out
 
 
-def nominal_force(values: Mapping[str, float], name: str, speed: Array) -> Array:
-    """Return viscous and Coulomb friction of a joint from its parameter values, (N,)."""
-    coulomb = values.get(f"{name}.Fc", 0.0)
-    forward = values.get(f"{name}.Fc+", coulomb)
-    backward = values.get(f"{name}.Fc-", coulomb)
-    dry = np.where(speed > 0, forward, np.where(speed < 0, -backward, 0.0))
-    return values.get(f"{name}.Fv", 0.0) * speed + dry
+@frozen(kw_only=True)
+class JointTerms:
+    """Parameters of one joint or coupled motor.
+
+    Attributes
+    ----------
+    viscous : float [N·m·s/rad or N·s/m]
+    forward, backward : float [N·m or N]
+        Coulomb levels.
+    inertia : float [kg·m² or kg]
+        Of the rotor.
+    stiffness : float [N·m/rad or N/m]
+    offset : float [N·m or N]
+    """
+
+    viscous: float
+    forward: float
+    backward: float
+    inertia: float
+    stiffness: float
+    offset: float
+
+    @staticmethod
+    def of(values: Mapping[str, float], name: str, inertia_parts: tuple[str, ...]) -> JointTerms:
+        """Return the terms of a joint among parameter values by name; those not there are zero."""
+        coulomb = values.get(f"{name}.Fc", 0.0)
+        return JointTerms(
+            viscous=values.get(f"{name}.Fv", 0.0),
+            forward=values.get(f"{name}.Fc+", coulomb),
+            backward=values.get(f"{name}.Fc-", coulomb),
+            inertia=sum(values.get(f"{name}.{part}", 0.0) for part in inertia_parts),
+            stiffness=values.get(f"{name}.K", 0.0),
+            offset=values.get(f"{name}.off", 0.0),
+        )
+
+    def friction(self, speed: Array) -> Array:
+        """Return viscous and Coulomb friction at speeds (N,), (N,)."""
+        dry = np.where(speed > 0, self.forward, np.where(speed < 0, -self.backward, 0.0))
+        return self.viscous * speed + dry
+
+    def force(self, stretch: Array, speed: Array, acceleration: Array) -> Array:
+        """Return friction, inertia and spring (N,) of a motion (N,) about the spring's rest."""
+        moving = self.friction(speed) + self.inertia * acceleration
+        return moving + self.stiffness * stretch
 
 
 def stribeck(speed: Array, excess: float, velocity: float, shape: float = 1.0) -> Array:
@@ -46,118 +82,22 @@ def stribeck(speed: Array, excess: float, velocity: float, shape: float = 1.0) -
     return force
 
 
-def _typical(speed: Array) -> float:
-    return float(np.sqrt(np.mean(speed**2))) or 1.0
-
-
-def _stribeck(speed: Array, _position: Array, _load: Array) -> Array:
-    return stribeck(speed, 1.0, 0.3 * _typical(speed))
-
-
-def _asymmetry(speed: Array, _position: Array, _load: Array) -> Array:
-    return np.abs(np.sign(speed))
-
-
-def _offset(speed: Array, _position: Array, _load: Array) -> Array:
-    return np.ones_like(speed)
-
-
-def _quadratic(speed: Array, _position: Array, _load: Array) -> Array:
-    return np.abs(speed) * speed
-
-
-def _spring(_speed: Array, position: Array, _load: Array) -> Array:
-    return position
-
-
-def _load(speed: Array, _position: Array, load: Array) -> Array:
-    force: Array = np.abs(load) * np.sign(speed)
-    return force
-
-
-def _ripple(_speed: Array, position: Array, _load: Array) -> Array:
-    force: Array = np.sin(16 * np.pi * (position - position.min()) / max(np.ptp(position), 1e-12))
-    return force
-
-
-#: Effects that can be hidden at actuated joints.
-HIDDEN: dict[str, Law] = {
-    "stribeck_friction": _stribeck,
-    "coulomb_asymmetry": _asymmetry,
-    "torque_offset": _offset,
-    "quadratic_friction": _quadratic,
-    "joint_stiffness": _spring,
-    "load_dependent_friction": _load,
-    "position_ripple": _ripple,
-}
-
-#: Effects that are hidden at passive joints.
-HIDDEN_PASSIVE = "passive_joint_friction"
-
-#: Effects of the whole robot: a delay of the torque, torque that leaks from joint to joint, a
-#: thermal drift. The last two are in no dictionary.
-HIDDEN_WHOLE = ("time_delay", "torque_leak", "thermal_drift", "gravity_tilt", "payload")
-
-#: Root mean square of a hidden effect relative to that of the torque of its joint.
-DEFAULT_SHARE = 0.05
-
-
-@frozen
-class Hidden:
-    """An effect that is in the data and not in the robot file.
-
-    Attributes
-    ----------
-    name : str
-    share : float
-        Its rms as a share of that of the joint's torque.
-    joints : tuple of str
-        Where it is; everywhere if empty.
-    law : callable(speed, position from home, load) -> force, optional
-        Of an effect of the user's own.
-    """
-
-    name: str
-    share: float
-    joints: tuple[str, ...] = ()
-    law: Law | None = None
-
-
-def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
-    """Return what ``stribeck_friction``, ``stribeck_friction=0.1`` or ``…@slider1+slider3`` hides.
-
-    Parameters
-    ----------
-    text : str
-    laws : mapping of name to law, optional
-        Of effects that are not known here.
-
-    Raises
-    ------
-    IdentifiabilityError
-    """
-    left, given, number = text.partition("=")
-    name, _, joints = left.partition("@")
-    own = laws or {}
-    known = [*HIDDEN, HIDDEN_PASSIVE, *HIDDEN_WHOLE, *own]
-    if name not in known:
-        raise IdentifiabilityError(
-            f"The effect '{name}' cannot be hidden{near_match(name, known)} Those that can are "
-            f"{', '.join(known)}."
-        )
-    try:
-        share = float(number) if given else DEFAULT_SHARE
-    except ValueError:
-        share = -1.0
-    if not 0 < share < 10:
-        raise IdentifiabilityError(
-            f"The size of the hidden effect '{text}' is not understood; give its share of the "
-            "joint's torque, such as stribeck_friction=0.05."
-        )
-    return Hidden(name, share, tuple(j for j in joints.split("+") if j), own.get(name))
-
-
-def scaled(force: Array, tau: Array, share: float) -> Array:
-    """Return a force (N,) scaled to a share of the rms of a torque (N,)."""
-    size = np.sqrt(np.mean(force**2))
-    return force * (share * np.sqrt(np.mean(tau**2)) / size) if size > 0 else force
+def joint_torque(
+    robot: Robot, move: PrescribedMotion, rigid: RigidTorque, values: Mapping[str, float]
+) -> Array:
+    """Return torque of friction, rotors and springs at every joint and coupled motor, (N, n)."""
+    tau = np.zeros_like(move.q)
+    home = robot.actuated_positions(robot.home[None])[0]
+    rest = [robot.rest.get(j, at) for j, at in zip(robot.joints, home, strict=True)]
+    for axis in robot.axes:
+        assert axis.row is not None
+        terms = JointTerms.of(values, axis.name, robot.inertia_parts)
+        motion = (x @ axis.row for x in (move.q - rest, move.dq, move.ddq))
+        tau += terms.force(*motion)[:, None] * axis.row
+    for axis in robot.passive_axes:
+        terms = JointTerms.of(values, axis.name, robot.inertia_parts)
+        k = int(np.flatnonzero(robot.dependent == axis.dof)[0])
+        stretch = rigid.passive_q[:, k] - robot.rest.get(axis.name, 0.0)
+        force = terms.force(stretch, rigid.passive_v[:, k], rigid.passive_a[:, k])
+        tau -= force[:, None] * rigid.X[:, k]
+    return tau

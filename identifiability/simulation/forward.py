@@ -21,8 +21,8 @@ from identifiability.foundation.names import Array
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.write import write_robot
-from identifiability.simulation.forces import both_directions
-from identifiability.simulation.mujoco_robot import MujocoRobot
+from identifiability.simulation.forces import JointTerms, both_directions
+from identifiability.simulation.mujoco_robot import MujocoRobot, bare_urdf, reason_of
 
 #: Longest step of the integrator [s]; loops stay closed to about 1e-6 m with it.
 STEP = 5e-4
@@ -66,10 +66,9 @@ class ForwardRobot:
                 "cannot hold; it is not simulated forward."
             )
         self.robot = robot
-        self._values = {**robot.nominal, **both_directions(parameters)}
         self._kinematics = MujocoRobot(robot, _compile(robot, parameters))
         self.model = self._kinematics.model
-        self._bias = self._set_joints()
+        self._bias = self._set_joints({**robot.nominal, **both_directions(parameters)})
         self._positions = self._kinematics.positions
         options = self.model.opt
         disabled = mujoco.mjtDisableBit
@@ -77,31 +76,28 @@ class ForwardRobot:
         options.disableflags |= int(disabled.mjDSBL_LIMIT | disabled.mjDSBL_CONTACT)
         options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
-    def _set_joints(self) -> Array:
+    def _set_joints(self, values: Mapping[str, float]) -> Array:
         """Set friction and rotor inertia; return the constant torque of each actuated joint."""
         bias = np.zeros(len(self.robot.joints))
         for name in self.robot.dofs:
             if name not in {self.model.joint(j).name for j in range(self.model.njnt)}:
                 continue  # one axis of a ball
             dof = int(self.model.joint(name).dofadr[0])
-            inertia = sum(self._values.get(f"{name}.{p}", 0.0) for p in self.robot.inertia_parts)
-            level = self._values.get(f"{name}.Fc", 0.0)
-            forward = self._values.get(f"{name}.Fc+", level)
-            backward = self._values.get(f"{name}.Fc-", level)
+            terms = JointTerms.of(values, name, self.robot.inertia_parts)
             # Physics forbids negative ones; the solver would blow up on rounding below zero.
-            self.model.dof_armature[dof] = max(inertia, 0.0)
-            self.model.dof_damping[dof] = max(self._values.get(f"{name}.Fv", 0.0), 0.0)
-            self.model.dof_frictionloss[dof] = max(0.5 * (forward + backward), 0.0)
-            self._set_spring(name)
+            self.model.dof_armature[dof] = max(terms.inertia, 0.0)
+            self.model.dof_damping[dof] = max(terms.viscous, 0.0)
+            self.model.dof_frictionloss[dof] = max(0.5 * (terms.forward + terms.backward), 0.0)
+            self._set_spring(name, terms.stiffness)
             if name in self.robot.joints:
-                offset = self._values.get(f"{name}.off", 0.0)
-                bias[self.robot.joints.index(name)] = 0.5 * (forward - backward) + offset
+                uneven = 0.5 * (terms.forward - terms.backward)
+                bias[self.robot.joints.index(name)] = uneven + terms.offset
         return bias
 
-    def _set_spring(self, name: str) -> None:
+    def _set_spring(self, name: str, stiffness: float) -> None:
         joint, home = self.model.joint(name), self.robot.home[None]
         rest = self.robot.rest.get(name)
-        self.model.jnt_stiffness[joint.id] = self._values.get(f"{name}.K", 0.0)
+        self.model.jnt_stiffness[joint.id] = stiffness
         self.model.qpos_spring[joint.qposadr[0]] = (
             self.robot.dof_position(home, name)[0] if rest is None else rest
         )
@@ -187,28 +183,19 @@ def _compile(robot: Robot, parameters: Mapping[str, float]) -> Any:
         path = Path(folder) / f"robot{robot.path.suffix}"
         write_robot(robot, parameters, path)
         top = ET.parse(path).getroot()
-    if top.tag == "robot":
-        for link in top.findall("link"):
-            for child in [c for c in link if c.tag in ("visual", "collision")]:
-                link.remove(child)
-        for old in top.findall("mujoco"):
-            top.remove(old)
-        options = ET.SubElement(top, "mujoco")
-        ET.SubElement(options, "compiler", fusestatic="false", balanceinertia="true")
-    else:
-        _strip(top)
+    text = bare_urdf(top, balance="true") if top.tag == "robot" else _bare_mjcf(top)
     try:
-        spec = mujoco.MjSpec.from_string(ET.tostring(top, encoding="unicode"))
+        spec = mujoco.MjSpec.from_string(text)
         _add_closures(spec, robot)
         return spec.compile()
     except ValueError as error:
-        reason = " ".join(str(error).split())[:300].rstrip(".")
         raise RobotError(
-            f"MuJoCo cannot simulate {robot.path} with these values: {reason}."
+            f"MuJoCo cannot simulate {robot.path} with these values: {reason_of(error)}."
         ) from None
 
 
-def _strip(top: ET.Element) -> None:
+def _bare_mjcf(top: ET.Element) -> str:
+    """Return an MJCF file without looks, contacts and what else no free motion needs."""
     for part in [c for c in top if c.tag in _IDLE]:
         top.remove(part)
     for parent in list(top.iter()):
@@ -220,6 +207,7 @@ def _strip(top: ET.Element) -> None:
     compiler = top.find("compiler")
     compiler = ET.SubElement(top, "compiler") if compiler is None else compiler
     compiler.set("balanceinertia", "true")
+    return ET.tostring(top, encoding="unicode")
 
 
 def _add_closures(spec: Any, robot: Robot) -> None:
@@ -227,22 +215,19 @@ def _add_closures(spec: Any, robot: Robot) -> None:
     for index, loop in enumerate(robot.loops):
         if loop.stated is None:
             continue
-        names = []
-        for end, (body, point) in enumerate(loop.stated):
-            name = f"closure {index} {end}"
+        names = [f"closure {index} {end}" for end in (0, 1)]
+        for name, (body, point) in zip(names, loop.stated, strict=True):
             spec.body(body).add_site(name=name, pos=list(point))
-            names.append(name)
-        spec.add_equality(
-            type=mujoco.mjtEq.mjEQ_CONNECT, objtype=mujoco.mjtObj.mjOBJ_SITE,
-            name1=names[0], name2=names[1],
-        )  # fmt: skip
+        _equate(spec, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names)
     present = {e.name1 for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT}
     for coupling in robot.couplings:
         if coupling.joint in present:
             continue
         data = np.zeros(11)
         data[: len(coupling.polynomial)] = coupling.polynomial
-        spec.add_equality(
-            type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT,
-            name1=coupling.joint, name2=coupling.of or "", data=data,
-        )  # fmt: skip
+        names = [coupling.joint, coupling.of or ""]
+        _equate(spec, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT, names, data=data)
+
+
+def _equate(spec: Any, kind: Any, of: Any, names: list[str], **options: Any) -> None:
+    spec.add_equality(type=kind, objtype=of, name1=names[0], name2=names[1], **options)

@@ -1,4 +1,4 @@
-"""Torque of effects that are in the data and not in the robot file.
+"""Effects that are in the data and not in the robot file: their names and their torque.
 
 Written as laws of the motion, apart from the columns in `effects`; size is a share of the joint's
 torque, so that one word describes a hidden effect on any robot.
@@ -6,21 +6,116 @@ torque, so that one word describes a hidden effect on any robot.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
-from identifiability.simulation import forces
-from identifiability.simulation.forces import Hidden
+from identifiability.simulation.forces import stribeck
+from identifiability.simulation.motion import PrescribedMotion
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
-from identifiability.simulation.prescribed import PrescribedMotion
 
-#: Angle, mass and time constants of effects of the whole robot before they are scaled.
+#: Law of a hidden effect at one axis: (speed, position from home, load) -> force, up to a factor.
+Law = Callable[[Array, Array, Array], Array]
+
+
+def _typical(speed: Array) -> float:
+    return float(np.sqrt(np.mean(speed**2))) or 1.0
+
+
+def _ripple(_speed: Array, position: Array, _load: Array) -> Array:
+    force: Array = np.sin(16 * np.pi * (position - position.min()) / max(np.ptp(position), 1e-12))
+    return force
+
+
+#: Effects that can be hidden at actuated joints.
+HIDDEN: dict[str, Law] = {
+    "stribeck_friction": lambda speed, _at, _load: stribeck(speed, 1.0, 0.3 * _typical(speed)),
+    "coulomb_asymmetry": lambda speed, _at, _load: np.abs(np.sign(speed)),
+    "torque_offset": lambda speed, _at, _load: np.ones_like(speed),
+    "quadratic_friction": lambda speed, _at, _load: np.abs(speed) * speed,
+    "joint_stiffness": lambda _speed, position, _load: position,
+    "load_dependent_friction": lambda speed, _at, load: np.abs(load) * np.sign(speed),
+    "position_ripple": _ripple,
+}
+
+#: Effects that are hidden at passive joints.
+HIDDEN_PASSIVE = "passive_joint_friction"
+
+#: Effects of the whole robot: a delay of the torque, torque that leaks from joint to joint, a
+#: thermal drift. The last two are in no dictionary.
+HIDDEN_WHOLE = ("time_delay", "torque_leak", "thermal_drift", "gravity_tilt", "payload")
+
+#: Root mean square of a hidden effect relative to that of the torque of its joint.
+DEFAULT_SHARE = 0.05
+
+#: Angle [rad] and mass [kg] of effects of the whole robot before they are scaled.
 SMALL_ANGLE = 1e-3
 SMALL_MASS = 0.1
+
+
+@frozen
+class Hidden:
+    """An effect that is in the data and not in the robot file.
+
+    Attributes
+    ----------
+    name : str
+    share : float
+        Its rms as a share of that of the joint's torque.
+    joints : tuple of str
+        Where it is; everywhere if empty.
+    law : callable(speed, position from home, load) -> force, optional
+        Of an effect of the user's own.
+    """
+
+    name: str
+    share: float
+    joints: tuple[str, ...] = ()
+    law: Law | None = None
+
+
+def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
+    """Return what ``stribeck_friction``, ``stribeck_friction=0.1`` or ``…@slider1+slider3`` hides.
+
+    Parameters
+    ----------
+    text : str
+    laws : mapping of name to law, optional
+        Of effects that are not known here.
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    left, given, number = text.partition("=")
+    name, _, joints = left.partition("@")
+    own = laws or {}
+    known = [*HIDDEN, HIDDEN_PASSIVE, *HIDDEN_WHOLE, *own]
+    if name not in known:
+        raise IdentifiabilityError(
+            f"The effect '{name}' cannot be hidden{near_match(name, known)} Those that can are "
+            f"{', '.join(known)}."
+        )
+    try:
+        share = float(number) if given else DEFAULT_SHARE
+    except ValueError:
+        share = -1.0
+    if not 0 < share < 10:
+        raise IdentifiabilityError(
+            f"The size of the hidden effect '{text}' is not understood; give its share of the "
+            "joint's torque, such as stribeck_friction=0.05."
+        )
+    return Hidden(name, share, tuple(j for j in joints.split("+") if j), own.get(name))
+
+
+def scaled(force: Array, tau: Array, share: float) -> Array:
+    """Return a force (N,) or (N, n) scaled to a share of the rms of a torque of that shape."""
+    size = np.sqrt(np.mean(force**2))
+    return force * (share * np.sqrt(np.mean(tau**2)) / size) if size > 0 else force
 
 
 def hidden_torque(
@@ -33,19 +128,19 @@ def hidden_torque(
     IdentifiabilityError
         If the effect or the joint is not in this robot.
     """
-    if hidden.name == forces.HIDDEN_PASSIVE:
+    if hidden.name == HIDDEN_PASSIVE:
         return _passive(robot, rigid, tau, hidden)
     if hidden.name in ("gravity_tilt", "payload"):
         return _whole(robot, move, rigid, tau, hidden)
     out = np.zeros_like(tau)
     home = robot.actuated_positions(robot.home[None])[0]
     for k in _chosen(robot.joints, hidden, robot):
-        law = hidden.law or forces.HIDDEN.get(hidden.name)
+        law = hidden.law or HIDDEN.get(hidden.name)
         if law is not None:
             force = law(move.dq[:, k], move.q[:, k] - home[k], rigid.tau[:, k])
         else:
             force = _record(move, tau, k, hidden.name)
-        out[:, k] = forces.scaled(force, tau[:, k], hidden.share)
+        out[:, k] = scaled(force, tau[:, k], hidden.share)
     return out
 
 
@@ -84,9 +179,8 @@ def _passive(robot: Robot, rigid: RigidTorque, tau: Array, hidden: Hidden) -> Ar
     for at in _chosen([a.name for a in axes], hidden, robot):
         k = int(np.flatnonzero(robot.dependent == axes[at].dof)[0])
         speed = rigid.passive_v[:, k]
-        typical = float(np.sqrt(np.mean(speed**2))) or 1.0
-        out -= (np.sign(speed) + speed / typical)[:, None] * rigid.X[:, k]
-    return _sized(out, tau, hidden.share)
+        out -= (np.sign(speed) + speed / _typical(speed))[:, None] * rigid.X[:, k]
+    return scaled(out, tau, hidden.share)
 
 
 def _whole(
@@ -101,10 +195,4 @@ def _whole(
         tip = np.flatnonzero(other.model.body_weldid)[-1]  # the last body that moves
         other.model.body_mass[tip] += SMALL_MASS
     changed = other.inverse_dynamics(move.q, move.dq, move.ddq)
-    return _sized(changed.tau - rigid.tau, tau, hidden.share)
-
-
-def _sized(out: Array, tau: Array, share: float) -> Array:
-    size = float(np.sqrt(np.mean(out**2)))
-    scaled: Array = out * (share * np.sqrt(np.mean(tau**2)) / size) if size > 0 else out
-    return scaled
+    return scaled(changed.tau - rigid.tau, tau, hidden.share)

@@ -228,15 +228,11 @@ class MujocoRobot:
 
     def slope(self) -> Array:
         """Return X with ``q̇_passive = -X q̇_actuated`` at the present configuration."""
-        if not self.closed:
-            return np.zeros((len(self.passive), len(self.actuated)))
         A = self._jacobian()
         return np.linalg.lstsq(A[:, self.passive], A[:, self.actuated], rcond=None)[0]
 
     def _passive_acceleration(self, v: Array) -> Array:
         """Return the passive accelerations that the loops demand at zero actuated acceleration."""
-        if not self.closed:
-            return np.zeros(len(self.passive))
         self.data.qvel[:] = v
         mujoco.mj_comVel(self.model, self.data)
         bias = self._jacobian(dot=True) @ v
@@ -248,24 +244,29 @@ class MujocoRobot:
 def _load(robot: Robot) -> Any:
     """Load the robot file; a URDF loses its meshes, which have no part in the dynamics."""
     try:
-        if robot.path.suffix.lower() == ".urdf" or _root_tag(robot) == "robot":
-            root = ET.parse(robot.path).getroot()
-            for link in root.findall("link"):
-                for child in [c for c in link if c.tag in ("visual", "collision")]:
-                    link.remove(child)
-            for old in root.findall("mujoco"):
-                root.remove(old)
-            options = ET.SubElement(root, "mujoco")
-            ET.SubElement(options, "compiler", fusestatic="false", balanceinertia="false")
-            return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+        root = ET.parse(robot.path).getroot()
+        if robot.path.suffix.lower() == ".urdf" or root.tag == "robot":
+            return mujoco.MjModel.from_xml_string(bare_urdf(root, balance="false"))
         return compile_mjcf(robot.path, read_markup(robot.path))
     except (ValueError, OSError) as error:
-        reason = " ".join(str(error).split())[:300].rstrip(".")
-        raise RobotError(f"MuJoCo cannot load {robot.path}: {reason}.") from None
+        raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
 
 
-def _root_tag(robot: Robot) -> str:
-    return ET.parse(robot.path).getroot().tag
+def bare_urdf(root: ET.Element, balance: str) -> str:
+    """Return a URDF without looks; with `balance` ``true`` MuJoCo corrects its inertias."""
+    for link in root.findall("link"):
+        for child in [c for c in link if c.tag in ("visual", "collision")]:
+            link.remove(child)
+    for old in root.findall("mujoco"):
+        root.remove(old)
+    options = ET.SubElement(root, "mujoco")
+    ET.SubElement(options, "compiler", fusestatic="false", balanceinertia=balance)
+    return ET.tostring(root, encoding="unicode")
+
+
+def reason_of(error: Exception) -> str:
+    """Return what MuJoCo complains of, in one line of at most 300 letters."""
+    return " ".join(str(error).split())[:300].rstrip(".")
 
 
 def _closures(model: Any, robot: Robot) -> list[_Closure]:

@@ -1,25 +1,29 @@
-"""`simulate`: a log of a robot that we know everything about."""
+"""The simulated robot that we know everything about: a log by `simulate`, many by `Campaign`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, Names, Rng, checked
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.robot import Robot, RobotLike
-from identifiability.simulation import forces
-from identifiability.simulation.hidden import hidden_torque
+from identifiability.simulation.forces import both_directions, joint_torque
+from identifiability.simulation.hidden import Law, hidden_torque, parse_hidden
+from identifiability.simulation.motion import PrescribedMotion, Trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
 from identifiability.simulation.noise import Noise
-from identifiability.simulation.prescribed import PrescribedMotion
-from identifiability.simulation.trajectory import Trajectory
 
 MOTION = "a PrescribedMotion or a Trajectory, such as shipped_trajectory gives"
 NOISE = "a Noise, 'paper', 'none' or levels such as 'motion=0.04,torque=0.05'"
+
+#: Pause between two motions [s]: no effect reaches from one to the next.
+PAUSE = 10.0
 
 
 @checked
@@ -64,44 +68,122 @@ def simulate(
     rng = rng or np.random.default_rng(0)
     noise = Noise.parse(noise) if isinstance(noise, str) else noise or Noise()
     robot = robot if isinstance(robot, Robot) else Robot.load(robot)
-    move = motion if isinstance(motion, PrescribedMotion) else PrescribedMotion.of(motion)
-    values = {**robot.nominal, **forces.both_directions(parameters or {})}
-    rigid = MujocoRobot(robot).inverse_dynamics(move.q, move.dq, move.ddq)
-    tau = rigid.tau + joint_torque(robot, move, rigid, values)
-    added = np.zeros_like(tau)
-    for text in hide:
-        added += hidden_torque(robot, move, rigid, tau, forces.parse_hidden(text, laws))
-    tau = noise.on_torque(tau + added, rng)
+    campaign = Campaign.of(robot, [motion], parameters)
+    move = campaign.moves[0]
+    tau = noise.on_torque(campaign.torque + campaign.hidden(hide, laws), rng)
+    return _record(robot, move, tau, noise, rng, derivatives=derivatives)
+
+
+def _record(
+    robot: Robot,
+    move: PrescribedMotion,
+    tau: Array,
+    noise: Noise,
+    rng: np.random.Generator,
+    *,
+    derivatives: bool,
+) -> Log:
+    """Return the log of a motion, which gets noise, and a torque (N, n)."""
     q = noise.on_encoder(noise.on_motion(move.q, rng))
-    dq = noise.on_motion(move.dq, rng)
-    ddq = noise.on_motion(move.ddq, rng)
+    dq, ddq = noise.on_motion(move.dq, rng), noise.on_motion(move.ddq, rng)
     log = Log(
-        move.name, robot.joints, move.t, q, tau, dq if derivatives else None,
-        ddq if derivatives else None, "",
-    )  # fmt: skip
+        name=move.name,
+        joints=robot.joints,
+        t=move.t,
+        q=q,
+        tau=tau,
+        dq=dq if derivatives else None,
+        ddq=ddq if derivatives else None,
+        sha256="",
+    )
     return Log.from_frame(log.to_frame(), move.name)
 
 
-def joint_torque(
-    robot: Robot, move: PrescribedMotion, rigid: RigidTorque, values: Mapping[str, float]
-) -> Array:
-    """Return torque of friction, rotors and springs at every joint and coupled motor, (N, n)."""
-    tau = np.zeros_like(move.q)
-    home = robot.actuated_positions(robot.home[None])[0]
-    rest = [robot.rest.get(j, at) for j, at in zip(robot.joints, home, strict=True)]
-    for axis in robot.axes:
-        assert axis.row is not None
-        speed, acceleration = move.dq @ axis.row, move.ddq @ axis.row
-        inertia = sum(values.get(f"{axis.name}.{part}", 0.0) for part in robot.inertia_parts)
-        force = forces.nominal_force(values, axis.name, speed) + inertia * acceleration
-        force = force + values.get(f"{axis.name}.K", 0.0) * ((move.q - rest) @ axis.row)
-        tau += force[:, None] * axis.row
-    for axis in robot.passive_axes:
-        k = int(np.flatnonzero(robot.dependent == axis.dof)[0])
-        inertia = sum(values.get(f"{axis.name}.{part}", 0.0) for part in robot.inertia_parts)
-        stretch = rigid.passive_q[:, k] - robot.rest.get(axis.name, 0.0)
-        force = forces.nominal_force(values, axis.name, rigid.passive_v[:, k])
-        force = force + inertia * rigid.passive_a[:, k]
-        force = force + values.get(f"{axis.name}.K", 0.0) * stretch
-        tau -= force[:, None] * rigid.X[:, k]
-    return tau
+@frozen(kw_only=True)
+class Campaign:
+    """Motions of one simulated robot, of which many noisy logs can be made.
+
+    A hidden effect has one size in all of them.
+
+    Attributes
+    ----------
+    robot : Robot
+    moves : tuple of PrescribedMotion
+    move : PrescribedMotion
+        All motions one after the other.
+    rigid : RigidTorque
+    torque : (N, n)
+        Without hidden effects and noise.
+    log : (N,) int
+        Which motion a sample belongs to.
+    """
+
+    robot: Robot
+    moves: tuple[PrescribedMotion, ...]
+    move: PrescribedMotion
+    rigid: RigidTorque
+    torque: Array
+    log: np.ndarray
+
+    @staticmethod
+    def of(
+        robot: Robot,
+        motions: Sequence[PrescribedMotion | Trajectory],
+        parameters: Mapping[str, float] | None = None,
+    ) -> Campaign:
+        """Compute the torque along some motions once."""
+        moves = [m if isinstance(m, PrescribedMotion) else PrescribedMotion.of(m) for m in motions]
+        start, times = 0.0, []
+        for m in moves:
+            times.append(m.t - m.t[0] + start)
+            start = times[-1][-1] + PAUSE
+        q, dq, ddq = (np.concatenate([getattr(m, k) for m in moves]) for k in ("q", "dq", "ddq"))
+        whole = PrescribedMotion(np.concatenate(times), q, dq, ddq)
+        rigid = MujocoRobot(robot).inverse_dynamics(whole.q, whole.dq, whole.ddq)
+        values = {**robot.nominal, **both_directions(parameters or {})}
+        return Campaign(
+            robot=robot,
+            moves=tuple(moves),
+            move=whole,
+            rigid=rigid,
+            torque=rigid.tau + joint_torque(robot, whole, rigid, values),
+            log=np.repeat(np.arange(len(moves)), [len(m.t) for m in moves]),
+        )
+
+    def hidden(self, hide: Sequence[str], laws: Mapping[str, Law] | None = None) -> Array:
+        """Return the torque of hidden effects as in `simulate`, (N, n)."""
+        out = np.zeros_like(self.torque)
+        for text in hide:
+            found = parse_hidden(text, laws)
+            out += hidden_torque(self.robot, self.move, self.rigid, self.torque, found)
+        return out
+
+    def logs(
+        self,
+        hide: Sequence[str] | Array = (),
+        noise: Noise | None = None,
+        rng: np.random.Generator | None = None,
+        *,
+        derivatives: bool = False,
+    ) -> list[Log]:
+        """Return one noisy log a motion.
+
+        Parameters
+        ----------
+        hide : sequence of str, or (N, n)
+            Hidden effects as in `simulate`, or their torque.
+        noise : Noise, optional
+        rng : numpy.random.Generator
+        derivatives : bool
+            Whether logs have velocities and accelerations.
+        """
+        rng = rng or np.random.default_rng(0)
+        noise = noise or Noise()
+        clean = self.torque + (hide if isinstance(hide, np.ndarray) else self.hidden(hide))
+        level = np.sqrt(np.mean(self.torque**2, axis=0))
+        out = []
+        for k, move in enumerate(self.moves):
+            tau = noise.on_torque(clean[self.log == k], rng, level)
+            named = replace(move, t=move.t - move.t[0], name=f"motion {k + 1}")
+            out.append(_record(self.robot, named, tau, noise, rng, derivatives=derivatives))
+        return out

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 from identifiability.cli import app as whole
 from identifiability.cli.excite import excite as command
 from identifiability.logs import Log
-from identifiability.simulation.motion import find_motion
-from identifiability.simulation.trajectory import read_trajectories
+from identifiability.simulation.motion import find_motion, read_trajectories
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(command)

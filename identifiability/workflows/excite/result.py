@@ -17,7 +17,7 @@ from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
-from identifiability.simulation.trajectory import Trajectory
+from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.criteria import VISIBLE, Criterion
 from identifiability.workflows.excite.limits import Limits
 from identifiability.workflows.excite.search import End, Step

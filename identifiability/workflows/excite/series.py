@@ -12,7 +12,7 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.simulation.trajectory import Trajectory
+from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.limits import Limits
 
 #: Times a harmonic at which peaks are looked for. A trigonometric polynomial of degree H exceeds

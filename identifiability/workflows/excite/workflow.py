@@ -27,7 +27,7 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
 from identifiability.robot import Robot, RobotLike
-from identifiability.simulation.trajectory import MOST_SAMPLES
+from identifiability.simulation.motion import MOST_SAMPLES
 from identifiability.workflows.excite.criteria import Criterion, Separation, scaled
 from identifiability.workflows.excite.limits import Limits, find_limits
 from identifiability.workflows.excite.objective import OPEN, Objective

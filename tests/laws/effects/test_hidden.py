@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.simulation.forces import (
+from identifiability.simulation.forces import JointTerms, both_directions, stribeck
+from identifiability.simulation.hidden import (
     HIDDEN,
     Hidden,
-    both_directions,
-    nominal_force,
+    hidden_torque,
     parse_hidden,
     scaled,
-    stribeck,
 )
-from identifiability.simulation.hidden import hidden_torque
 from identifiability.simulation.mujoco_robot import RigidTorque
 from identifiability.simulation.noise import Noise, ar1
 
@@ -145,9 +143,10 @@ def test_a_force_that_is_zero_stays_zero():
 def test_the_simulators_own_friction_has_a_level_for_each_direction():
     v = np.array([-2.0, 0.0, 3.0])
     values = {"j.Fv": 10.0, "j.Fc": 4.0}
-    np.testing.assert_allclose(nominal_force(values, "j", v), [-24, 0, 34])
-    np.testing.assert_allclose(nominal_force({**values, "j.Fc+": 1.0}, "j", v), [-24, 0, 31])
-    np.testing.assert_allclose(nominal_force({**values, "j.Fc-": 1.0}, "j", v), [-21, 0, 34])
+    for more, expected in (({}, [-24, 0, 34]), ({"j.Fc+": 1.0}, [-24, 0, 31]),
+                           ({"j.Fc-": 1.0}, [-21, 0, 34])):  # fmt: skip
+        terms = JointTerms.of(values | more, "j", ("Ia",))
+        np.testing.assert_allclose(terms.friction(v), expected)
     assert both_directions({"j.Fc": 4.0, "j.Fc-": 1.0}) == {
         "j.Fc": 4.0, "j.Fc+": 4.0, "j.Fc-": 1.0,
     }  # fmt: skip
