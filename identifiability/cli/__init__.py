@@ -14,6 +14,7 @@ from identifiability.cli.demo import demo
 from identifiability.cli.diagnose import diagnose
 from identifiability.cli.excite import excite
 from identifiability.cli.export import export
+from identifiability.cli.options import Command
 from identifiability.cli.paper import paper
 from identifiability.cli.prune import prune
 from identifiability.cli.simulate import simulate
@@ -27,7 +28,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for command in (demo, analyze, prune, diagnose, simulate, excite, export, calibrate, paper):
-    app.command()(command)
+    app.command(cls=Command)(command)
 
 
 def main() -> None:

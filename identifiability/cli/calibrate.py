@@ -2,53 +2,35 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import astuple
 from typing import Annotated
 
-import typer
+from typer import Option
 
-from identifiability.cli import options
-from identifiability.cli.common import (
-    check_outputs,
-    escaped,
-    load_robot,
-    progress,
-    running,
-    sentences,
-    write_results,
-)
+from identifiability.cli import common, options
 
 
+@options.command
 def calibrate(
-    robot: options.Robot,
+    machine: options.Machine,
     logs: options.Logs,
+    outputs: options.Outputs,
+    place: options.Place,
     ladder: options.Ladder = None,
     model: Annotated[
-        str | None, typer.Option(help="Model of the ladder; default: the unpruned one.")
+        str | None, Option(help="Model of the ladder; default: the unpruned one.")
     ] = None,
     trials: Annotated[
-        int,
-        typer.Option(min=4, help="Simulated repetitions a row; four times as many in the first."),
+        int, Option(min=4, help="Simulated repetitions a row; four times as many in the first.")
     ] = 60,
     sbc: Annotated[
-        bool, typer.Option(help="Also check the posterior by simulation (some seconds).")
+        bool, Option(help="Also check the posterior by simulation (some seconds).")
     ] = True,
     names: Annotated[
-        int,
-        typer.Option(min=0, help="Repetitions with nothing missing that are diagnosed; 0: none."),
+        int, Option(min=0, help="Repetitions with nothing missing that are diagnosed; 0: none.")
     ] = 40,
-    sidecar: options.Sidecar = None,
-    plugin: options.Plugin = None,
-    report: options.Report = None,
-    json: options.Json = None,
     seed: options.Seed = 0,
-    quick: Annotated[
-        bool, typer.Option(help="A few repetitions, a wide Monte-Carlo error.")
-    ] = False,
-    engine: options.Engine = None,
-    workers: options.Workers = None,
-    scheduler: options.Scheduler = None,
-    resume: options.Resume = None,
+    quick: Annotated[bool, Option(help="A few repetitions, a wide Monte-Carlo error.")] = False,
 ) -> None:
     """Measure how far intervals and verdicts can be trusted on this robot and motion.
 
@@ -62,24 +44,22 @@ def calibrate(
     identifiability calibrate 3-rps run.csv --report calibration.html
     ```
     """
-    with (
-        sentences(),
-        progress() as say,
-        running(engine, workers, scheduler, resume) as runner,
-    ):
+    with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.analyze import analyze  # noqa: PLC0415
         from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
-        check_outputs(report, json)
-        analysis = analyze(load_robot(robot, sidecar), logs, (), ladder, replicates=0, seed=seed)
+        common.check_outputs(*astuple(outputs), inputs=[*machine.files, *logs, ladder])
+        analysis = analyze(machine.load(), logs, (), ladder, replicates=0, seed=seed)
         result = run(
-            analysis, model=model, trials=8 if quick else trials,
-            sbc=(200 if quick else 1000) * sbc, logs=logs,
-            diagnoses=min(names, 4) if quick else names, seed=seed, progress=say, engine=runner,
-        )  # fmt: skip
-        written = write_results(result, report, json, say)
-    from rich.console import Console  # noqa: PLC0415
-
-    Console().print(escaped(result.statement), highlight=False, soft_wrap=True)
-    for path in written:
-        sys.stdout.write(f"{path}\n")
+            analysis,
+            model=model,
+            trials=8 if quick else trials,
+            sbc=(200 if quick else 1000) * sbc,
+            logs=logs,
+            diagnoses=min(names, 4) if quick else names,
+            seed=seed,
+            progress=say,
+            engine=runner,
+        )
+        written = outputs.write(result, say)
+    common.print_end([result.statement], written)

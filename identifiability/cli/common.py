@@ -1,32 +1,18 @@
-"""What the commands share: sentences instead of tracebacks, progress, engines, writing."""
+"""What the commands share: sentences instead of tracebacks, progress, checks, tables."""
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, NoReturn
 
 from identifiability.foundation.errors import IdentifiabilityError
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-    from rich.console import Console
-
-    from identifiability.foundation.engines.local import OpenEngine
-    from identifiability.robot import Robot
-
-
-class Result(Protocol):
-    """What every command's result can do."""
-
-    def to_json(self, path: str | Path) -> Path:
-        """Write the result as JSON."""
-
-    def write_report(self, path: str | Path) -> Path:
-        """Write the result as HTML."""
 
 
 @contextmanager
@@ -63,9 +49,9 @@ def escaped(text: str) -> str:
     return escape(text)
 
 
-def percent(share: float) -> str:
+def percent(share: float, digits: int = 2) -> str:
     """Return a relative error in percent, or a dash where there is none."""
-    return f"{100 * share:.2f} %" if math.isfinite(share) else "–"
+    return f"{100 * share:.{digits}f} %" if math.isfinite(share) else "–"
 
 
 @contextmanager
@@ -86,37 +72,6 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
         yield say
 
 
-@contextmanager
-def running(
-    name: Any, workers: int | None, scheduler: str | None, resume: Path | None
-) -> Iterator[OpenEngine]:
-    """Give the engine that the options ask for; end its processes with the command."""
-    from identifiability.foundation.engines.local import choose_engine  # noqa: PLC0415
-
-    with choose_engine(name, workers, scheduler, resume) as engine:
-        yield engine
-
-
-def load_robot(robot: str, sidecar: str | None) -> Robot:
-    """Return the robot of a file or a shipped name."""
-    from identifiability.robot import Robot  # noqa: PLC0415
-
-    return Robot.load(robot, sidecar)
-
-
-def write_results(
-    result: Result, report: Path | None, json: Path | None, say: Callable[[str, float], None]
-) -> list[Path]:
-    """Write what was asked for and return the paths, the report last."""
-    written = []
-    if json is not None:
-        written.append(result.to_json(json))
-    if report is not None:
-        say("drawing the report", 0.95)
-        written.append(result.write_report(report))
-    return written
-
-
 def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ()) -> None:
     """Refuse paths that cannot be written, or are inputs, before a long computation starts."""
     from identifiability.foundation.output import check_apart, check_writable  # noqa: PLC0415
@@ -129,25 +84,49 @@ def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ())
 LISTED = 12
 
 
-def print_errors(console: Console, model: str, errors: DataFrame) -> None:
-    """Print the errors of a model by joint and by log, the largest where they are many."""
+def print_table(
+    title: str, headings: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[str]
+) -> None:
+    """Print a table under its title.
+
+    Columns named in `left` start at the left, others end at the right; an empty row is a line.
+    """
+    from rich.console import Console  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
 
-    errors = errors[errors.groupby("of")["of"].transform("size") > 1]
-    if not len(errors):
-        return
-    table = Table()  # its title would be wrapped to its width
-    console.print(
-        f"[italic]Errors of {escaped(model)} by joint and by log[/italic]", soft_wrap=True
-    )
-    for heading in ("joint or log", "error", "held out"):
-        table.add_column(heading, justify="left" if heading == "joint or log" else "right")
-    for _, part in errors.groupby("of"):
-        order = part.sort_values("error_validation", ascending=False)[:LISTED].index
-        for row in part.loc[sorted(order)].itertuples():
-            numbers = (f"{100 * e:.1f} %" if math.isfinite(e) else "—" for e in (row[3], row[4]))
-            table.add_row(escaped(str(row[2])), *numbers)
-        if len(part) > LISTED:
-            table.add_row(f"… {len(part) - LISTED} with smaller errors", "", "")
-        table.add_section()
+    console, table = Console(), Table()  # a title of its own would be wrapped to its width
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading in left else "right")
+    for row in rows:
+        if row:
+            table.add_row(*map(escaped, row))
+        else:
+            table.add_section()
+    console.print(f"[italic]{escaped(title)}[/italic]", soft_wrap=True)
     console.print(table)
+
+
+def print_errors(model: str, errors: DataFrame) -> None:
+    """Print the errors of a model by joint and by log, the largest where they are many."""
+    rows: list[tuple[str, ...]] = []
+    for _, part in errors[errors.groupby("of")["of"].transform("size") > 1].groupby("of"):
+        order = part.sort_values("error_validation", ascending=False)[:LISTED].index
+        for name, *shares in part.loc[sorted(order)].drop(columns="of").itertuples(index=False):
+            rows.append((str(name), *(percent(share, 1) for share in shares)))
+        if len(part) > LISTED:
+            rows.append((f"… {len(part) - LISTED} with smaller errors", "", ""))
+        rows.append(())
+    if rows:
+        title = f"Errors of {model} by joint and by log"
+        print_table(title, ("joint or log", "error", "held out"), rows, ("joint or log",))
+
+
+def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
+    """Print what is said last: sentences, and the paths of what was written."""
+    from rich.console import Console  # noqa: PLC0415
+
+    console = Console()
+    for text in texts:
+        console.print(escaped(text), highlight=False, soft_wrap=not console.is_terminal)
+    for path in written:
+        sys.stdout.write(f"{path}\n")

@@ -1,20 +1,23 @@
-"""``identifiability demo``."""
+"""``identifiability demo``: the paper's robot, simulated, analysed and validated."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
-from identifiability.cli import options
+from identifiability.cli import common, options
 from identifiability.cli.analyze import print_analysis
-from identifiability.cli.common import check_outputs, progress, sentences, write_results
+
+if TYPE_CHECKING:
+    from identifiability.workflows.analyze import Analysis
 
 
 def demo(
-    quick: Annotated[bool, typer.Option(help="100 samples instead of 750.")] = False,
-    folder: Annotated[Path, typer.Option(help="Where to write demo.html and demo.json.")] = Path(
+    quick: Annotated[bool, Option(help="100 samples instead of 750.")] = False,
+    folder: Annotated[Path, Option(help="Where to write demo.html and demo.json.")] = Path(
         "reports"
     ),
     seed: options.Seed = 0,
@@ -24,12 +27,29 @@ def demo(
     Models 1 to 4 are fitted to one trajectory and validated on another; the report is
     reports/demo.html.
     """
-    with sentences(), progress() as say:
-        from identifiability.cli.demo_run import run_demo  # noqa: PLC0415
-
+    with common.sentences(), common.progress() as say:
         folder.mkdir(parents=True, exist_ok=True)
-        report, json = folder / "demo.html", folder / "demo.json"
-        check_outputs(report, json)
-        result = run_demo(quick=quick, seed=seed, progress=say)
-        written = write_results(result, report, json, say)
+        outputs = options.Outputs(folder / "demo.html", folder / "demo.json")
+        common.check_outputs(outputs.report, outputs.json)
+        result = run_demo(quick, seed, say)
+        written = outputs.write(result, say)
     print_analysis(result, written)
+
+
+def run_demo(
+    quick: bool, seed: int = 0, say: Callable[[str, float], None] = lambda _text, _share: None
+) -> Analysis:
+    """Analyse Models 1 to 4 of the 3-RPS robot on trajectory 601, validated on 595."""
+    import numpy as np  # noqa: PLC0415
+
+    from identifiability.robot import Robot  # noqa: PLC0415
+    from identifiability.simulation import PAPER_NOISE, simulate  # noqa: PLC0415
+    from identifiability.simulation.motion import find_motion  # noqa: PLC0415
+    from identifiability.workflows.analyze import analyze  # noqa: PLC0415
+
+    robot, logs = Robot.load("3-rps"), []
+    for name, rng in zip(("601", "595"), np.random.default_rng(seed).spawn(2), strict=True):
+        say(f"simulating trajectory {name}", 0.0)
+        motion = find_motion(robot, name, 100 if quick else None, rng)
+        logs.append(simulate(robot, motion, noise=PAPER_NOISE, rng=rng))
+    return analyze(robot, logs[:1], logs[1:], posterior=not quick, seed=seed, progress=say)

@@ -6,17 +6,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from identifiability.cli import options
-from identifiability.cli.common import check_outputs, load_robot, sentences
+from identifiability.cli import common, options
 
 
+@options.command
 def export(
-    robot: options.Robot,
-    result: Annotated[Path, typer.Argument(help="JSON that analyze, prune or diagnose wrote.")],
-    out: Annotated[Path, typer.Option(help="Robot file to write: .xml (MJCF) or .urdf.")],
-    sidecar: options.Sidecar = None,
-    plugin: options.Plugin = None,
+    machine: options.Machine,
+    result: Annotated[Path, Argument(help="JSON that analyze, prune or diagnose wrote.")],
+    out: Annotated[Path, Option(help="Robot file to write: .xml (MJCF) or .urdf.")],
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file.
 
@@ -30,17 +29,17 @@ def export(
     identifiability export 3-rps result.json --out fitted.xml
     ```
     """
-    with sentences():
+    with common.sentences():
         from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415
         from identifiability.workflows.export import export as run  # noqa: PLC0415
 
-        check_outputs(out, inputs=[robot, result, sidecar])
-        machine = load_robot(robot, sidecar)
-        exported = run(machine, result, out)
+        common.check_outputs(out, inputs=[*machine.files, result])
+        robot = machine.load()
+        exported = run(robot, result, out)
     for line in (exported.mass, exported.statement):
         if line:
             typer.echo(line)
-    for text in unused_ladder(machine):
+    for text in unused_ladder(robot):
         typer.echo(text, err=True)
     for path in (exported.robot, exported.sidecar):
         if path is not None:

@@ -1,34 +1,39 @@
-"""The options that several commands have, each declared once, and their choices."""
+"""The options that several commands have: each is declared once, in a group that is taken whole.
+
+A command names a group as one parameter, ``place: Place``; `command` puts the group's options in
+its place.
+"""
 
 from __future__ import annotations
 
-from enum import StrEnum
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, fields, is_dataclass
+from functools import partial, wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, get_type_hints
 
 import typer
+from typer import Argument, Option
 
 from identifiability.cli.common import sentences
 
-#: Where ``--help`` shows the options of velocity and acceleration, and of processes.
-DERIVATIVES, COMPUTING = "Velocity and acceleration", "Where it runs"
+if TYPE_CHECKING:
+    from identifiability.foundation.engines.local import OpenEngine
+    from identifiability.robot import Robot
+
+_derived = partial(Option, rich_help_panel="Velocity and acceleration")
+_placed = partial(Option, rich_help_panel="Where it runs")
 
 
-class Derivatives(StrEnum):
-    """Where velocity and acceleration come from."""
+class Result(Protocol):
+    """What every command's result can do."""
 
-    auto = "auto"
-    given = "given"
-    butterworth = "butterworth"
-    fourier = "fourier"
+    def to_json(self, path: str | Path) -> Path:
+        """Write the result as JSON."""
 
-
-class EngineName(StrEnum):
-    """Where long work runs."""
-
-    serial = "serial"
-    processes = "processes"
-    dask = "dask"
+    def write_report(self, path: str | Path) -> Path:
+        """Write the result as HTML."""
 
 
 def _robots(typed: str) -> list[str]:
@@ -38,8 +43,15 @@ def _robots(typed: str) -> list[str]:
     return sorted({p.parent.name for p in shipped if p.parent.name.startswith(typed)})
 
 
+def _estimators(typed: str = "") -> list[str]:
+    """Return the registered estimators that begin so, a plugin's among them."""
+    from identifiability.estimation.estimate import ESTIMATORS  # noqa: PLC0415
+
+    return [name for name in ESTIMATORS if name.startswith(typed)]
+
+
 def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path]:
-    """Register the effects of the user's files before the command asks for any."""
+    """Register what the user's files add before the command, or its help, asks for any."""
     if paths and not context.resilient_parsing:
         from identifiability.effects import load_plugin  # noqa: PLC0415
 
@@ -49,106 +61,191 @@ def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path
     return paths or []
 
 
-Robot = Annotated[
-    str,
-    typer.Argument(
-        help="MJCF or URDF file, or a shipped robot such as 3-rps.", autocompletion=_robots
-    ),
-]
 Logs = Annotated[
     list[str],
-    typer.Argument(
+    Argument(
         help="Logs to fit: CSV or Parquet with `t`, `<joint>.q`, `<joint>.tau` and, if measured, "
         "`<joint>.dq`, `<joint>.ddq`, in SI units; or bags of ROS, as `run.mcap:/joint_states`."
     ),
 ]
-Validate = Annotated[
-    list[str] | None, typer.Option(help="Held-out log; may be given several times.")
-]
+Validate = Annotated[list[str] | None, Option(help="Held-out log; may be given several times.")]
 Ladder = Annotated[
-    str | None, typer.Option(help="TOML ladder of models; default: the one beside the robot.")
+    str | None, Option(help="TOML ladder of models; default: the one beside the robot.")
 ]
 Model = Annotated[
     str | None,
-    typer.Option(
+    Option(
         help="Effects of the model, such as rigid_body,viscous_friction, or a model file (.toml)."
     ),
 ]
-Sidecar = Annotated[str | None, typer.Option(help="TOML with what the robot file cannot say.")]
-Plugin = Annotated[
-    list[Path] | None,
-    typer.Option(
-        help="Python file that registers effects of your own; may be given several times.",
-        callback=_load_plugins,
-    ),
-]
-Report = Annotated[Path | None, typer.Option(help="Write an HTML report here.")]
-Json = Annotated[Path | None, typer.Option(help="Write the result as JSON here.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of every random choice.")]
-Weighting = Annotated[
-    str,
-    typer.Option(
-        metavar="wls|ols", autocompletion=lambda: ["wls", "ols"],
-        help="Weight actuators by their own variance, or all alike.",
-    ),
-]  # fmt: skip
-CadPrior = Annotated[
-    float, typer.Option(min=0, help="Weight of a log-det prior around the robot file's bodies.")
-]
+Report = Annotated[Path | None, Option(help="Write an HTML report here.")]
+Seed = Annotated[int, Option(min=0, help="Seed of every random choice.")]
 
-Source = Annotated[
-    Derivatives,
-    typer.Option(
-        help="Velocity and acceleration: the log's own or computed.", rich_help_panel=DERIVATIVES
-    ),
-]
-Cutoff = Annotated[
-    float | None,
-    typer.Option(
-        min=0, help="Low-pass for computed derivatives [Hz].", rich_help_panel=DERIVATIVES
-    ),
-]
-Period = Annotated[
-    float | None,
-    typer.Option(
-        min=0, help="Period of periodic motion [s], for fourier.", rich_help_panel=DERIVATIVES
-    ),
-]
-Harmonics = Annotated[
-    int, typer.Option(min=1, help="Harmonics of the Fourier fit.", rich_help_panel=DERIVATIVES)
-]
-Decimate = Annotated[
-    int | None,
-    typer.Option(
-        min=1, help="Parallel filter and keep every k-th sample.", rich_help_panel=DERIVATIVES
-    ),
-]
 
-Engine = Annotated[
-    EngineName | None,
-    typer.Option(
-        help="In this process, in several (default), or on a Dask cluster; the result is the same.",
-        rich_help_panel=COMPUTING,
-    ),
-]
-Workers = Annotated[
-    int | None,
-    typer.Option(
-        min=1, help="Processes on this machine; default: one a core.", rich_help_panel=COMPUTING
-    ),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        help="Address of a running Dask scheduler, such as tcp://host:8786.",
-        rich_help_panel=COMPUTING,
-    ),
-]
-Resume = Annotated[
-    Path | None,
-    typer.Option(
-        help="Folder that keeps finished work; the same command takes it from there when it runs "
-        "again.",
-        rich_help_panel=COMPUTING,
-    ),
-]
+@dataclass(frozen=True)
+class Machine:
+    """The robot, and what its file does not say."""
+
+    robot: Annotated[
+        str,
+        Argument(
+            help="MJCF or URDF file, or a shipped robot such as 3-rps.", autocompletion=_robots
+        ),
+    ]
+    sidecar: Annotated[str | None, Option(help="TOML with what the robot file cannot say.")] = None
+    plugin: Annotated[
+        list[Path] | None,
+        Option(
+            help="Python file that registers effects of your own; may be given several times.",
+            callback=_load_plugins,
+            is_eager=True,
+        ),
+    ] = None
+
+    @property
+    def files(self) -> tuple[str | None, ...]:
+        """What it is read from, which no result may be written over."""
+        return self.robot, self.sidecar
+
+    def load(self) -> Robot:
+        """Return the robot."""
+        from identifiability.robot import Robot  # noqa: PLC0415
+
+        return Robot.load(self.robot, self.sidecar)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Where results are written."""
+
+    report: Report = None
+    json: Annotated[Path | None, Option(help="Write the result as JSON here.")] = None
+
+    def write(self, result: Result, say: Callable[[str, float], None]) -> list[Path]:
+        """Write what was asked for and return the paths, the report last."""
+        written = [result.to_json(self.json)] if self.json else []
+        if self.report is not None:
+            say("drawing the report", 0.95)
+            written.append(result.write_report(self.report))
+        return written
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """How parameters are estimated, and how logs become motion."""
+
+    method: Annotated[
+        str,
+        Option(
+            metavar="NAME",
+            autocompletion=_estimators,
+            help="Weight actuators by their own variance, or all alike.",
+        ),
+    ] = "wls"
+    cad_prior: Annotated[
+        float, Option(min=0, help="Weight of a log-det prior around the robot file's bodies.")
+    ] = 0.0
+    derivatives: Annotated[
+        Literal["auto", "given", "butterworth", "fourier"],
+        _derived(help="Velocity and acceleration: the log's own or computed."),
+    ] = "auto"
+    cutoff: Annotated[
+        float | None, _derived(min=0, help="Low-pass for computed derivatives [Hz].")
+    ] = None
+    period: Annotated[
+        float | None, _derived(min=0, help="Period of periodic motion [s], for fourier.")
+    ] = None
+    harmonics: Annotated[int, _derived(min=1, help="Harmonics of the Fourier fit.")] = 5
+    decimate: Annotated[
+        int | None, _derived(min=1, help="Parallel filter and keep every k-th sample.")
+    ] = None
+
+    def arguments(self) -> dict[str, Any]:
+        """Return what the library calls them."""
+        from identifiability.logs.prepare import Preparation  # noqa: PLC0415
+
+        method, cad_weight, *derivation = astuple(self)
+        how = Preparation(*derivation)
+        return {"method": method, "cad_weight": cad_weight, "preparation": how}
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where long work runs."""
+
+    engine: Annotated[
+        Literal["serial", "processes", "dask"] | None,
+        _placed(
+            help="In this process, in several (default), or on a Dask cluster; the result is the "
+            "same."
+        ),
+    ] = None
+    workers: Annotated[
+        int | None, _placed(min=1, help="Processes on this machine; default: one a core.")
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        _placed(help="Address of a running Dask scheduler, such as tcp://host:8786."),
+    ] = None
+    resume: Annotated[
+        Path | None,
+        _placed(
+            help="Folder that keeps finished work; the same command takes it from there when it "
+            "runs again."
+        ),
+    ] = None
+
+    def running(self) -> OpenEngine:
+        """Return the engine; its processes end with it."""
+        from identifiability.foundation.engines.local import choose_engine  # noqa: PLC0415
+
+        return choose_engine(*astuple(self))
+
+
+def command(function: Callable[..., None]) -> Callable[..., None]:
+    """Return the function with the options of each group in the group's place."""
+    hints = get_type_hints(function, include_extras=True)
+    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    flat: list[Parameter] = []
+    for name, given in signature(function).parameters.items():
+        if name not in groups:
+            flat.append(given.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name]))
+            continue
+        kinds = get_type_hints(groups[name], include_extras=True)
+        flat += [
+            option.replace(kind=Parameter.KEYWORD_ONLY, annotation=kinds[key])
+            for key, option in signature(groups[name]).parameters.items()
+        ]
+
+    @wraps(function)
+    def called(**options: Any) -> None:
+        whole = {
+            name: kind(**{field.name: options.pop(field.name) for field in fields(kind)})
+            for name, kind in groups.items()
+        }
+        function(**whole, **options)
+
+    called.__signature__ = Signature(flat)  # type: ignore[attr-defined]
+    called.__annotations__ = {option.name: option.annotation for option in flat}
+    return called
+
+
+class Command(typer.core.TyperCommand):
+    """A command whose help lists the estimators that are registered when it is asked for."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help."""
+        for parameter in self.params:
+            if parameter.name == "method":
+                parameter.metavar = "|".join(_estimators())
+        super().format_help(ctx, formatter)
+
+
+def split_names(text: str | None) -> list[str] | None:
+    """Return the names in ``a,b c``, or None."""
+    return None if text is None else text.replace(",", " ").split()
+
+
+def split_model(text: str | None) -> list[str] | str | None:
+    """Return the effects in ``a,b``, or the path of a model file as it is."""
+    return text if text is None or text.lower().endswith(".toml") else split_names(text)

@@ -7,28 +7,26 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from identifiability.cli import options
-from identifiability.cli.common import progress, running, sentences
+from identifiability.cli import common, options
 
 #: The studies of the paper, beside the package in a checkout.
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 
 
+@options.command
 def paper(
+    place: options.Place,
     tables: Annotated[
         list[str] | None,
-        typer.Argument(help="Tables and figures, such as 3, table3 or figure4; all by default."),
+        Argument(help="Tables and figures, such as 3, table3 or figure4; all by default."),
     ] = None,
-    quick: Annotated[bool, typer.Option(help="Few seeds and coarse grids.")] = False,
+    quick: Annotated[bool, Option(help="Few seeds and coarse grids.")] = False,
     seeds: Annotated[
-        int | None, typer.Option(min=1, help="Draws of the noise for every case (40; 4 if quick).")
+        int | None, Option(min=1, help="Draws of the noise for every case (40; 4 if quick).")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
-    engine: options.Engine = None,
-    workers: options.Workers = None,
-    scheduler: options.Scheduler = None,
-    resume: options.Resume = None,
+    out: Annotated[Path, Option(help="Folder of the reports.")] = Path("reports"),
 ) -> None:
     """Compute every table and figure of the paper, ours beside the printed numbers.
 
@@ -40,7 +38,7 @@ def paper(
     identifiability paper --seeds 400 --resume work
     ```
     """
-    with sentences():
+    with common.sentences():
         from identifiability.foundation.errors import IdentifiabilityError  # noqa: PLC0415
 
         if not (STUDIES / "paper_study").is_dir():
@@ -60,7 +58,7 @@ def paper(
             names = find_studies(tables or ())
         except KeyError as error:
             raise IdentifiabilityError(str(error.args[0])) from None
-        with progress() as say, running(engine, workers, scheduler, resume) as runner:
+        with common.progress() as say, place.running() as runner:
             results = run_studies(names, Options(quick, seeds, runner, progress=say), out)
     for result in results:
         print_result(result, out)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability.cli.demo_run import run_demo
+from identifiability.cli.demo import run_demo
 from identifiability.robot import Robot
 from identifiability.robot.files import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
