@@ -8,8 +8,8 @@ from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.robot.write import write_robot
 from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.workflows.export import write_parameters
 
 
 def other_parameters(robot, rng):
@@ -36,7 +36,7 @@ def test_written_robots_give_the_written_parameters_on_both_roads(robot, tmp_pat
     rng = np.random.default_rng(0)
     values = other_parameters(robot, rng)
     path = tmp_path / f"copy{robot.path.suffix}"
-    written = write_robot(robot, values, path)
+    written = write_parameters(robot, values, path)
     rotors = () if robot.mjcf else tuple(f"{joint}.Ia" for joint in robot.joints)
     assert written.beside == rotors
     copy = Robot.load(path)
@@ -53,20 +53,20 @@ def test_written_robots_give_the_written_parameters_on_both_roads(robot, tmp_pat
 
 def test_the_template_is_unchanged_and_the_other_format_is_refused(rps, tmp_path):
     before = rps.path.read_bytes()
-    write_robot(rps, {"platform.m": 11.0}, tmp_path / "copy.xml")
+    write_parameters(rps, {"platform.m": 11.0}, tmp_path / "copy.xml")
     assert rps.path.read_bytes() == before
     with pytest.raises(RobotError, match=r"asks for URDF, but .*robot\.xml is MJCF"):
-        write_robot(rps, {}, tmp_path / "copy.urdf")
+        write_parameters(rps, {}, tmp_path / "copy.urdf")
 
 
 def test_a_body_without_mass_is_refused_by_name(rps, tmp_path):
     with pytest.raises(RobotError, match="'platform' has a mass of -1 kg"):
-        write_robot(rps, {"platform.m": -1.0}, tmp_path / "copy.xml")
+        write_parameters(rps, {"platform.m": -1.0}, tmp_path / "copy.xml")
     assert not (tmp_path / "copy.xml").exists()
 
 
 def test_asymmetric_friction_goes_to_the_sidecar_and_its_mean_to_the_file(rps, tmp_path):
-    write_robot(rps, {"slider1.Fc+": 300.0, "slider1.Fc-": 200.0}, tmp_path / "copy.xml")
+    write_parameters(rps, {"slider1.Fc+": 300.0, "slider1.Fc-": 200.0}, tmp_path / "copy.xml")
     copy = Robot.load(tmp_path / "copy.xml")
     assert copy.nominal["slider1.Fc"] == 250.0
     assert (copy.nominal["slider1.Fc+"], copy.nominal["slider1.Fc-"]) == (300.0, 200.0)
@@ -75,7 +75,7 @@ def test_asymmetric_friction_goes_to_the_sidecar_and_its_mean_to_the_file(rps, t
 def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, tmp_path):
     values = {"slider1.off": 3.0, "slider2.Fs": 4.0, "base.tilt1": 0.01}
     shapes = {"slider2.stribeck_friction": 0.02}
-    written = write_robot(
+    written = write_parameters(
         rps, values, tmp_path / "copy.xml", shapes=shapes, reference={"platform.m": 7.0}
     )
     assert set(written.beside) == set(values)
@@ -83,7 +83,7 @@ def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, 
     assert {name: copy.nominal[name] for name in values} == values
     assert copy.shapes == shapes
     assert copy.reference == {"platform.m": 7.0}
-    again = write_robot(copy, {}, tmp_path / "again.xml", shapes={}, reference={})
+    again = write_parameters(copy, {}, tmp_path / "again.xml", shapes={}, reference={})
     assert Robot.load(tmp_path / "again.xml").nominal["slider1.off"] == 3.0
     assert not Robot.load(tmp_path / "again.xml").shapes
     assert set(again.beside) == set(values)
@@ -91,4 +91,4 @@ def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, 
 
 def test_a_parameter_of_nothing_is_refused_with_the_near_match(rps, tmp_path):
     with pytest.raises(RobotError, match=r"'slidr1\.Fv' is of no body.*did you mean 'slider1'"):
-        write_robot(rps, {"slidr1.Fv": 3.0}, tmp_path / "copy.xml")
+        write_parameters(rps, {"slidr1.Fv": 3.0}, tmp_path / "copy.xml")

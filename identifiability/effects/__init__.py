@@ -7,7 +7,7 @@ To add an effect: one file that states its columns and registers its `Family`.
 from importlib import import_module
 from pkgutil import iter_modules
 
-from identifiability.effects.effect import AlongAxes, Effect, put, speed_along, travel
+from identifiability.effects.effect import Along, AlongAxes, Effect, put, speed_along, travel
 from identifiability.effects.family import Family, Law, Span, joint_places
 from identifiability.effects.placed import Part, Placed
 from identifiability.effects.registry import (
@@ -18,7 +18,6 @@ from identifiability.effects.registry import (
     find_families,
     find_family,
     forget,
-    held_by_file,
     load_plugin,
     register,
     stated_effects,
@@ -30,6 +29,7 @@ for _module in iter_modules(__path__):
 
 __all__ = [
     "FAMILIES",
+    "Along",
     "AlongAxes",
     "Effect",
     "Family",
@@ -43,7 +43,6 @@ __all__ = [
     "find_families",
     "find_family",
     "forget",
-    "held_by_file",
     "joint_places",
     "load_plugin",
     "put",

@@ -1,17 +1,15 @@
 """The inertia of rotor and drive."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
-from identifiability.effects.effect import AlongAxes, axis_motion
-from identifiability.effects.family import Family
-from identifiability.effects.registry import register
+from identifiability.effects.effect import Along, AlongAxes
+from identifiability.effects.family import in_motor
+from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
-from identifiability.robot import Motion, Robot
-from identifiability.robot.transmission import Axis
+from identifiability.robot import Axis, Robot
 
 
+@declare("actuator inertia", alike=True, basic=True, refuse=in_motor, native=True, rank=4)
 class ActuatorInertia(AlongAxes):
     """``τ = Ia q̈``: rotor and drive inertia referred to the joint.
 
@@ -23,6 +21,8 @@ class ActuatorInertia(AlongAxes):
     equation = "τ = Ia q̈"
     source = "[Díaz 2010, Eq. 12]"
     units = (("Ia", "kg·m²", "kg"),)
+    nonnegative = True
+    stated_as = ("armature",)
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return actuated joints and coupled motors, and the passive joints with a rotor."""
@@ -35,31 +35,6 @@ class ActuatorInertia(AlongAxes):
         del axis
         return robot.inertia_parts
 
-    def unit(self, kind: str, axis: Axis) -> str:
-        """Return the unit, whatever the part is called."""
-        del kind
-        return super().unit("Ia", axis)
-
-    def forces(self, robot: Robot, motion: Motion, axis: Axis) -> Sequence[Array]:
+    def curves(self, at: Along) -> list[Array]:
         """Return the acceleration, once for every part."""
-        return [axis_motion(robot, motion, axis)[1]] * len(robot.inertia_parts)
-
-
-def in_motor(robot: Robot, place: str) -> str:
-    """Return why a passive joint cannot have what motors have."""
-    return "a passive joint has no motor" if place in robot.passive else ""
-
-
-register(
-    Family(
-        ActuatorInertia(),
-        "actuator inertia",
-        positive=True,
-        alike=True,
-        basic=True,
-        refuse=in_motor,
-        held={"mjcf": "armature"},
-        native=True,
-        rank=4,
-    )
-)
+        return [at.acceleration] * len(at.robot.inertia_parts)

@@ -3,16 +3,14 @@
 `AlongAxes` is what most effects are: forces along joints and motors, in proportion to levels.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from identifiability.foundation.names import Array, Parameter
-from identifiability.robot import Motion, Robot
-from identifiability.robot.transmission import Axis
+from identifiability.foundation.values import frozen
+from identifiability.robot import Axis, Motion, Robot
 
 
 class Effect(ABC):
@@ -53,17 +51,65 @@ class Effect(ABC):
         """
 
 
+@frozen
+class Along:
+    """The motion along one axis, which the forces along it are functions of."""
+
+    robot: Robot
+    motion: Motion
+    axis: Axis
+
+    @property
+    def speed(self) -> Array:
+        """Speed of the axis, (N,) [rad/s or m/s]."""
+        motion, row = self.motion, self.axis.row
+        speed: Array = motion.v[:, self.axis.dof] if row is None else motion.actuated_v @ row
+        return speed
+
+    @property
+    def acceleration(self) -> Array:
+        """Acceleration of the axis, (N,) [rad/s² or m/s²]."""
+        motion, row = self.motion, self.axis.row
+        rate: Array = motion.a[:, self.axis.dof] if row is None else motion.actuated_a @ row
+        return rate
+
+    @property
+    def travel(self) -> Array:
+        """Position of an actuated axis from its home, (N,) [rad or m]."""
+        assert self.axis.row is not None
+        home = self.robot.actuated_positions(self.robot.home[None])[0]
+        position: Array = (self.motion.actuated_q - home) @ self.axis.row
+        return position
+
+    @property
+    def load(self) -> Array:
+        """What a force f along the axis loads the actuated joints by, ``load · f``, (N, n) or (n,).
+
+        It is the row of their speeds in that of the axis (virtual work).
+        """
+        if self.axis.row is not None:
+            return self.axis.row
+        at = int(np.flatnonzero(self.robot.dependent == self.axis.dof)[0])
+        assert self.motion.X is not None
+        row: Array = -self.motion.X[:, at, :]
+        return row
+
+
 class AlongAxes(Effect):
     """Forces along joints and coupled motors, each in proportion to one parameter.
 
-    A subclass states its `units` and its `forces`, and where it is if not at every actuated axis.
+    A subclass states its `units` and its `curves`, and what else differs from the words here.
     """
 
     #: Each kind of parameter, with its SI unit at an axis that turns and at one that slides.
     units: tuple[tuple[str, str, str], ...]
+    #: Whether physics forbids levels below zero.
+    nonnegative: bool = False
+    #: The number of a joint by which a robot file states each kind; see `Parameter.stated_as`.
+    stated_as: tuple[str, ...] = ()
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
-        """Return where the effect is."""
+        """Return where the effect is: by default at every actuated joint and coupled motor."""
         return robot.axes
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
@@ -71,67 +117,87 @@ class AlongAxes(Effect):
         del robot, axis
         return tuple(kind for kind, _, _ in self.units)
 
-    def unit(self, kind: str, axis: Axis) -> str:
-        """Return the SI unit of a kind at an axis."""
-        turning, sliding = next(unit for known, *unit in self.units if known == kind)
-        return sliding if axis.prismatic else turning
+    def curves(self, at: Along) -> Sequence[Array]:
+        """Return the force along an axis per unit of each kind, (N,) each."""
+        raise NotImplementedError(f"{type(self).__name__} states no curves")
 
-    @abstractmethod
     def forces(self, robot: Robot, motion: Motion, axis: Axis) -> Sequence[Array]:
-        """Return the force along the axis per unit of each kind, (N,) each."""
+        """Return the same from robot, motion and axis, which a subclass may state instead."""
+        return self.curves(Along(robot, motion, axis))
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return every kind of every axis."""
         return tuple(
-            Parameter(axis.name, kind, self.unit(kind, axis), self.name, axis.symbol)
+            self._parameter(axis, kind)
             for axis in self.axes(robot)
             for kind in self.kinds(robot, axis)
         )
+
+    def _parameter(self, axis: Axis, kind: str) -> Parameter:
+        known = [name for name, _, _ in self.units]
+        at = known.index(kind) if kind in known else 0
+        _, turning, sliding = self.units[at]
+        unit = sliding if axis.prismatic else turning
+        stated_as = self.stated_as[at] if self.stated_as else ""
+        return Parameter(axis.name, kind, unit, self.name, axis.symbol, self.nonnegative, stated_as)
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write a column for every force."""
         column = 0
         for axis in self.axes(robot):
-            _, _, row = axis_motion(robot, motion, axis)
+            load = Along(robot, motion, axis).load
             for force in self.forces(robot, motion, axis):
-                put(out, column, row, force)
+                put(out, column, load, force)
                 column += 1
 
 
-def axis_motion(robot: Robot, motion: Motion, axis: Axis) -> tuple[Array, Array, Array]:
-    """Return speed (N,), acceleration (N,) and torque row (N, n) or (n,) of an axis.
+@frozen
+class Shaped(AlongAxes):
+    """Forces whose curve has a shape, such as a period.
 
-    A force f along the axis loads the actuated joints by ``row · f`` (virtual work).
+    Attributes
+    ----------
+    given : float or None
+        The shape; None takes the robot's, else a typical one for each axis.
+    only : str or None
+        One axis; None for all.
     """
-    if axis.row is not None:
-        return motion.actuated_v @ axis.row, motion.actuated_a @ axis.row, axis.row
-    at = int(np.flatnonzero(robot.dependent == axis.dof)[0])
-    assert motion.X is not None
-    return motion.v[:, axis.dof], motion.a[:, axis.dof], -motion.X[:, at, :]
+
+    given: float | None = None
+    only: str | None = None
+
+    @abstractmethod
+    def typical(self, robot: Robot, axis: Axis) -> float:
+        """Return the shape at an axis for which none is stated."""
+
+    def shape(self, robot: Robot, axis: Axis) -> float:
+        """Return the shape at an axis."""
+        stated = self.given or robot.shapes.get(f"{axis.name}.{self.name}")
+        return stated or self.typical(robot, axis)
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return the axes of actuated joints and coupled motors, or the one that is asked for."""
+        return [a for a in robot.axes if self.only is None or a.name == self.only]
+
+    def shapes(self, robot: Robot) -> dict[str, float]:
+        """Return the shape of every axis."""
+        return {f"{a.name}.{self.name}": self.shape(robot, a) for a in self.axes(robot)}
 
 
 def speed_along(robot: Robot, motion: Motion, axis: Axis) -> Array:
     """Return the speed of an axis, (N,) [rad/s or m/s]."""
-    return axis_motion(robot, motion, axis)[0]
+    return Along(robot, motion, axis).speed
 
 
 def travel(robot: Robot, motion: Motion, axis: Axis) -> Array:
     """Return the position of an actuated axis from its home, (N,) [rad or m]."""
-    assert axis.row is not None
-    home = robot.actuated_positions(robot.home[None])[0]
-    position: Array = (motion.actuated_q - home) @ axis.row
-    return position
+    return Along(robot, motion, axis).travel
 
 
-def chosen_axes(robot: Robot, only: str | None) -> list[Axis]:
-    """Return the axes of actuated joints and coupled motors, or the one that is asked for."""
-    return [a for a in robot.axes if only is None or a.name == only]
-
-
-def put(out: Array, column: int, row: Array, force: Array) -> None:
-    """Write the column of a force (N,) along an axis with torque row (n,) or (N, n)."""
-    if row.ndim == 2:
-        out[:, :, column] = row * force[:, None]
+def put(out: Array, column: int, load: Array, force: Array) -> None:
+    """Write the column of a force (N,) along an axis that loads the joints by (n,) or (N, n)."""
+    if load.ndim == 2:
+        out[:, :, column] = load * force[:, None]
         return
-    for joint in np.flatnonzero(row):
-        out[:, joint, column] = row[joint] * force
+    for joint in np.flatnonzero(load):
+        out[:, joint, column] = load[joint] * force

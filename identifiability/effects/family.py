@@ -1,13 +1,12 @@
 """`Family`: what a diagnosis, an export and a report must know of an effect.
 
-A family is declared before the data are seen: where it can be, which shapes it can have, which
-sign its level must have. It stands in the file of its effect.
+A family is declared before the data are seen: where it can be, which shapes it can have. It stands
+in the file of its effect.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import field
 from typing import Literal
 
 import numpy as np
@@ -38,9 +37,25 @@ class Span:
     rms_speed: float
 
 
+#: Motions that tell effects from what they resemble.
+SPEEDS = "run slow and fast passes through the same positions"
+RESTS = "rest the joints, or move one joint while another stands still,"
+POSTURES = "move through the whole range of each joint with the others in other postures"
+
+
 def joint_places(robot: Robot) -> tuple[str, ...]:
     """Return every actuated joint and coupled motor."""
     return tuple(a.name for a in robot.axes)
+
+
+def actuated_joints(robot: Robot) -> tuple[str, ...]:
+    """Return every actuated joint."""
+    return robot.joints
+
+
+def in_motor(robot: Robot, place: str) -> str:
+    """Return why a passive joint cannot have what motors have."""
+    return "a passive joint has no motor" if place in robot.passive else ""
 
 
 def _nowhere_refused(_robot: Robot, _place: str) -> str:
@@ -69,8 +84,6 @@ class Family:
         The grid that the shape is searched on.
     against : {"velocity", "position", "load", "time"}
         Over what its curve is drawn.
-    positive : bool
-        Whether physics forbids a negative level.
     separate : bool
         Whether each column is a candidate of its own, else they come together.
     alike : bool
@@ -87,8 +100,6 @@ class Family:
         Whether the robot file states it, so that default models have it.
     loaded : bool
         Whether its columns depend on the masses that the robot file states.
-    held : mapping of format (``mjcf``, ``urdf``) to attribute
-        Where a robot file holds it; what no format holds stands in the sidecar.
     native : bool
         Whether MuJoCo has it itself in a forward simulation, or it shifts the recorded torque.
     dry : bool
@@ -107,7 +118,6 @@ class Family:
     build: Callable[[float, str], Effect] | None = None
     shapes: Callable[[Span], tuple[float, ...]] | None = None
     against: Literal["velocity", "position", "load", "time"] = "velocity"
-    positive: bool = False
     separate: bool = False
     alike: bool = False
     fixed_only: bool = False
@@ -116,7 +126,6 @@ class Family:
     refuse: Callable[[Robot, str], str] = _nowhere_refused
     stated: Callable[[Robot], bool] = _not_stated
     loaded: bool = False
-    held: dict[str, str] = field(default_factory=dict)
     native: bool = False
     dry: bool = False
     law: Law | None = None

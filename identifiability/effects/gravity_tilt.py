@@ -1,17 +1,39 @@
 """A base that does not stand as the robot file says."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identifiability.effects.effect import Effect
-from identifiability.effects.family import Family
+from identifiability.effects.family import POSTURES
 from identifiability.effects.nominal import gravity_torque, gravity_vector, needs_masses
-from identifiability.effects.registry import register
+from identifiability.effects.registry import declare
 from identifiability.foundation.names import BASE, Array, Parameter
 from identifiability.robot import Motion, Robot
 
 
+def horizontal_axes(gravity: Array) -> tuple[Array, Array]:
+    """Return two unit vectors at right angles to gravity and to each other."""
+    up = -gravity / np.linalg.norm(gravity)
+    start = np.eye(3)[int(np.argmin(np.abs(up)))]
+    first = start - up * (up @ start)
+    first /= np.linalg.norm(first)
+    return first, np.cross(up, first)
+
+
+def _needs_gravity(robot: Robot, place: str) -> str:
+    if not np.any(gravity_vector(robot)):
+        return "there is no gravity in the robot file"
+    return needs_masses(robot, place)
+
+
+@declare(
+    "a tilted base",
+    lambda _robot: (BASE,),
+    against="position",
+    refuse=_needs_gravity,
+    loaded=True,
+    told_by=POSTURES,
+    rank=13,
+)
 class GravityTilt(Effect):
     """``τ = ∂τ_g/∂θ θ``: the base stands at a small angle to what the file says.
 
@@ -36,32 +58,3 @@ class GravityTilt(Effect):
         g = gravity_vector(robot)
         for k, axis in enumerate(horizontal_axes(g)):
             out[:, :, k] = gravity_torque(robot, motion, np.cross(axis, g))
-
-
-def horizontal_axes(gravity: Array) -> tuple[Array, Array]:
-    """Return two unit vectors at right angles to gravity and to each other."""
-    up = -gravity / np.linalg.norm(gravity)
-    start = np.eye(3)[int(np.argmin(np.abs(up)))]
-    first = start - up * (up @ start)
-    first /= np.linalg.norm(first)
-    return first, np.cross(up, first)
-
-
-def _needs_gravity(robot: Robot, place: str) -> str:
-    if not np.any(gravity_vector(robot)):
-        return "there is no gravity in the robot file"
-    return needs_masses(robot, place)
-
-
-register(
-    Family(
-        GravityTilt(),
-        "a tilted base",
-        lambda _robot: (BASE,),
-        against="position",
-        refuse=_needs_gravity,
-        loaded=True,
-        told_by="move through the whole range of each joint with the others in other postures",
-        rank=13,
-    )
-)

@@ -1,19 +1,22 @@
 """Friction in the joints of a closed chain that have no motor."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.effects.effect import AlongAxes, speed_along
-from identifiability.effects.family import Family
-from identifiability.effects.registry import register
+from identifiability.effects.effect import Along, AlongAxes
+from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
-from identifiability.robot import Motion, Robot
-from identifiability.robot.transmission import Axis
+from identifiability.robot import Axis, Robot
 
 
+@declare(
+    "friction in passive joints",
+    lambda robot: tuple(a.name for a in robot.passive_axes),
+    separate=True,
+    native=True,
+    rank=7,
+)
 class PassiveJointFriction(AlongAxes):
     """Viscous and Coulomb friction at passive joints, projected on the actuated ones by -Xᵀ."""
 
@@ -21,26 +24,13 @@ class PassiveJointFriction(AlongAxes):
     equation = "τ = −Xᵀ (Fv q̇ₑ + Fc sign(q̇ₑ))"
     source = "[Díaz 2010, Eq. 10], projected as in [Díaz 2010, Eq. 7]"
     units = (("Fv", "N·m·s/rad", "N·s/m"), ("Fc", "N·m", "N"))
+    nonnegative = True
+    stated_as = ("damping", "frictionloss")
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return every passive joint of one degree of freedom."""
         return robot.passive_axes
 
-    def forces(self, robot: Robot, motion: Motion, axis: Axis) -> Sequence[Array]:
+    def curves(self, at: Along) -> list[Array]:
         """Return the speed and its sign."""
-        speed = speed_along(robot, motion, axis)
-        return [speed, np.sign(speed)]
-
-
-register(
-    Family(
-        PassiveJointFriction(),
-        "friction in passive joints",
-        lambda robot: tuple(a.name for a in robot.passive_axes),
-        positive=True,
-        separate=True,
-        held={"mjcf": "damping, frictionloss", "urdf": "damping, friction"},
-        native=True,
-        rank=7,
-    )
-)
+        return [at.speed, np.sign(at.speed)]

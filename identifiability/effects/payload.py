@@ -4,22 +4,27 @@ Where every mass is refitted a payload is part of the last body and cannot be to
 it matters for the simulation with the file's own values.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from identifiability.effects.effect import Effect
-from identifiability.effects.family import Family
-from identifiability.effects.registry import register
+from identifiability.effects.registry import declare
 from identifiability.effects.rigid_body import RigidBody, last_bodies
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Motion, Robot
 
 
+@declare(
+    "a payload (or wrong masses of the last body)",
+    last_bodies,
+    against="position",
+    fixed_only=True,
+    native=True,
+    rank=14,
+)
 class Payload(Effect):
     """``τ = K_body [m mx my mz Ixx …]``: a load fixed to a last body of the robot.
 
-    In a refit it is the same as that body's own mass and moments.
+    In a refit it is the same as that body's own mass and moments, of which it is part in a file.
     """
 
     name = "payload"
@@ -30,7 +35,12 @@ class Payload(Effect):
         """Return the ten inertial parameters of the payload on every last body."""
         return tuple(
             Parameter(
-                body, f"payload_{kind}", inertial_unit(kind), self.name, robot.body_symbols[body]
+                body,
+                f"payload_{kind}",
+                inertial_unit(kind),
+                self.name,
+                robot.body_symbols[body],
+                stated_as=kind,
             )
             for body in last_bodies(robot)
             for kind in INERTIAL_KINDS
@@ -44,17 +54,3 @@ class Payload(Effect):
         rigid.fill(robot, motion, W)
         wanted = [names.index(f"{b}.{kind}") for b in last_bodies(robot) for kind in INERTIAL_KINDS]
         out[:] = W[:, :, wanted]
-
-
-register(
-    Family(
-        Payload(),
-        "a payload (or wrong masses of the last body)",
-        last_bodies,
-        against="position",
-        fixed_only=True,
-        held={"mjcf": "inertial", "urdf": "inertial"},
-        native=True,
-        rank=14,
-    )
-)

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import ModuleType
+from typing import Any, TypeVar
 
 import cloudpickle
 
 from identifiability.effects.effect import Effect
-from identifiability.effects.family import Family, Law
+from identifiability.effects.family import Family, Law, joint_places
 from identifiability.foundation.errors import ModelError, near_match
 from identifiability.robot import Robot
-from identifiability.robot.holding import COULOMB, file_joints
 
 #: Modules that workers have, or that are sent to them with what is defined there.
 _WITH_WORKERS = ("identifiability", "__main__")
+
+E = TypeVar("E", bound=Effect)
 
 #: All families by name, in the order in which they are searched and reported.
 FAMILIES: dict[str, Family] = {}
@@ -33,9 +35,10 @@ def register(family: Family) -> Family:
         class Cubic(AlongAxes):
             name, equation = "cubic_drag", "τ = Fz q̇³"
             units = (("Fz", "N·m·s³/rad³", "N·s³/m³"),)
+            nonnegative = True
 
-            def forces(self, robot, motion, axis):
-                return [speed_along(robot, motion, axis) ** 3]
+            def curves(self, at):
+                return [at.speed**3]
 
         register(Family(Cubic(), "cubic drag"))
 
@@ -53,6 +56,22 @@ def register(family: Family) -> Family:
     if module is not None and module.__name__.partition(".")[0] not in _WITH_WORKERS:
         cloudpickle.register_pickle_by_value(module)  # workers do not have the user's file
     return family
+
+
+def declare(
+    title: str, places: Callable[[Robot], tuple[str, ...]] = joint_places, **facts: Any
+) -> Callable[[type[E]], type[E]]:
+    """Register the family of an effect's class, with the other attributes of `Family` as `facts`.
+
+    Where there are shapes to try, the class makes the effect with a shape at a place.
+    """
+
+    def decorate(effect: type[E]) -> type[E]:
+        build = effect if "shapes" in facts else None
+        register(Family(effect(), title, places, build=build, **facts))
+        return effect
+
+    return decorate
 
 
 def forget(name: str) -> None:
@@ -123,27 +142,6 @@ def stated_effects(robot: Robot) -> tuple[str, ...]:
 def effect_laws() -> Mapping[str, Law]:
     """Return the laws by which effects can be hidden in a simulated robot, by name."""
     return {name: f.law for name, f in FAMILIES.items() if f.law is not None}
-
-
-def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values of a model's parameters of which only the robot file's part is left.
-
-    Parameters
-    ----------
-    robot : Robot
-        Whose file is written.
-    values : mapping
-        By name.
-    """
-    form, joints = "mjcf" if robot.mjcf else "urdf", list(file_joints(robot))
-    owners = {*robot.bodies, *joints}
-    effects = [f.effect for f in FAMILIES.values() if form in f.held]
-    held = {p.name for e in effects for p in e.parameters(robot) if p.owner in owners}
-    out = {name: value if name in held else 0.0 for name, value in values.items()}
-    for joint in joints:
-        ways = [f"{joint}.{kind}" for kind in COULOMB[1:] if f"{joint}.{kind}" in values]
-        out |= dict.fromkeys(ways, 0.5 * sum(values[name] for name in ways))
-    return out
 
 
 def load_plugin(path: str | Path) -> tuple[str, ...]:

@@ -1,17 +1,30 @@
 """Rigid-body dynamics: ten inertial parameters a body, by Pinocchio's joint torque regressor."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 
 from identifiability.effects.effect import Effect
-from identifiability.effects.family import Family
-from identifiability.effects.registry import register
+from identifiability.effects.registry import declare
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Motion, Robot
 
 
+def last_bodies(robot: Robot) -> tuple[str, ...]:
+    """Return the bodies that carry no other: where a payload can be."""
+    parents = {int(robot.model.parents[k]) for k in range(1, robot.model.njoints)}
+    return tuple(b for k, b in enumerate(robot.bodies) if k + 1 not in parents)
+
+
+def _inner_bodies(robot: Robot) -> tuple[str, ...]:
+    """Return the bodies that carry others: a wrong last one is a payload."""
+    return tuple(b for b in robot.bodies if b not in last_bodies(robot))
+
+
+#: Kinds that no body can have below zero.
+_NONNEGATIVE = ("m", "Ixx", "Iyy", "Izz")
+
+
+@declare("wrong masses", _inner_bodies, fixed_only=True, native=True, rank=15)
 class RigidBody(Effect):
     """Inertia and gravity: ``τ = K(q, q̇, q̈) π`` projected on the actuated joints.
 
@@ -25,7 +38,15 @@ class RigidBody(Effect):
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return m, mx, my, mz, Ixx … of every moving body."""
         return tuple(
-            Parameter(body, kind, inertial_unit(kind), self.name, robot.body_symbols[body])
+            Parameter(
+                body,
+                kind,
+                inertial_unit(kind),
+                self.name,
+                robot.body_symbols[body],
+                nonnegative=kind in _NONNEGATIVE,
+                stated_as=kind,
+            )
             for body in robot.bodies
             for kind in INERTIAL_KINDS
         )
@@ -44,27 +65,3 @@ class RigidBody(Effect):
         out[:] = K[:, robot.actuated]
         if motion.X is not None:
             out -= motion.X.transpose(0, 2, 1) @ K[:, robot.dependent]
-
-
-def last_bodies(robot: Robot) -> tuple[str, ...]:
-    """Return the bodies that carry no other: where a payload can be."""
-    parents = {int(robot.model.parents[k]) for k in range(1, robot.model.njoints)}
-    return tuple(b for k, b in enumerate(robot.bodies) if k + 1 not in parents)
-
-
-def _inner_bodies(robot: Robot) -> tuple[str, ...]:
-    """Return the bodies that carry others: a wrong last one is a payload."""
-    return tuple(b for b in robot.bodies if b not in last_bodies(robot))
-
-
-register(
-    Family(
-        RigidBody(),
-        "wrong masses",
-        _inner_bodies,
-        fixed_only=True,
-        held={"mjcf": "inertial", "urdf": "inertial"},
-        native=True,
-        rank=15,
-    )
-)

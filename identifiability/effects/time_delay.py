@@ -1,7 +1,5 @@
 """Torque that is recorded later than the motion it belongs to."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -10,10 +8,10 @@ from identifiability.effects.actuator_inertia import ActuatorInertia
 from identifiability.effects.coulomb_asymmetry import CoulombAsymmetry
 from identifiability.effects.coulomb_friction import CoulombFriction
 from identifiability.effects.effect import Effect
-from identifiability.effects.family import Family
+from identifiability.effects.family import actuated_joints
 from identifiability.effects.joint_stiffness import JointStiffness
 from identifiability.effects.nominal import needs_masses, reference_values, rigid_torque
-from identifiability.effects.registry import register
+from identifiability.effects.registry import declare
 from identifiability.effects.viscous_friction import ViscousFriction
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.values import frozen
@@ -38,6 +36,14 @@ def nominal_torque(robot: Robot, motion: Motion) -> Array:
     return tau
 
 
+@declare(
+    "a delay of the torque",
+    actuated_joints,
+    refuse=needs_masses,
+    loaded=True,
+    native=True,
+    rank=12,
+)
 @frozen
 class TimeDelay(Effect):
     """``τ_measured(t) = τ(t − δ) ≈ τ − δ dτ/dt``: torque and motion are not sampled together.
@@ -75,16 +81,3 @@ class TimeDelay(Effect):
                 slope = np.gradient(tau[rows], motion.t[rows], axis=0)
                 for k in range(out.shape[1]):
                     out[rows, k, k] = -slope[:, k]
-
-
-register(
-    Family(
-        TimeDelay(),
-        "a delay of the torque",
-        lambda robot: robot.joints,
-        refuse=needs_masses,
-        loaded=True,
-        native=True,
-        rank=12,
-    )
-)

@@ -19,11 +19,6 @@ INERTIAL_KINDS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz
 #: the grouping: mass last, so that masses are regrouped into the moments that they act through.
 INERTIAL = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
 
-#: Kinds that no physical body or joint can have below zero.
-NONNEGATIVE_KINDS = frozenset(
-    {"m", "Ixx", "Iyy", "Izz", "Fv", "Fc", "Fc+", "Fc-", "Ia", "Jr", "Js"}
-)
-
 #: Owner of the parameters of no joint or body: the tilt of the base.
 BASE = "base"
 
@@ -46,6 +41,11 @@ class Parameter:
         Name of the effect that the column comes from (``rigid_body``, …).
     symbol : str
         Short form of the owner for labels, such as the ``3`` of ``my(3)``.
+    nonnegative : bool
+        Whether physics forbids a value below zero.
+    stated_as : str
+        By what a robot file can state it: an inertial kind of its body, or ``damping``,
+        ``frictionloss``, ``armature`` or ``stiffness`` of its joint; empty if by nothing.
     """
 
     owner: str
@@ -53,6 +53,8 @@ class Parameter:
     unit: str
     group: str
     symbol: str = ""
+    nonnegative: bool = False
+    stated_as: str = ""
 
     @property
     def name(self) -> str:
@@ -63,11 +65,6 @@ class Parameter:
     def term(self) -> str:
         """The form used inside a grouping, ``mx(3)``."""
         return f"{self.kind}({self.symbol or self.owner})"
-
-    @property
-    def nonnegative(self) -> bool:
-        """Whether physics forbids a value below zero."""
-        return self.kind in NONNEGATIVE_KINDS
 
 
 def inertial_unit(kind: str) -> str:

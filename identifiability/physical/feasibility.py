@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from identifiability.effects import held_by_file
+from identifiability.effects.holding import held_by_file
 from identifiability.estimation.estimator import Estimate, Estimator, settle_signs
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array

@@ -5,6 +5,7 @@ joints into that of all joints, closing loops where there are any.
 """
 
 from identifiability.robot.closure import Motion, complete_motion
+from identifiability.robot.parts import Axis
 from identifiability.robot.robot import KnownRobot, Robot, RobotLike
 
-__all__ = ["KnownRobot", "Motion", "Robot", "RobotLike", "complete_motion"]
+__all__ = ["Axis", "KnownRobot", "Motion", "Robot", "RobotLike", "complete_motion"]

@@ -17,8 +17,8 @@ from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Joint
 from identifiability.robot.loop_equations import loop_jacobian
 from identifiability.robot.newton import ACCEPTED, newton
+from identifiability.robot.parts import Stated
 from identifiability.robot.sidecar import Sidecar
-from identifiability.robot.stated import Stated
 
 #: A home position further than this from closing the loops is no rounded one [m or rad].
 OPEN = 1e-2

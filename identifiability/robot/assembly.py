@@ -15,10 +15,8 @@ from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.robot.actuation import choose_joints
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Point, Tree
-from identifiability.robot.loops import Coupling, Loop
+from identifiability.robot.parts import Coupling, Loop, Stated, Transmission, name_numbers
 from identifiability.robot.sidecar import Sidecar
-from identifiability.robot.stated import Stated
-from identifiability.robot.transmission import Transmission
 
 
 def assemble(
@@ -177,16 +175,13 @@ def _nominal(robot: Description, extra: Sidecar, stated: Stated) -> dict[str, fl
         values.update(
             {f"{body}.{kind}": float(v) for kind, v in zip(INERTIAL_KINDS, pi, strict=True)}
         )
-    friction = np.array(model.upperDryFrictionLimit)
+    friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
+    parts = robot.inertia_parts
     for dof, name in enumerate(robot.dofs):
-        finite = float(friction[dof]) if np.isfinite(friction[dof]) else 0.0
-        values[f"{name}.Fv"] = float(model.damping[dof])
-        for kind in ("Fc", "Fc+", "Fc-"):
-            values[f"{name}.{kind}"] = finite
-        parts = robot.inertia_parts
-        values[f"{name}.{parts[0]}"] = float(model.armature[dof])
-        values.update({f"{name}.{part}": 0.0 for part in parts[1:]})
-    values.update({f"{name}.K": stiffness for name, (stiffness, _) in stated.springs.items()})
+        numbers = {"damping": model.damping, "frictionloss": friction, "armature": model.armature}
+        stated_here = {word: float(each[dof]) for word, each in numbers.items()}
+        values |= name_numbers(name, stated_here, parts) | {f"{name}.{p}": 0.0 for p in parts[1:]}
+    values |= {f"{name}.K": stiffness for name, (stiffness, _) in stated.springs.items()}
     values.update(extra.nominal)
     return values
 

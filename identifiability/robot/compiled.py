@@ -16,9 +16,8 @@ import pinocchio as pin
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
 from identifiability.robot.kinematics import Point
-from identifiability.robot.loops import Coupling, Loop
+from identifiability.robot.parts import Coupling, Loop, Stated
 from identifiability.robot.passive_forces import find_drives, read_forces
-from identifiability.robot.stated import Stated
 
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)

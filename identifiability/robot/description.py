@@ -14,10 +14,9 @@ from identifiability.foundation.errors import RobotError, near_match
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Tree
-from identifiability.robot.loops import Coupling, Loop
 from identifiability.robot.markup import included_files
 from identifiability.robot.mjcf import weighing_files
-from identifiability.robot.transmission import Axis, Transmission
+from identifiability.robot.parts import Axis, Coupling, Loop, Transmission
 
 
 @frozen

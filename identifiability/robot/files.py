@@ -21,11 +21,10 @@ from identifiability.robot.assembly import assemble
 from identifiability.robot.compiled import state_robot
 from identifiability.robot.description import Description
 from identifiability.robot.joints import read_tree
-from identifiability.robot.loops import Coupling
 from identifiability.robot.markup import read_markup
 from identifiability.robot.mjcf import compile_mjcf
+from identifiability.robot.parts import Coupling, Stated
 from identifiability.robot.sidecar import read_sidecar
-from identifiability.robot.stated import Stated
 
 
 def shipped_folder() -> Path:

@@ -7,7 +7,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Point
-from identifiability.robot.loops import Coupling
+from identifiability.robot.parts import Coupling
 
 
 def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:

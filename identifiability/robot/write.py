@@ -1,8 +1,7 @@
 """Write parameters back into a robot file: inertials, friction, rotors, springs.
 
 The file is parsed and written as XML; everything but the numbers stays. What a format cannot hold
-(rotor inertia in URDF, friction of coupled motors, asymmetric Coulomb levels, offsets, Stribeck
-friction …) is put into a sidecar where the library reads it back, and is listed for the user.
+stands in a sidecar, where the library reads it back; which parameters these are, effects say.
 """
 
 from __future__ import annotations
@@ -16,59 +15,52 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from identifiability.foundation.errors import OutputError, RobotError, listing, near_match
-from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
+from identifiability.foundation.errors import OutputError, RobotError, listing
+from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
-from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
-from identifiability.robot.holding import complete_values, file_joints, read_back, rotor_inertia
 from identifiability.robot.markup import read_markup
 from identifiability.robot.mjcf_text import clear_mjcf, in_radians, numbers, write_inertial
 from identifiability.robot.sidecar import read_sidecar
 
 
-@frozen
-class Written:
-    """What was written.
+def joint_numbers(robot: Description) -> tuple[str, ...]:
+    """Return what the file of a robot can state of a joint of one degree of freedom."""
+    every = ("damping", "frictionloss", "armature", "stiffness")
+    return every if robot.mjcf else every[:2]
 
-    Attributes
-    ----------
-    robot : Path
-    sidecar : Path or None
-    beside : tuple of str
-        Parameters that the robot file cannot hold and the sidecar does.
-    """
 
-    robot: Path
-    sidecar: Path | None
-    beside: tuple[str, ...]
+def file_joints(robot: Description) -> tuple[str, ...]:
+    """Return the joints of one degree of freedom, for which it can."""
+    return tuple(j.dofs[0] for j in robot.tree.joints if j.nv == 1)
 
 
 def write_robot(
     robot: Description,
-    parameters: Mapping[str, float],
     path: str | Path,
-    *,
-    keep: bool = True,
-    shapes: Mapping[str, float] | None = None,
-    reference: Mapping[str, float] | None = None,
-) -> Written:
-    """Write a robot file with other parameters, and its sidecar: both or none.
+    bodies: Mapping[str, Array],
+    joints: Mapping[str, Mapping[str, float]],
+    tables: Mapping[str, Mapping[str, float]],
+) -> Path | None:
+    """Write a robot file with other numbers, and its sidecar: both or none.
 
     Parameters
     ----------
     robot : Description
         Whose file is the template.
-    parameters : mapping
-        Standard parameters by name (``platform.mx``, ``slider1.Fv`` …).
     path : str or Path
         ``.xml`` for MJCF, ``.urdf`` for URDF, as the template.
-    keep : bool
-        Whether parameters that are not given keep the file's values; else joints have none.
-    shapes : mapping, optional
-        Shapes of effects by ``<joint>.<effect>``; by default those that the robot has.
-    reference : mapping, optional
-        Standard parameters by which loads are known; by default those that the robot has.
+    bodies : mapping
+        The inertial parameters of every body in the order of `INERTIAL_KINDS`, (10,).
+    joints : mapping
+        Numbers of joints by the words of `joint_numbers`; others stay as they are.
+    tables : mapping
+        Tables of numbers that replace those of the template's sidecar.
+
+    Returns
+    -------
+    Path or None
+        The sidecar, if one was needed.
 
     Raises
     ------
@@ -78,50 +70,30 @@ def write_robot(
         If the files cannot be written, or the sidecar's name is taken by something else.
     """
     path = Path(path)
-    top, mjcf = _template(robot), robot.mjcf
-    if (path.suffix.lower() == ".urdf") == mjcf:
+    top = _template(robot)
+    given, wanted = ("MJCF", ".xml"), ("URDF", ".urdf")
+    if (path.suffix.lower() == ".urdf") == robot.mjcf:
+        (own, suffix), (other, _) = (given, wanted) if robot.mjcf else (wanted, given)
         raise RobotError(
-            f"'{path}' asks for {'URDF' if mjcf else 'MJCF'}, but {robot.path} is "
-            f"{'MJCF' if mjcf else 'URDF'}; give a file name ending in "
-            f"{'.xml' if mjcf else '.urdf'}."
+            f"'{path}' asks for {other}, but {robot.path} is {own}; give a file name ending in "
+            f"{suffix}."
         )
-    _check_owners(robot, parameters)
-    values = complete_values(robot, parameters, keep=keep)
     for index, body in enumerate(robot.bodies):
-        theta = np.array([values[f"{body}.{kind}"] for kind in INERTIAL_KINDS])
-        _write_body(top, robot, index, theta, mjcf=mjcf)
-    _write_joints(top, robot, values)
-    if mjcf:
+        _write_body(top, robot, index, bodies[body])
+    elements = {e.get("name"): e for e in top.iter("joint")}
+    degrees = robot.mjcf and not in_radians(top)
+    for name, stated in joints.items():
+        _write_joint(elements[name], robot, name, stated, degrees=degrees)
+    if robot.mjcf:
         clear_mjcf(top)
     ET.indent(top)
     text = ET.tostring(top, encoding="unicode") + "\n"
-    alone = read_back(robot, values)
-    nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
     beside = path.with_suffix(".toml")
-    tables = {
-        "nominal": nominal,
-        "shapes": robot.shapes if shapes is None else shapes,
-        "reference": robot.reference if reference is None else reference,
-    }
-    stated = _sidecar_text(robot, tables)
-    _check_beside(robot, beside, path, needed=stated is not None)
-    pair = [] if stated is None else [(beside, stated.encode())]
+    extra = _sidecar_text(robot, tables)
+    _check_beside(robot, beside, path, needed=extra is not None)
+    pair = [] if extra is None else [(beside, extra.encode())]
     write_together([*pair, (path, text.encode())])
-    summed = {f"{j}.{part}" for j in file_joints(robot) for part in robot.inertia_parts if mjcf}
-    lost = tuple(name for name in nominal if name not in summed)  # the file has a rotor's sum
-    return Written(path, None if stated is None else beside, lost)
-
-
-def _check_owners(robot: Description, parameters: Mapping[str, float]) -> None:
-    """Refuse a parameter of what the robot does not have."""
-    motors = () if robot.transmission is None else robot.transmission.motors
-    known = (*robot.bodies, *robot.dofs, *motors, BASE)
-    for name in parameters:
-        owner = name.rpartition(".")[0]
-        if owner not in known:
-            raise RobotError(
-                f"'{name}' is of no body, joint or motor of {robot.name}{near_match(owner, known)}"
-            )
+    return None if extra is None else beside
 
 
 def _template(robot: Description) -> ET.Element:
@@ -147,9 +119,7 @@ def _template(robot: Description) -> ET.Element:
     return top
 
 
-def _write_body(
-    top: ET.Element, robot: Description, index: int, theta: Array, *, mjcf: bool
-) -> None:
+def _write_body(top: ET.Element, robot: Description, index: int, theta: Array) -> None:
     """Write ten parameters of the body behind a joint, given in the joint's frame."""
     body = robot.bodies[index]
     mass, first = float(theta[0]), theta[1:4]
@@ -166,7 +136,7 @@ def _write_body(
     frame = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)].placement
     R, p = np.array(frame.rotation), np.array(frame.translation)
     centre, inertia = R.T @ (centre - p), R.T @ inertia @ R
-    if mjcf:
+    if robot.mjcf:
         write_inertial(top, body, mass, centre, inertia)
     else:
         _write_urdf_inertial(top, robot, index, mass, centre, inertia)
@@ -200,27 +170,28 @@ def _write_urdf_inertial(
                         link.remove(old)
 
 
-def _write_joints(top: ET.Element, robot: Description, values: Mapping[str, float]) -> None:
-    """Write friction, rotors and springs of every joint; what is not there is written as zero."""
-    home, degrees = robot.home[None], robot.mjcf and not in_radians(top)
-    joints = {e.get("name"): e for e in top.iter("joint")}
-    for name in file_joints(robot):
-        joint = joints[name]
-        viscous, friction = (values.get(f"{name}.{kind}", 0.0) for kind in ("Fv", "Fc"))
-        if not robot.mjcf:
-            for old in joint.findall("dynamics"):
-                joint.remove(old)
-            ET.SubElement(joint, "dynamics", damping=f"{viscous:.17g}", friction=f"{friction:.17g}")
-            continue
-        stiffness = values.get(f"{name}.K", 0.0)
-        joint.set("damping", f"{viscous:.17g}")
-        joint.set("frictionloss", f"{friction:.17g}")
-        joint.set("armature", f"{rotor_inertia(robot, values, name):.17g}")
-        if stiffness or joint.get("stiffness"):
-            rest = robot.rest.get(name, float(robot.dof_position(home, name)[0]))
-            turned = not robot.is_prismatic(robot.dof_index(name))
-            joint.set("stiffness", f"{stiffness:.17g}")
-            joint.set("springref", f"{np.degrees(rest) if turned and degrees else rest:.17g}")
+def _write_joint(
+    joint: ET.Element,
+    robot: Description,
+    name: str,
+    stated: Mapping[str, float],
+    *,
+    degrees: bool,
+) -> None:
+    """Write friction, rotor and spring of a joint."""
+    texts = {word: f"{value:.17g}" for word, value in stated.items()}
+    if not robot.mjcf:
+        for old in joint.findall("dynamics"):
+            joint.remove(old)
+        ET.SubElement(joint, "dynamics", damping=texts["damping"], friction=texts["frictionloss"])
+        return
+    stiffness = texts.pop("stiffness")
+    joint.attrib.update(texts)
+    if stated["stiffness"] or joint.get("stiffness"):
+        rest = robot.rest.get(name, float(robot.dof_position(robot.home[None], name)[0]))
+        turned = not robot.is_prismatic(robot.dof_index(name))
+        joint.set("stiffness", stiffness)
+        joint.set("springref", f"{np.degrees(rest) if turned and degrees else rest:.17g}")
 
 
 _MEANING = {

@@ -17,10 +17,10 @@ import mujoco
 import numpy as np
 
 from identifiability.foundation.errors import RobotError
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
-from identifiability.robot.write import write_robot
+from identifiability.robot.write import file_joints, write_robot
 from identifiability.simulation.forces import JointTerms, both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot, bare_urdf, reason_of
 
@@ -66,9 +66,15 @@ class ForwardRobot:
                 "cannot hold; it is not simulated forward."
             )
         self.robot = robot
-        self._kinematics = MujocoRobot(robot, _compile(robot, parameters))
+        values = {**robot.nominal, **both_directions(parameters)}
+        parts = robot.inertia_parts
+        terms = {n: JointTerms.of(values, n, parts) for n in file_joints(robot)}
+        joints = {name: _stated_numbers(of) for name, of in terms.items()}
+        self._kinematics = MujocoRobot(robot, _compile(robot, values, joints))
         self.model = self._kinematics.model
-        self._bias = self._set_joints({**robot.nominal, **both_directions(parameters)})
+        self._set_joints(joints)
+        driven = [terms[name] for name in robot.joints]
+        self._bias = np.array([0.5 * (t.forward - t.backward) + t.offset for t in driven])
         self._positions = self._kinematics.positions
         options = self.model.opt
         disabled = mujoco.mjtDisableBit
@@ -76,31 +82,18 @@ class ForwardRobot:
         options.disableflags |= int(disabled.mjDSBL_LIMIT | disabled.mjDSBL_CONTACT)
         options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
-    def _set_joints(self, values: Mapping[str, float]) -> Array:
-        """Set friction and rotor inertia; return the constant torque of each actuated joint."""
-        bias = np.zeros(len(self.robot.joints))
-        for name in self.robot.dofs:
-            if name not in {self.model.joint(j).name for j in range(self.model.njnt)}:
-                continue  # one axis of a ball
-            dof = int(self.model.joint(name).dofadr[0])
-            terms = JointTerms.of(values, name, self.robot.inertia_parts)
-            # Physics forbids negative ones; the solver would blow up on rounding below zero.
-            self.model.dof_armature[dof] = max(terms.inertia, 0.0)
-            self.model.dof_damping[dof] = max(terms.viscous, 0.0)
-            self.model.dof_frictionloss[dof] = max(0.5 * (terms.forward + terms.backward), 0.0)
-            self._set_spring(name, terms.stiffness)
-            if name in self.robot.joints:
-                uneven = 0.5 * (terms.forward - terms.backward)
-                bias[self.robot.joints.index(name)] = uneven + terms.offset
-        return bias
-
-    def _set_spring(self, name: str, stiffness: float) -> None:
-        joint, home = self.model.joint(name), self.robot.home[None]
-        rest = self.robot.rest.get(name)
-        self.model.jnt_stiffness[joint.id] = stiffness
-        self.model.qpos_spring[joint.qposadr[0]] = (
-            self.robot.dof_position(home, name)[0] if rest is None else rest
-        )
+    def _set_joints(self, joints: Mapping[str, Mapping[str, float]]) -> None:
+        """Set friction, rotors and springs."""
+        robot, model, home = self.robot, self.model, self.robot.home[None]
+        for name, numbers in joints.items():
+            joint, rest = model.joint(name), robot.rest.get(name)
+            model.dof_armature[joint.dofadr[0]] = numbers["armature"]
+            model.dof_damping[joint.dofadr[0]] = numbers["damping"]
+            model.dof_frictionloss[joint.dofadr[0]] = numbers["frictionloss"]
+            model.jnt_stiffness[joint.id] = numbers["stiffness"]
+            model.qpos_spring[joint.qposadr[0]] = (
+                robot.dof_position(home, name)[0] if rest is None else rest
+            )
 
     @quiet()
     def run(self, q: Array, dq: Array, tau: Array, dt: float, extra: Extra | None = None) -> Array:
@@ -177,11 +170,26 @@ class ForwardRobot:
         return out
 
 
-def _compile(robot: Robot, parameters: Mapping[str, float]) -> Any:
+def _stated_numbers(terms: JointTerms) -> dict[str, float]:
+    """Return what a robot file states of a joint with these terms."""
+    numbers = {
+        "damping": terms.viscous,
+        "frictionloss": 0.5 * (terms.forward + terms.backward),
+        "armature": terms.inertia,
+        "stiffness": terms.stiffness,
+    }
+    # Physics forbids negative ones; the solver would blow up on rounding below zero.
+    return {word: max(number, 0.0) for word, number in numbers.items()}
+
+
+def _compile(
+    robot: Robot, values: Mapping[str, float], joints: Mapping[str, Mapping[str, float]]
+) -> Any:
     """Return the MuJoCo model of a robot with other bodies, without looks and contacts."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"robot{robot.path.suffix}"
-        write_robot(robot, parameters, path)
+        bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
+        write_robot(robot, path, bodies, joints, {})
         top = ET.parse(path).getroot()
     text = bare_urdf(top, balance="true") if top.tag == "robot" else _bare_mjcf(top)
     try:

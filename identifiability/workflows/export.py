@@ -9,17 +9,17 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from identifiability.effects import FAMILIES
+from identifiability.effects.holding import complete_values, read_back, stated_numbers
 from identifiability.effects.nominal import reference_values
 from identifiability.foundation.documents import read_document
-from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
-from identifiability.foundation.names import INERTIAL
+from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
+from identifiability.foundation.names import BASE, INERTIAL, INERTIAL_KINDS
 from identifiability.foundation.options import FilePath, checked
 from identifiability.foundation.values import frozen
 from identifiability.physical.mass import state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.holding import complete_values
-from identifiability.robot.write import write_robot
+from identifiability.robot.write import file_joints, write_robot
 
 
 class _Entry(BaseModel):
@@ -96,6 +96,81 @@ class Exported:
         return " ".join(parts)
 
 
+@frozen
+class Written:
+    """What was written.
+
+    Attributes
+    ----------
+    robot : Path
+    sidecar : Path or None
+    beside : tuple of str
+        Parameters that the robot file cannot hold and the sidecar does.
+    """
+
+    robot: Path
+    sidecar: Path | None
+    beside: tuple[str, ...]
+
+
+def write_parameters(
+    robot: Robot,
+    parameters: Mapping[str, float],
+    path: str | Path,
+    *,
+    keep: bool = True,
+    shapes: Mapping[str, float] | None = None,
+    reference: Mapping[str, float] | None = None,
+) -> Written:
+    """Write a robot file with other parameters; what it cannot hold stands in its sidecar.
+
+    Parameters
+    ----------
+    robot : Robot
+        Whose file is the template.
+    parameters : mapping
+        Standard parameters by name (``platform.mx``, ``slider1.Fv`` …).
+    path : str or Path
+        ``.xml`` for MJCF, ``.urdf`` for URDF, as the template.
+    keep : bool
+        Whether parameters that are not given keep the file's values; else joints have none.
+    shapes : mapping, optional
+        Shapes of effects by ``<joint>.<effect>``; by default those that the robot has.
+    reference : mapping, optional
+        Standard parameters by which loads are known; by default those that the robot has.
+
+    Raises
+    ------
+    RobotError
+        If a parameter is of nothing that the robot has, the format differs from the template's or a
+        body has no mass.
+    OutputError
+        If the files cannot be written, or the sidecar's name is taken by something else.
+    """
+    motors = () if robot.transmission is None else robot.transmission.motors
+    known = (*robot.bodies, *robot.dofs, *motors, BASE)
+    for name in parameters:
+        owner = name.rpartition(".")[0]
+        if owner not in known:
+            raise RobotError(
+                f"'{name}' is of no body, joint or motor of {robot.name}{near_match(owner, known)}"
+            )
+    values = complete_values(robot, parameters, keep=keep)
+    alone = read_back(robot, values)
+    nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
+    tables = {
+        "nominal": nominal,
+        "shapes": robot.shapes if shapes is None else shapes,
+        "reference": robot.reference if reference is None else reference,
+    }
+    bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
+    sidecar = write_robot(robot, path, bodies, stated_numbers(robot, values), tables)
+    parts = robot.inertia_parts if robot.mjcf else ()
+    summed = {f"{joint}.{part}" for joint in file_joints(robot) for part in parts}
+    lost = tuple(name for name in nominal if name not in summed)  # the file has a rotor's sum
+    return Written(Path(path), sidecar, lost)
+
+
 @checked
 def export(robot: RobotLike, result: FilePath, out: FilePath) -> Exported:
     """Write the nearest real robot of a JSON result as a robot file, and a sidecar if it needs one.
@@ -127,7 +202,7 @@ def export(robot: RobotLike, result: FilePath, out: FilePath) -> Exported:
     _check(robot, Path(result), content, {*effect_of, *robot.nominal})
     loaded = any(value and effect_of[n].loaded for n, value in physical.parameters.items()
                  if n in effect_of)  # fmt: skip
-    written = write_robot(
+    written = write_parameters(
         robot, physical.parameters, out, keep=False, shapes=physical.shapes,
         reference=reference_values(robot) if loaded else {},
     )  # fmt: skip

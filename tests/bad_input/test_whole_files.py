@@ -12,7 +12,7 @@ from identifiability import analyze
 from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.logs import Log
 from identifiability.robot import Robot
-from identifiability.robot.write import write_robot
+from identifiability.workflows.export import write_parameters
 from identifiability.workflows.prune import prune
 
 
@@ -44,9 +44,9 @@ def written(results, tmp_path):
             "html": ("out.html", results["analysis"].write_report),
             "csv": ("out.csv", results["log"].write),
             "parquet": ("out.parquet", results["log"].write),
-            "xml": ("out.xml", lambda _: write_robot(arm, parameters, robot)),
-            "urdf": ("out.urdf", lambda _: write_robot(arm, parameters, robot)),
-            "sidecar": ("out.toml", lambda _: write_robot(arm, parameters, robot)),
+            "xml": ("out.xml", lambda _: write_parameters(arm, parameters, robot)),
+            "urdf": ("out.urdf", lambda _: write_parameters(arm, parameters, robot)),
+            "sidecar": ("out.toml", lambda _: write_parameters(arm, parameters, robot)),
             "model": ("out.toml", results["ladder"].write_model),
         }
         name, write = ways[kind]
@@ -118,11 +118,13 @@ def stop_at(monkeypatch, count, stop):
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path, monkeypatch):
     rps, path = Robot.load("3-rps"), tmp_path / "copy.xml"
-    write_robot(rps, {"slider1.Fc+": 300.0, "slider1.Fc-": 200.0}, path)
+    write_parameters(rps, {"slider1.Fc+": 300.0, "slider1.Fc-": 200.0}, path)
     before = files_in(tmp_path)
     stop_at(monkeypatch, count, stop)
     with pytest.raises(OutputError if stop is FULL else KeyboardInterrupt):
-        write_robot(rps, {"slider1.Fc+": 500.0, "slider1.Fc-": 400.0, "platform.m": 11.0}, path)
+        write_parameters(
+            rps, {"slider1.Fc+": 500.0, "slider1.Fc-": 400.0, "platform.m": 11.0}, path
+        )
     monkeypatch.undo()
     assert files_in(tmp_path) == before
     assert len(before) == 2
@@ -132,7 +134,7 @@ def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path,
 def test_a_first_robot_is_written_with_its_sidecar_or_not_at_all(count, tmp_path, monkeypatch):
     stop_at(monkeypatch, count, FULL)
     with pytest.raises(OutputError, match=r"copy.toml' and '.*copy.xml' cannot be written: No spa"):
-        write_robot(Robot.load("3-rps"), {"slider1.Fc+": 300.0}, tmp_path / "copy.xml")
+        write_parameters(Robot.load("3-rps"), {"slider1.Fc+": 300.0}, tmp_path / "copy.xml")
     assert not files_in(tmp_path)
 
 
@@ -163,7 +165,7 @@ def test_a_sidecar_takes_no_other_files_name(tmp_path):
     beside = tmp_path / "copy.toml"
     beside.write_text("[[models]]\n")
     with pytest.raises(OutputError, match=r"copy.toml' is no sidecar, but that of"):
-        write_robot(rps, {}, path)
+        write_parameters(rps, {}, path)
     assert list(files_in(tmp_path)) == [beside]
     beside.write_text("name = 'other'")
     bare = tmp_path / "bare.xml"
@@ -171,14 +173,14 @@ def test_a_sidecar_takes_no_other_files_name(tmp_path):
     with pytest.raises(
         OutputError, match=r"would be read as the sidecar of .*copy.xml', which has"
     ):
-        write_robot(Robot.load(bare), {}, path)
+        write_parameters(Robot.load(bare), {}, path)
     own = tmp_path / "own.xml"
     own.write_bytes(bare.read_bytes())
     own.with_suffix(".toml").write_text("name = 'own'")
     with pytest.raises(
         OutputError, match=r"own.toml' is the sidecar of .*own.xml and would be rep"
     ):
-        write_robot(Robot.load(own), {}, tmp_path / "own.mjcf")
+        write_parameters(Robot.load(own), {}, tmp_path / "own.mjcf")
 
 
 def test_nominal_values_that_cannot_be_replaced_are_said(tmp_path):
@@ -188,4 +190,6 @@ def test_nominal_values_that_cannot_be_replaced_are_said(tmp_path):
     with pytest.raises(
         RobotError, match=r"own.toml does not state \[nominal\] as a table of its own"
     ):
-        write_robot(Robot.load(path), {"elbow.Fc+": 3.0, "elbow.Fc-": 2.0}, tmp_path / "copy.xml")
+        write_parameters(
+            Robot.load(path), {"elbow.Fc+": 3.0, "elbow.Fc-": 2.0}, tmp_path / "copy.xml"
+        )

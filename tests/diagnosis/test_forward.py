@@ -145,7 +145,7 @@ def test_motion_full_of_gaps_says_why_there_is_nothing(two_link):
 
 
 def test_coupled_motors_are_refused_with_the_reason(two_link):
-    from identifiability.robot.transmission import Transmission
+    from identifiability.robot.parts import Transmission
 
     gear = Transmission(("m1", "m2"), np.eye(2), np.ones(2), np.zeros(2))
     with pytest.raises(RobotError, match="coupled motors"):

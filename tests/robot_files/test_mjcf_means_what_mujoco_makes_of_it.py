@@ -8,7 +8,7 @@ from made_robots import LINKS, MOTORS, arm
 
 from identifiability.foundation.errors import RobotError
 from identifiability.robot import Robot
-from identifiability.robot.write import write_robot
+from identifiability.workflows.export import write_parameters
 
 TENDON = '<tendon><fixed name="cable" {0}><joint joint="elbow" coef="-0.5"/></fixed></tendon>'
 FEATURES = {
@@ -204,9 +204,9 @@ def test_what_is_written_back_is_read_back(feature, load_text, tmp_path):
     values |= {f"{joint}.{kind}": 0.3 for joint in robot.joints for kind in ("Fv", "Ia")}
     if feature == "replicate":
         with pytest.raises(RobotError, match=r"uses <replicate>, .*; write them out as bodies"):
-            write_robot(robot, values, tmp_path / "copy.xml")
+            write_parameters(robot, values, tmp_path / "copy.xml")
         return
-    copy = Robot.load(write_robot(robot, values, tmp_path / "copy.xml").robot)
+    copy = Robot.load(write_parameters(robot, values, tmp_path / "copy.xml").robot)
     for name, value in values.items():
         assert copy.nominal[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
     assert copy.rest == pytest.approx(robot.rest)

@@ -6,8 +6,8 @@ import pytest
 from identifiability.foundation.errors import RobotError
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
-from identifiability.robot.write import write_robot
 from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.workflows.export import write_parameters
 
 LINK = """<link name="{0}"><inertial><origin xyz="0.1 0.2 0.05" rpy="0.1 0.2 0.3"/><mass value="2"/>
   <inertia ixx="0.1" iyy="0.12" izz="0.15" ixy="0.01" ixz="-0.02" iyz="0.005"/></inertial></link>"""
@@ -46,7 +46,7 @@ def test_a_continuous_joint_turns_about_any_axis_on_both_roads(axis, load_text, 
     bounded = load_text(chain("revolute", axis), "urdf")
     other = complete_motion(bounded, np.arange(30.0), q, dq, ddq)
     np.testing.assert_allclose(model.regressor(bounded, other) @ phi, torque, atol=1e-11)
-    written = write_robot(robot, {"arm.mx": 0.5}, tmp_path / "copy.urdf").robot
+    written = write_parameters(robot, {"arm.mx": 0.5}, tmp_path / "copy.urdf").robot
     assert Robot.load(written).nominal["arm.mx"] == pytest.approx(0.5, abs=1e-12)
 
 

@@ -155,13 +155,13 @@ def score_candidates(
         remaining[which] = np.sqrt(np.mean(left[cols] ** 2, axis=1))
         seen = which[left[cols].max(1) > NEGLIGIBLE]
         if width == 1:
-            positive = np.array([candidates[k].family.positive for k in seen], bool)
+            positive = np.array([candidates[k].positive for k in seen], bool)
             w = z[first[seen]] / left[first[seen], None]
             scores[seen] = _score_single(_in_units(w, draws), positive)
             continue
         for k in seen:
             part = slice(first[k], first[k] + width)
-            positive_only = candidates[k].family.positive
+            positive_only = candidates[k].positive
             scores[k] = _score_group(U[:, part], z[part], draws, positive=positive_only)
     return Scores(scores[:, 0], scores[:, 1], scores[:, 2:], remaining)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identifiability.effects import held_by_file
+from identifiability.effects.holding import held_by_file
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.physical.mass import real_robot_dict

@@ -76,7 +76,7 @@ class RealRobot:
         return value
 
     def _program(self, chosen: Sequence[Candidate]) -> Projection:
-        signs = tuple(c.family.positive for c in chosen for _ in c.columns)
+        signs = tuple(c.positive for c in chosen for _ in c.columns)
         if signs not in self._compiled:
             labels = [f"effect {k + 1}" for k in range(len(signs))]
             region = replace(

@@ -40,6 +40,8 @@ class Candidate:
     effect : Effect
     columns : tuple of int
         In `Rows.D`.
+    positive : bool
+        Whether physics forbids negative levels.
     """
 
     family: Family
@@ -48,6 +50,7 @@ class Candidate:
     kinds: tuple[str, ...]
     effect: Effect
     columns: tuple[int, ...]
+    positive: bool = False
 
     @property
     def group(self) -> tuple[str, str]:
@@ -147,12 +150,10 @@ def list_candidates(
     refused: list[Refusal] = []
     column = 0
     for family in families:
-        if family.name in present:
-            if not fixed:
-                refused.append(Refusal(family.name, "", "the model has it already"))
-                continue
-            # What the file states may be wrong either way.
-            family = replace(family, positive=False)  # noqa: PLW2901
+        known = family.name in present
+        if known and not fixed:
+            refused.append(Refusal(family.name, "", "the model has it already"))
+            continue
         if family.fixed_only and not fixed and "rigid_body" in present:
             reason = "every mass is refitted, so it cannot be told from the bodies' own parameters"
             refused.append(Refusal(family.name, "", reason))
@@ -165,8 +166,10 @@ def list_candidates(
             if reason:
                 refused.append(Refusal(family.name, place, reason))
                 continue
+            # What is added to a level that is there may be of either sign.
+            free = known or bool(family.effect.supersedes)
             for candidate in _at_place(robot, family, place, spans, column):
-                out.append(candidate)
+                out.append(replace(candidate, positive=candidate.positive and not free))
                 column += len(candidate.columns)
     return out, refused
 
@@ -178,12 +181,14 @@ def _at_place(
     out = []
     for shape in family.grid(span):
         effect = family.at(shape, place)
-        kinds = tuple(p.kind for p in effect.parameters(robot) if p.owner == place)
+        there = {p.kind: p.nonnegative for p in effect.parameters(robot) if p.owner == place}
+        kinds = tuple(there)
         kinds = kinds[:1] if family.alike else kinds
         groups = [(kind,) for kind in kinds] if family.separate else [kinds]
         for chosen in groups:
             at = tuple(range(column, column + len(chosen)))
-            out.append(Candidate(family, place, shape, chosen, effect, at))
+            positive = all(there[kind] for kind in chosen)
+            out.append(Candidate(family, place, shape, chosen, effect, at, positive))
             column += len(chosen)
     return out
 

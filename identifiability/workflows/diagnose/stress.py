@@ -179,7 +179,7 @@ def stress_effects(
         white = Bench.of(build(variation), noise, 0, rng).whiten()
         for k, c in enumerate(local):
             rest = white.columns([o for o in local if o is not c])
-            free = replace(c, family=replace(c.family, positive=False))
+            free = replace(c, positive=False)
             score = float(score_candidates(white, rest, [free], null=False).fit[0])
             value = solve_values(white, np.column_stack([rest, white.D[:, list(c.columns)]]))[0]
             sign = np.sign(value[rest.shape[1]]) == np.sign(values[k]) or len(c.columns) > 1

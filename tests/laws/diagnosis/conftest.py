@@ -22,12 +22,12 @@ def make_family(name: str, **flags: Any) -> Family:
     return Family(effect, name.replace("_", " "), lambda robot: (), **flags)
 
 
-def make_candidate(name, place, *columns, shape=float("nan"), kinds=(), **flags):
+def make_candidate(name, place, *columns, shape=float("nan"), kinds=(), positive=False, **flags):
     """A candidate of some columns of the dictionary; of a family of that name and its flags."""
     return Candidate(
         family=make_family(name, **flags), place=place, shape=shape,
         kinds=kinds or tuple(f"k{i}" for i in range(len(columns))), effect=ViscousFriction(),
-        columns=columns,
+        columns=columns, positive=positive,
     )  # fmt: skip
 
 

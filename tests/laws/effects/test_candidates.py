@@ -37,7 +37,7 @@ def test_shapes_are_shares_of_the_rms_speed_and_fractions_of_the_range(polar, mo
     speed = np.sqrt(np.mean(m.actuated_v[:, 1] ** 2))
     shapes = [c.shape for c in reach if c.family.name == "stribeck_friction"]
     np.testing.assert_allclose(shapes, np.geomspace(0.04, 1.6, 16) * speed)
-    assert [c.effect.velocity for c in reach[:16]] == shapes
+    assert [c.effect.given for c in reach[:16]] == shapes
     periods = [c.shape for c in reach if c.family.name == "position_ripple"]
     np.testing.assert_allclose(periods, np.ptp(m.actuated_q[:, 1]) / np.arange(2, 16.01, 0.5))
     (spring,) = [c for c in reach if c.family.name == "joint_stiffness"]
@@ -67,8 +67,8 @@ def test_what_the_model_has_is_not_tried_again_unless_its_values_are_the_files(p
     fixed, _ = listed(polar, m, present=present, fixed=True)
     assert {"rigid_body", "viscous_friction", "payload"} <= {c.family.name for c in fixed}
     viscous = [c for c in fixed if c.family.name == "viscous_friction"]
-    assert not any(c.family.positive for c in viscous)  # the file's level may be too high
-    assert all(c.family.positive for c in fixed if c.family.name == "coulomb_friction")
+    assert not any(c.positive for c in viscous)  # the file's level may be too high
+    assert all(c.positive for c in fixed if c.family.name == "coulomb_friction")
     assert [c.place for c in fixed if c.family.name == "rigid_body"] == ["rail"]
     assert [c.place for c in fixed if c.family.name == "payload"] == ["sled"]
 
@@ -85,9 +85,10 @@ def test_without_masses_there_is_no_load(polar, move):
     assert all("states no masses" in r.reason for r in refused)
 
 
-def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none():
+def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none(polar, gear, move):
     """A table of all families: the sign of the level, and what must be there first."""
-    positive = {n for n, f in FAMILIES.items() if f.positive}
+    found = [c for robot in (polar, gear) for c in listed(robot, move(robot, T), fixed=True)[0]]
+    positive = {c.family.name for c in found if c.positive}
     assert positive >= {
         "viscous_friction", "coulomb_friction", "actuator_inertia", "passive_joint_friction",
     }  # fmt: skip

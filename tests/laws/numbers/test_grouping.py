@@ -8,7 +8,11 @@ from identifiability.regression.base_parameters import group_columns
 
 
 def parameters(*kinds):
-    return [Parameter("arm", kind, "kg", "rigid_body", str(j)) for j, kind in enumerate(kinds)]
+    signed = ("m", "Ixx", "Fc+", "Fc-")
+    return [
+        Parameter("arm", kind, "kg", "rigid_body", str(j), nonnegative=kind in signed)
+        for j, kind in enumerate(kinds)
+    ]
 
 
 def columns(*combinations):

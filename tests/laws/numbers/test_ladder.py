@@ -28,7 +28,7 @@ def base():
     W = rng.normal(size=(60, 5))
     W[:, 2] = 3 * W[:, 0]
     kinds = (("m", "kg"), ("mx", "kg·m"), ("Ixx", "kg·m²"), ("Fc+", "N·m"), ("Fc-", "N·m"))
-    return group_columns(W, [Parameter("arm", k, u, "x") for k, u in kinds])
+    return group_columns(W, [Parameter("arm", k, u, "x", nonnegative=k != "mx") for k, u in kinds])
 
 
 def rungs(base, *entries):

@@ -85,7 +85,7 @@ def problem(friction, noise=1.0, samples=1000, mix=1.0):
     phi = np.concatenate([np.ravel(friction), [3.0, -2.0]])
     tau = W @ phi + noise * rng.normal(size=(samples, n))
     kinds = [(j, k) for j in JOINTS for k in ("Fv", "Fc")]
-    parameters = tuple(Parameter(j, k, "N·m", "friction") for j, k in kinds)
+    parameters = tuple(Parameter(j, k, "N·m", "friction", nonnegative=True) for j, k in kinds)
     parameters += (Parameter("arm", "mx", "kg·m", "body"), Parameter("arm", "my", "kg·m", "body"))
     return W, tau, parameters
 

@@ -1,0 +1,86 @@
+"""What a robot file holds of a model's parameters, as their effects say it.
+
+Masses (a payload is part of its body), and at each joint viscous and Coulomb friction with one
+level for both directions; an MJCF also has the inertia of a rotor and a spring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from identifiability.effects.coulomb_asymmetry import settle_directions
+from identifiability.effects.registry import FAMILIES
+from identifiability.foundation.names import INERTIAL_KINDS, Parameter
+from identifiability.robot import Robot
+from identifiability.robot.parts import name_numbers
+from identifiability.robot.write import file_joints, joint_numbers
+
+
+def _stated(robot: Robot) -> Iterator[Parameter]:
+    """Yield the parameters that the file of a robot can state."""
+    places = {
+        **dict.fromkeys(robot.bodies, INERTIAL_KINDS),
+        **dict.fromkeys(file_joints(robot), joint_numbers(robot)),
+    }
+    for family in FAMILIES.values():
+        for parameter in family.effect.parameters(robot):
+            if parameter.stated_as in places.get(parameter.owner, ()):
+                yield parameter
+
+
+def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of a model's parameters of which only the robot file's part is left.
+
+    Parameters
+    ----------
+    robot : Robot
+        Whose file is written.
+    values : mapping
+        By name.
+    """
+    held = {p.name for p in _stated(robot)}
+    out = {name: value if name in held else 0.0 for name, value in values.items()}
+    for joint in file_joints(robot):
+        ways = [f"{joint}.{kind}" for kind in ("Fc+", "Fc-") if f"{joint}.{kind}" in values]
+        out |= dict.fromkeys(ways, 0.5 * sum(values[name] for name in ways))
+    return out
+
+
+def complete_values(
+    robot: Robot, given: Mapping[str, float], *, keep: bool = True
+) -> dict[str, float]:
+    """Return all nominal values of a robot that has some other ones.
+
+    Payloads become part of their bodies, and every Coulomb level stands there as one for both
+    directions and as one for each.
+
+    Parameters
+    ----------
+    robot : Robot
+    given : mapping
+    keep : bool
+        Whether joints keep what is not given.
+    """
+    bodies = {f"{body}.{kind}" for body in robot.bodies for kind in INERTIAL_KINDS}
+    values = {n: v for n, v in robot.nominal.items() if keep or n in bodies} | dict(given)
+    for p in _stated(robot):
+        if p.owner in robot.bodies and p.kind != p.stated_as:
+            values[f"{p.owner}.{p.stated_as}"] += values.pop(p.name, 0.0)
+    settle_directions(values, given)
+    return values
+
+
+def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Return what a file states of each joint that has some parameters: attributes by joint."""
+    out = {joint: dict.fromkeys(joint_numbers(robot), 0.0) for joint in file_joints(robot)}
+    for p in {p.name: p for p in _stated(robot) if p.owner in out}.values():
+        out[p.owner][p.stated_as] += values.get(p.name, 0.0)
+    return out
+
+
+def read_back(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the nominal values that are read from a file with these ones, without a sidecar."""
+    out = {f"{b}.{kind}": values[f"{b}.{kind}"] for b in robot.bodies for kind in INERTIAL_KINDS}
+    for joint, numbers in stated_numbers(robot, values).items():
+        out |= name_numbers(joint, numbers, robot.inertia_parts)
+    return out

@@ -1,0 +1,140 @@
+"""Parts of a robot: closures, axes, how motors drive joints, and what its file states of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.robot.kinematics import Point
+
+
+@frozen
+class Transmission:
+    """Motors that mix joints: ``motor = ratio ∘ (coupling · (q - offset))``.
+
+    Friction and rotor inertia act on the motor side and are stated referred to the output of the
+    gear, i.e. along ``coupling · q``.
+
+    Attributes
+    ----------
+    motors : tuple of str
+    coupling : (n, n)
+        Rows are motors, columns the actuated joints.
+    ratio : (n,)
+        Gear ratios between the coupled coordinate and the motor's.
+    offset : (n,) [rad or m]
+        Joint position at motor position zero.
+    """
+
+    motors: tuple[str, ...]
+    coupling: Array
+    ratio: Array
+    offset: Array
+
+    def joint_side(self, q: Array, tau: Array) -> tuple[Array, Array]:
+        """Return joint positions and torques from motor positions and torques (N, n)."""
+        R = self.ratio[:, None] * self.coupling
+        return np.linalg.solve(R, q.T).T + self.offset, tau @ R
+
+
+@frozen
+class Axis:
+    """A line along which friction and rotor inertia act: a joint's, or a coupled motor's.
+
+    Attributes
+    ----------
+    name, symbol : str
+    row : (n,) or None
+        Its speed is ``row · q̇_actuated``; None for a passive joint (the row then varies).
+    dof : int
+        Index in ``v`` of the joint (passive axes only, else -1).
+    prismatic : bool
+    """
+
+    name: str
+    symbol: str
+    row: Array | None
+    dof: int
+    prismatic: bool
+
+    @property
+    def mixed(self) -> bool:
+        """Whether it is the axis of a motor that drives several joints."""
+        return self.row is not None and int(np.count_nonzero(self.row)) > 1
+
+
+@frozen
+class Loop:
+    """A point closure: a point of one body coincides with a point of another.
+
+    `axes` are the world directions in which the closure is demanded (a planar loop needs two);
+    `stated` is the entry of a sidecar: bodies, and points in their frames.
+    """
+
+    name: str
+    first: Point
+    second: Point
+    axes: tuple[int, ...] = (0, 1, 2)
+    stated: tuple[tuple[str, tuple[float, ...]], tuple[str, tuple[float, ...]]] | None = None
+
+
+@frozen
+class Coupling:
+    """A joint coupling ``q_joint = Σ c_k (q_of)^k`` (MJCF ``<joint>`` equality, URDF mimic)."""
+
+    name: str
+    joint: str
+    of: str | None
+    polynomial: tuple[float, ...]
+
+
+@frozen
+class Stated:
+    """What a robot file states.
+
+    Attributes
+    ----------
+    model : pinocchio.Model
+    loops, couplings : list
+        Points of loops are in Pinocchio's numbering of joints, less one.
+    actuated : list of str or None
+        None where the file names no actuator.
+    names : mapping
+        The file's names of the joints in each Pinocchio joint, where they are not its own.
+    home : (nq,) or None
+        None is the zero configuration.
+    springs : mapping
+        Joint to stiffness [N·m/rad or N/m] and position at which it is relaxed.
+    undriven : str
+        An actuator that drives no single joint, if there is one.
+    """
+
+    model: Any
+    loops: list[Loop]
+    couplings: list[Coupling]
+    actuated: list[str] | None
+    names: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+    home: Array | None = None
+    springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    undriven: str = ""
+
+
+def name_numbers(
+    joint: str, numbers: Mapping[str, float], inertia_parts: tuple[str, ...]
+) -> dict[str, float]:
+    """Return the parameters of a joint of which a robot file states some numbers.
+
+    One level of dry friction is that of both directions, and one rotor that of all its parts.
+    """
+    kinds = {
+        "damping": ("Fv",),
+        "frictionloss": ("Fc", "Fc+", "Fc-"),
+        "armature": inertia_parts[:1],
+        "stiffness": ("K",),
+    }
+    return {f"{joint}.{kind}": value for word, value in numbers.items() for kind in kinds[word]}

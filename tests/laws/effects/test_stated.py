@@ -1,0 +1,116 @@
+"""What effects state of parameters holds everywhere: their sign, and where a file has them."""
+
+import numpy as np
+import pytest
+
+from identifiability import analyze, prune, simulate
+from identifiability.effects import FAMILIES, AlongAxes, Family, forget, register
+from identifiability.effects.holding import held_by_file, stated_numbers
+from identifiability.foundation.names import INERTIAL_KINDS
+from identifiability.logs import Log
+from identifiability.physical.feasibility import physical_set
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+from identifiability.robot.parts import name_numbers
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.workflows.diagnose.rows import list_candidates
+
+EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "cubic_drag")
+LADDER = f"""
+[[models]]
+name = "with drag"
+effects = {list(EFFECTS)}
+"""
+
+
+class Cubic(AlongAxes):
+    """A study's own drag, with the third power of speed."""
+
+    name = "cubic_drag"
+    equation = "τ = Fz q̇³"
+    units = (("Fz", "N·m·s³/rad³", "N·s³/m³"),)
+    nonnegative = True
+
+    def curves(self, at):
+        return [at.speed**3]
+
+
+class Either(Cubic):
+    """The same without a sign."""
+
+    nonnegative = False
+
+
+@pytest.fixture(params=[Cubic, Either])
+def drag(request):
+    register(Family(request.param(), "cubic drag"))
+    yield request.param
+    forget("cubic_drag")
+
+
+@pytest.fixture(scope="module")
+def pushed():
+    """A log of the two-link arm whose elbow is driven by what should brake it."""
+    robot = Robot.load("two-link")
+    move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
+    log = simulate(robot, move)
+    tau = log.tau.copy()
+    tau[:, 1] -= 0.05 * log.dq[:, 1] ** 3
+    tau += 1e-3 * np.random.default_rng(0).normal(size=tau.shape)
+    return Log("pushed", log.joints, log.t, log.q, tau, log.dq, log.ddq, "")
+
+
+def test_a_sign_of_the_users_own_binds_every_stage(drag, move):
+    two_link = Robot.load("two-link")
+    structure = Structure.of(two_link, Model.of(*EFFECTS))
+    at = structure.columns.index("elbow.Fz")
+    signed = drag is Cubic
+    assert structure.nonnegative[at] == signed
+    assert structure.base.nonnegative[structure.base.names.index("elbow.Fz")] == signed
+    assert physical_set(structure).nonnegative[at] == signed
+    m = move(two_link, 0.01 * np.arange(50))
+    candidates, _ = list_candidates(two_link, (FAMILIES["cubic_drag"],), (), [m], fixed=False)
+    assert {c.positive for c in candidates} == {signed}
+
+
+def test_a_forbidden_level_is_told_by_analyze_and_prune_and_no_real_robot_has_it(
+    drag, pushed, tmp_path
+):
+    ladder = tmp_path / "ladder.toml"
+    ladder.write_text(LADDER)
+    found = analyze("two-link", pushed, ladder=ladder, replicates=0)
+    level = found["elbow.Fz"]["value"]
+    assert level == pytest.approx(-0.05, abs=0.02)
+    nearest = found.chosen.physical.parameters()["elbow.Fz"]
+    if drag is Either:
+        assert nearest == pytest.approx(level, rel=0.1)
+        assert "elbow.Fz" not in found.chosen.infeasible
+    else:
+        assert nearest == pytest.approx(0.0, abs=1e-6)
+        assert "elbow.Fz" in found.chosen.infeasible
+    pruned = prune("two-link", pushed, ladder=ladder, replicates=0)
+    forbidden = {n for n in pruned.rungs[0].infeasible if n.endswith(".Fz")}
+    assert forbidden == (set() if drag is Either else {"elbow.Fz"})
+
+
+def test_every_part_of_a_rotor_has_a_sign_whatever_it_is_called(tmp_path):
+    side = tmp_path / "parts.toml"
+    side.write_text('inertia_parts = ["rotor", "screw"]')
+    structure = Structure.of(Robot.load("two-link", side), Model.of("actuator_inertia"))
+    assert structure.columns[:2] == ("shoulder.rotor", "shoulder.screw")
+    assert structure.nonnegative.all()
+
+
+def test_what_a_file_states_of_a_parameter_is_read_as_that_parameter(robot):
+    """Written by what effects say, read by what the robot says: the same number."""
+    for family in FAMILIES.values():
+        for p in family.effect.parameters(robot):
+            if p.stated_as in ("", *INERTIAL_KINDS) or p.owner not in robot.dofs:
+                continue
+            numbers = stated_numbers(robot, {p.name: 3.0})[p.owner]
+            read = name_numbers(p.owner, numbers, robot.inertia_parts)
+            held = held_by_file(robot, {p.name: 3.0})[p.name]
+            assert held == (3.0 if p.stated_as in numbers else 0.0)
+            first = f"{p.owner}.{robot.inertia_parts[0]}"  # it has a rotor's sum
+            assert read.get(first if p.stated_as == "armature" else p.name, 0.0) == held
