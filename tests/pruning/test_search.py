@@ -8,7 +8,7 @@ import pytest
 from identifiability.estimation.estimate import estimate
 from identifiability.workflows.prune.folds import gather_folds
 from identifiability.workflows.prune.moves import Kind, Move, Partition
-from identifiability.workflows.prune.search import Wishes, find_path
+from identifiability.workflows.prune.search import find_path
 
 from .conftest import chosen_set, gather, plant
 
@@ -37,7 +37,7 @@ def test_planted_parameters_are_mostly_recovered_under_autocorrelated_noise():
 def test_the_constrained_fit_by_updates_is_the_refit():
     information, _ = plant(np.random.default_rng(0))
     full = estimate(information)
-    folds = gather_folds(information, full.weights, FREE)
+    folds = gather_folds(information, full, FREE)
     moves = [Move(Kind.DROP, ("p3",)), Move(Kind.TIE, tie=(("p1", "p2", "p9"),))]
     fit, partition = folds.fit(), Partition.of(information.columns)
     for move in moves:
@@ -57,7 +57,7 @@ def test_held_out_squares_are_those_of_predictions():
     W = rng.normal(size=(640, 2, 4))
     tau = W @ np.arange(4.0) + rng.normal(size=(640, 2))
     information = gather(W, tau, blocks=64)
-    folds = gather_folds(information, np.ones(2), np.zeros(4, bool))
+    folds = gather_folds(information, estimate(information, "ols"), np.zeros(4, bool))
     fit = folds.fit()
     of_sample = np.repeat(folds.fold[folds.stretch], information.counts)
     expected = 0.0
@@ -115,7 +115,7 @@ def test_forbidden_columns_stay_and_forced_ones_go():
     information, true = plant(np.random.default_rng(4))
     null = min(set(information.columns) - true)
     some = min(true)
-    search = find_path(information, FREE, wishes=Wishes(frozenset([null]), (some,)))
+    search = find_path(information, FREE, forbid=[null], force=[some])
     assert all(null in {p.columns[g] for g in p.leaders} for p in _partitions(search))
     assert some not in chosen_set(search)
 
@@ -138,7 +138,7 @@ def test_several_logs_are_left_out_one_by_one_and_few_are_divided(logs, whole):
     W = rng.normal(size=(1200, 1, 5))
     tau = W @ np.array([1.0, 2, 0, 0, 3]) + rng.normal(size=(1200, 1))
     information = gather(W, tau, blocks=120, log=np.arange(1200) * logs // 1200)
-    folds = gather_folds(information, np.ones(1), np.zeros(5, bool))
+    folds = gather_folds(information, estimate(information, "ols"), np.zeros(5, bool))
     assert (folds.fold.max() + 1 == logs) == whole
     assert len(folds.fold) >= 12
     assert chosen_set(find_path(information, np.zeros(5, bool))) >= {"p0", "p1", "p4"}

@@ -8,8 +8,8 @@ What to use when:
 
 The method, in the order of the files: what a move is (`moves`), held-out errors from Gram matrices
 (`folds`), states that the logs lack (`unseen`), symmetries (`geometry`, `proposals`), the way down
-(`elimination`, `search`), which rung to use (`selection`), and what to think of it (`stability`,
-`absorption`).
+(`elimination`), the path and which rung of it to use (`search`), and what to think of it (`rung`,
+`stability`, `absorption`).
 """
 
 from identifiability.workflows.prune.result import Ladder

@@ -17,7 +17,7 @@ from identifiability.regression.information import Information
 from identifiability.workflows.prune.moves import ZERO, Partition
 
 
-@frozen
+@frozen(kw_only=True)
 class Absorption:
     """What survivors took over.
 
@@ -62,21 +62,18 @@ class Absorption:
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row for each removed parameter."""
-        rows = []
-        for k, name in enumerate(self.removed):
-            into = self.main(k)
-            rows.append(
-                {
-                    "removed": name,
-                    "estimate": float(self.value[k]),
-                    "sigma": float(self.sigma[k]),
-                    "torque_to_residual": float(self.torque[k]),
-                    "absorbed_share": float(self.share[k]),
-                    "absorbed_by": ", ".join(s for s, _ in into),
-                    "bias": ", ".join(f"{b:+.3g}" for _, b in into),
-                }
-            )
-        return pd.DataFrame(rows)
+        into = [self.main(k) for k in range(len(self.removed))]
+        return pd.DataFrame(
+            {
+                "removed": self.removed,
+                "estimate": self.value,
+                "sigma": self.sigma,
+                "torque_to_residual": self.torque,
+                "absorbed_share": self.share,
+                "absorbed_by": [", ".join(s for s, _ in takers) for takers in into],
+                "bias": [", ".join(f"{b:+.3g}" for _, b in takers) for takers in into],
+            }
+        )
 
 
 def absorb(
@@ -93,66 +90,32 @@ def absorb(
     partition : Partition
         What became of each column.
     """
-    columns, unit = partition.columns, np.eye(len(partition.columns))
-    rows, names = [], []
-    for k, group in enumerate(partition.group):
-        if group == ZERO:
-            rows.append(unit[k])
-            names.append(columns[k])
-        elif group != k:
-            rows.append(unit[k] - unit[group])
-            names.append(f"{columns[k]} − {columns[group]}")
-    return assess_absorption(
-        information,
-        full,
-        partition.matrix,
-        survivors,
-        np.array(rows).reshape(-1, len(columns)),
-        tuple(names),
-    )
-
-
-def assess_absorption(
-    information: Information, full: Estimate, M: Array, survivors: Estimate, removed: Array,
-    names: tuple[str, ...],
-) -> Absorption:  # fmt: skip
-    """Return what the survivors of a pruned model took over.
-
-    Parameters
-    ----------
-    information : Information
-        About the starting model's k columns.
-    full : Estimate
-        Of the starting model.
-    M : (k, m)
-        The pruned model's columns are ``W M``.
-    survivors : Estimate
-        Of the pruned model.
-    removed : (r, k)
-        What the pruned model denies: ``removed @ x = 0``.
-    names : tuple of str
-        Of the removed parameters.
-    """
-    R = information.factor(survivors.weights)
-    k = information.size
-    rows = np.sqrt(max(information.rows, 1))
-    if not len(removed):
-        zero, m = np.zeros(0), M.shape[1]
-        none = np.zeros((m, 0))
-        return Absorption((), survivors.columns, zero, zero, none, none, zero, zero,
-                          survivors.sigma)  # fmt: skip
+    columns, M = partition.columns, partition.matrix
+    rows, names = [np.empty((0, len(columns)))], []
+    for k, leader in enumerate(partition.group):
+        if leader != k:  # what the pruned model denies is that removed @ x = 0
+            unit = np.eye(len(columns))[[k, leader]]
+            rows.append(unit[:1] if leader == ZERO else unit[:1] - unit[1:])
+            names.append(columns[k] if leader == ZERO else f"{columns[k]} − {columns[leader]}")
+    removed = np.concatenate(rows)
+    R = information.factor(survivors.weights)[:-1, :-1]
+    samples = np.sqrt(max(information.rows, 1))
     # x = M u + D v with v = removed @ x: D undoes the denied combinations one by one.
-    D = np.linalg.pinv(removed)
-    kept, gone = R[:k, :k] @ M, R[:k, :k] @ D
-    A = np.linalg.lstsq(kept, gone, rcond=None)[0] if M.shape[1] else np.zeros((0, len(names)))
-    taken = kept @ A if M.shape[1] else np.zeros_like(gone)
+    kept, gone = R @ M, R @ np.linalg.pinv(removed)
+    A = np.linalg.lstsq(kept, gone, rcond=None)[0]
     squares = np.maximum((gone**2).sum(0), 1e-300)
     value = removed @ full.value
     covariance = np.where(np.isfinite(full.covariance), full.covariance, 0.0)
     sigma = np.sqrt(np.maximum(np.einsum("ri,ij,rj->r", removed, covariance, removed), 0.0))
-    residual = np.sqrt(float(survivors.weights @ survivors.rss)) / rows
-    torque = np.abs(value) * np.sqrt(squares) / rows / max(residual, 1e-300)
+    residual = np.sqrt(float(survivors.weights @ survivors.rss)) / samples
     return Absorption(
-        names, survivors.columns, value, sigma, A * value, np.abs(A) * sigma,
-        (taken**2).sum(0) / squares, torque, survivors.sigma,
-    )  # fmt: skip
+        removed=tuple(names),
+        survivors=survivors.columns,
+        value=value,
+        sigma=sigma,
+        shift=A * value,
+        shift_sigma=np.abs(A) * sigma,
+        share=((kept @ A) ** 2).sum(0) / squares,
+        torque=np.abs(value) * np.sqrt(squares) / samples / max(residual, 1e-300),
+        sigma_survivor=survivors.sigma,
+    )

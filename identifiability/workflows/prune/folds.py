@@ -18,12 +18,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.least_squares import (
-    OrdinaryLeastSquares,
-    UpdatedRefits,
-    refits_like_least_squares,
-)
+from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.least_squares import UpdatedRefits, refits_like_least_squares
 from identifiability.estimation.refits import Asked, Refits
 from identifiability.estimation.torque_errors import divide_blocks
 from identifiability.foundation.names import Array
@@ -34,11 +30,8 @@ from identifiability.workflows.prune.moves import Move, Partition
 #: A constraint whose share of its first variance is below this holds already.
 HELD = 1e-10
 
-#: What refits where nobody says.
-LEAST_SQUARES = OrdinaryLeastSquares()
 
-
-@frozen
+@frozen(kw_only=True)
 class Folds:
     """Blocks of a regression in coordinates ``y = R x`` in which the full information is I.
 
@@ -60,6 +53,8 @@ class Folds:
     unseen : (k, k)
         Gram matrix of as many states drawn from the ranges of the log; zero without.
     nonnegative : (k,) bool
+    samples : int
+        Of the logs.
     asked : Asked or None
         What refits; None where updates of the Gram matrices are what the estimator does.
     """
@@ -73,6 +68,7 @@ class Folds:
     fold: np.ndarray
     unseen: Array
     nonnegative: np.ndarray
+    samples: int
     asked: Asked | None
 
     @property
@@ -255,45 +251,40 @@ def _spread(held: Array, scatter: Array) -> float:
 
 
 def gather_folds(
-    information: Information,
-    weights: Array,
-    nonnegative: np.ndarray,
-    unseen: Array | None = None,
-    estimator: Estimator = LEAST_SQUARES,
+    information: Information, full: Estimate, nonnegative: np.ndarray, unseen: Array | None = None
 ) -> Folds:
     """Return the folds of a regression whose columns are independent.
 
     Parameters
     ----------
     information : Information
-    weights : (n,)
-        Of the actuators.
+    full : Estimate
+        Whose weights (n,) the actuators have, and whose estimator refits.
     nonnegative : (k,) bool
     unseen : (m, n, k), optional
         Regressor at states that are not in the logs.
-    estimator : Estimator
-        Whose refits the fits without a fold are.
     """
     k = information.size
-    R = information.factor(weights)
+    R = information.factor(full.weights)
     length = float(np.linalg.norm(R[:, k]))
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
     inverse = np.linalg.inv(R)
     change = information.basis @ inverse
     stretch, fold = divide_blocks(information.log, information.counts)
     centre, turned = R[:k, k].copy(), inverse[:k, :k]
-    quick = refits_like_least_squares(estimator)
+    quick = refits_like_least_squares(full.estimator)
     return Folds(
         columns=information.columns,
         inverse=turned,
         centre=centre,
         scale=float(R[k, k]),
-        blocks=change.T @ information.blocks(weights) @ change,
+        blocks=change.T @ information.blocks(full.weights) @ change,
         stretch=stretch,
         fold=fold,
-        unseen=_unseen_gram(unseen, turned, weights, information.samples),
+        unseen=_unseen_gram(unseen, turned, full.weights, information.samples),
         nonnegative=np.asarray(nonnegative, bool),
-        asked=None if quick else Asked(estimator, information, turned, centre),
+        samples=information.samples,
+        asked=None if quick else Asked(full.estimator, information, turned, centre),
     )
 
 

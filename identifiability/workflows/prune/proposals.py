@@ -36,16 +36,16 @@ def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     columns : sequence of str
         The base parameters that the model has.
     """
-    moves = merge_moves(structure.robot, columns)
+    moves = merge_moves(structure, columns)
     moves += declared_moves(structure.robot, columns)
     moves += zero_moves(structure, columns)
     ties = {frozenset(c) for m in moves if m.kind is Kind.TIE for c in m.tie}
     return moves + [m for m in tie_moves(structure, columns) if frozenset(m.tie[0]) not in ties]
 
 
-def merge_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
+def merge_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return the merges of a joint's two Coulomb levels."""
-    pairs = ((f"{joint}.Fc+", f"{joint}.Fc-") for joint in robot.joints)
+    pairs = ((f"{joint}.Fc+", f"{joint}.Fc-") for joint in structure.robot.joints)
     why = "Friction of the same size in both directions"
     return [Move(Kind.MERGE, tie=(p,), why=why) for p in pairs if set(p) <= set(columns)]
 
@@ -74,7 +74,7 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
         mirrors = find_mirrors(parts[bodies[0]]) if len(parts[bodies[0]]) > 1 else []
         if not mirrors:
             continue
-        N = _subspace(structure, {k: body_shapes(mirrors) for k in bodies})
+        N = _subspace(structure, [((k,), body_shapes(mirrors)) for k in bodies])
         vanished = _vanishing(structure, N)
         names = tuple(n for n in vanished if n in known and n not in seen)
         seen.update(names)
@@ -91,7 +91,7 @@ def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     base, sets = structure.base, find_equal_bodies(structure.robot)
     if not sets:
         return []
-    N = _tied(structure, sets)
+    N = _subspace(structure, [(bodies, np.eye(len(INERTIAL))) for bodies in sets])
     reach = base.G @ N
     size = np.linalg.norm(np.abs(base.G) @ np.abs(N), axis=1) + 1e-300
     unit = reach / size[:, None]
@@ -115,31 +115,24 @@ def _columns(structure: Structure, body: int) -> np.ndarray | None:
     return structure.inertial[stems.index(stem)] if stem in stems else None
 
 
-def _subspace(structure: Structure, shapes: dict[int, Array]) -> Array:
-    """Return a basis of the standard parameters with some bodies confined, (p, free)."""
+def _subspace(structure: Structure, confined: Sequence[tuple[Sequence[int], Array]]) -> Array:
+    """Return a basis of the standard parameters where some bodies have one shape, (p, free).
+
+    Parameters
+    ----------
+    structure : Structure
+    confined : sequence of (bodies, shape)
+        Bodies that are equal, and a basis (10, f) of the ten parameters that they may have.
+    """
     p = len(structure.parameters)
     blocks, free = [], np.ones(p, bool)
-    for body, shape in shapes.items():
-        at = _columns(structure, body)
-        if at is not None:
-            free[at] = False
-            block = np.zeros((p, shape.shape[1]))
-            block[at] = shape
-            blocks.append(block)
-    return np.hstack([np.eye(p)[:, free], *blocks])
-
-
-def _tied(structure: Structure, sets: Sequence[tuple[int, ...]]) -> Array:
-    p = len(structure.parameters)
-    blocks, free = [], np.ones(p, bool)
-    for bodies in sets:
-        found = [at for k in bodies if (at := _columns(structure, k)) is not None]
-        if len(found) > 1:
-            block = np.zeros((p, len(INERTIAL)))
-            for at in found:
+    for bodies, shape in confined:
+        block = np.zeros((p, shape.shape[1]))
+        for at in (_columns(structure, k) for k in bodies):
+            if at is not None:
                 free[at] = False
-                block[at] = np.eye(len(INERTIAL))
-            blocks.append(block)
+                block[at] = shape
+        blocks.append(block)
     return np.hstack([np.eye(p)[:, free], *blocks])
 
 

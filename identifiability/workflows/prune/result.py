@@ -1,38 +1,107 @@
 """`Ladder`: the rungs from the unpruned model down, which one to use, and why."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 import pandas as pd
 
+from identifiability.estimation.verdict import Class, Verdict
+from identifiability.foundation.errors import listing
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderEntry,
+    LadderSource,
+    Rung,
     ladder_text,
     rung_entry,
 )
 from identifiability.workflows.analyze.assessment import physical_dict
 from identifiability.workflows.analyze.errors import errors_dict, tell_errors
+from identifiability.workflows.analyze.words import state_physics
+from identifiability.workflows.opening import Opening
 from identifiability.workflows.provenance import state_provenance
-from identifiability.workflows.prune.pruning import Pruning
-from identifiability.workflows.prune.words import statement
+from identifiability.workflows.prune.absorption import Absorption
+from identifiability.workflows.prune.elimination import Refusal
+from identifiability.workflows.prune.moves import Partition
+from identifiability.workflows.prune.rung import Measured, PrunedRung
+from identifiability.workflows.prune.search import Criterion
+from identifiability.workflows.prune.stability import Stability
 
 
-@frozen
-class Ladder(Result, Pruning):
-    """The answer of `prune`. `to_frame`, `to_json`, `write_report`, `write_model` give it away."""
+@frozen(kw_only=True)
+class Ladder(Result, Opening, Measured):
+    """The answer of `prune`. `to_frame`, `to_json`, `write_report`, `write_model` give it away.
+
+    Attributes
+    ----------
+    information : Information
+        About the base parameters.
+    start : Rung
+        The model that pruning started from.
+    selected, least : int
+        The rung to use, and the one with the least held-out error.
+    refused : tuple of Refusal
+        Suggested moves that the data contradict.
+    stability : Stability
+    absorption : Absorption
+    criterion, method, seed
+        As asked for.
+    source : LadderSource
+        Where the model that pruning started from came from.
+    settings : mapping
+        Other options that decided the numbers.
+    """
 
     schema: ClassVar[str] = "identifiability/pruning/1"
+
+    information: Information
+    start: Rung
+    selected: int
+    least: int
+    refused: tuple[Refusal, ...]
+    stability: Stability
+    absorption: Absorption
+    criterion: Criterion
+    method: str
+    seed: int
+    source: LadderSource
+    settings: Mapping[str, object]
+
+    @property
+    def chosen(self) -> PrunedRung:
+        """The rung to use."""
+        return self.rungs[self.selected]
+
+    @property
+    def full(self) -> PrunedRung:
+        """The unpruned model."""
+        return self.rungs[0]
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Verdicts on the parameters of the rung to use."""
+        return self.result.verdicts
+
+    @property
+    def feasible(self) -> bool:
+        """Whether a real robot can have the values of the rung to use."""
+        return self.result.feasible
+
+    @property
+    def partition(self) -> Partition:
+        """What became of each column of the starting model."""
+        return self.chosen.step.partition
 
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        return " ".join((statement(self), *self.hints))
+        return " ".join((_state_answer(self), *self.hints))
 
     @cached_property
     def provenance(self) -> dict[str, str]:
@@ -118,3 +187,40 @@ class Ladder(Result, Pruning):
     def to_ladder(self) -> LadderEntry:
         """Return the chosen model as a ladder of one rung, for `analyze`, `diagnose` and others."""
         return LadderEntry(models=[rung_entry(self.chosen.rung, self.base, self.effects)])
+
+
+def _state_answer(ladder: Ladder) -> str:
+    chosen, full = ladder.chosen, ladder.full
+    if ladder.nothing:
+        return f"Nothing is identifiable, because {ladder.nothing}."
+    if len(chosen) == len(full):
+        text = (
+            f"Nothing was pruned: each of the {len(full)} parameters of the model is needed to "
+            "predict motion that the fit has not seen."
+        )
+    else:
+        text = (
+            f"Of {len(full)} parameters {len(chosen)} are worth using: "
+            f"{listing(chosen.columns, 14)}. "
+            f"{_identifiable(ladder)}. They predict unseen motion with an error of "
+            f"{_percent(chosen.error_ra_unseen)}, the unpruned model with "
+            f"{_percent(full.error_ra_unseen)}."
+        )
+    if np.isfinite(chosen.error_ra_validation):
+        text += (
+            f" On the logs held out for validation it is "
+            f"{_percent(chosen.error_ra_validation)} against {_percent(full.error_ra_validation)}."
+        )
+    return f"{text} {state_physics(ladder.robot, ladder.result)}"
+
+
+def _identifiable(ladder: Ladder) -> str:
+    if ladder.result.unjudged:
+        return f"None of them is judged. {ladder.result.unjudged.removesuffix('.')}"
+    count = ladder.result.count(Class.IDENTIFIABLE)
+    total = len(ladder.chosen)
+    return "All are identifiable" if count == total else f"{count} of them are identifiable"
+
+
+def _percent(error: float) -> str:
+    return f"{100 * error:.3g} %" if np.isfinite(error) else "unknown size"

@@ -1,23 +1,33 @@
-"""One rung of the ladder: a model on the way down, with what is said of it."""
+"""The rungs of the ladder: models on the way down, with what is said of each."""
 
-from __future__ import annotations
-
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.uncertainty import Uncertainty
-from identifiability.estimation.verdict import Class, Thresholds, Verdict
+from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.prediction import Prediction, Task, predict_all, take_turns
+from identifiability.estimation.torque_errors import standard_error
+from identifiability.estimation.uncertainty import Uncertainty, resample
+from identifiability.estimation.verdict import Class, Thresholds, Verdict, withdraw
+from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.values import frozen
+from identifiability.physical.feasibility import FittedModel, PhysicalResult
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
-from identifiability.workflows.analyze.assessment import forbidden_signs, judge_rung
-from identifiability.workflows.prune.elimination import Step
-from identifiability.workflows.prune.reasons import explain
+from identifiability.workflows.analyze.assessment import (
+    RungResult,
+    assess_ladder,
+    forbidden_signs,
+    judge_rung,
+)
+from identifiability.workflows.analyze.words import WORSE
+from identifiability.workflows.opening import Opening
+from identifiability.workflows.prune.elimination import Step, explain
+from identifiability.workflows.prune.search import Search, least_error
 
 
-@frozen
+@frozen(kw_only=True)
 class PrunedRung:
     """One model on the way down.
 
@@ -29,8 +39,6 @@ class PrunedRung:
     estimate : Estimate
     verdicts : tuple of Verdict
         On its parameters, with the memory of the chosen rung's residual.
-    worst_sigma_percent : float
-        Largest σ_robust% of its parameters [%].
     error_ra : float
         ε_RA on the logs it was fitted to.
     error_ra_unseen, error_se : float
@@ -49,7 +57,6 @@ class PrunedRung:
     rung: Rung
     estimate: Estimate
     verdicts: tuple[Verdict, ...]
-    worst_sigma_percent: float
     error_ra: float
     error_ra_unseen: float
     error_se: float
@@ -67,6 +74,11 @@ class PrunedRung:
     def reason(self) -> str:
         """Why the move was made, in words."""
         return explain(self.step)
+
+    @property
+    def worst_sigma_percent(self) -> float:
+        """Largest σ_robust% of its parameters [%]."""
+        return max((v.sigma_robust_percent for v in self.verdicts), default=0.0)
 
     @property
     def identifiable(self) -> int:
@@ -124,51 +136,153 @@ class PrunedRung:
         }
 
 
-def rung_of(start: Rung, step: Step) -> Rung:
-    """Return the model of a step down from a starting model."""
-    size = len(step.partition)
-    if step.move is None:
-        return start
-    text = f"from {start.name}: {len(start) - size} parameters fewer"
-    name = f"{size} parameter{'' if size == 1 else 's'}"
-    return step.partition.rung(start, name, text)
+@frozen(kw_only=True)
+class Question:
+    """What is pruned: a model, and what the logs say of all its base parameters.
+
+    Attributes
+    ----------
+    opening : Opening
+    information : Information
+    start : Rung
+        The model that pruning starts from.
+    estimator : Estimator
+    """
+
+    opening: Opening
+    information: Information
+    start: Rung
+    estimator: Estimator
+
+    def fit(self, step: Step) -> FittedModel:
+        """Fit the model of a step down."""
+        rung, size = self.start, len(step.partition)
+        if step.move is not None:
+            name = f"{size} parameter{'' if size == 1 else 's'}"
+            text = f"from {rung.name}: {len(rung) - size} parameters fewer"
+            rung = step.partition.rung(rung, name, text)
+        return FittedModel.of(self.opening.structure, rung, self.information, self.estimator)
 
 
-def build_rung(
-    step: Step,
-    rung: Rung,
-    fit: Estimate,
-    information: Information,
-    uncertainty: Uncertainty,
-    errors: tuple[float, float, float, float],
-    best: Step,
-    unit: float,
-) -> PrunedRung:
-    """Return a rung with what is said of it.
+@frozen(kw_only=True)
+class Measured:
+    """The rungs, and the one to use by itself.
+
+    Attributes
+    ----------
+    rungs : tuple of PrunedRung
+    result : RungResult
+        The rung to use with verdicts, uncertainties by resampling, and physical certificate.
+    fitted, held_out : Prediction
+        Torque predicted by the rung to use on the logs that were fitted, and on validation logs or,
+        without any, on stretches (or logs) by models fitted to the others; sums only.
+    nothing : str
+        Why no verdict is believed, for after "because"; empty where they are.
+    """
+
+    rungs: tuple[PrunedRung, ...]
+    result: RungResult
+    fitted: Prediction
+    held_out: Prediction
+    nothing: str = ""
+
+
+def measure_rungs(
+    question: Question,
+    search: Search,
+    chosen: int,
+    physical: PhysicalResult,
+    replicates: int,
+    rng: np.random.Generator,
+    *,
+    engine: Engine,
+    progress: Steps,
+) -> Measured:
+    """Fit every model of a path and say how it predicts, going through the logs once.
 
     Parameters
     ----------
-    step : Step
-    rung : Rung
-    fit : Estimate
-    information : Information
-        About the rung's columns.
-    uncertainty : Uncertainty
-    errors : (float, float, float, float)
-        ε_RA fitted, unseen, SE of its difference, validation.
-    best : Step
-        The step with the least held-out error.
-    unit : float
-        Held-out squares of the unpruned model.
+    question : Question
+    search : Search
+    chosen : int
+        The step to use.
+    physical : PhysicalResult
+        Its nearest real robot.
+    replicates : int
+        Of the bootstrap.
+    rng : numpy.random.Generator
+    engine : Engine
+    progress : callable(int, int)
     """
-    rules = Thresholds()
-    rows = max(information.rows, 1)
-    torque = float(np.linalg.norm(information.factor()[:, -1]) / np.sqrt(rows))
-    unknown = ("This motion determines it in combination with others only, or not at all.",)
-    verdicts = judge_rung(rung, information, fit, uncertainty, torque, unknown * len(rung), rules)
-    percent = np.array([v.sigma_robust_percent for v in verdicts])
-    return PrunedRung(
-        step, rung, fit, verdicts, float(percent.max(initial=0.0)), *errors,
-        step.errors.total / unit, step.errors.above(best.errors)[1] / unit,
-        forbidden_signs(rung, information, fit),
+    opening, steps = question.opening, search.path.steps
+    models = [question.fit(s) for s in steps]
+    values = np.stack([m.rung.expand(m.estimate.value) for m in models], 1)
+    pair = np.stack([values[:, chosen], physical.base, physical.in_file], 1)
+    every, two = Task(values[None], excerpt=False), Task(pair[None])
+    crossed = _plan_unseen(question, search)
+    fitted, unseen, own = predict_all(
+        opening.regression, [every, crossed, two], engine=engine, progress=progress
+    )
+    outside, own_held, error_held = unseen, own, np.full(len(steps), np.nan)
+    if opening.validation:
+        held = opening.structure.regression(opening.validation)
+        outside, own_held = predict_all(held, [every, two], engine=engine)
+        error_held = outside.relative_error()
+    use = models[chosen]
+    (result,) = assess_ladder(
+        [use.rung], [use.estimate], question.information, [physical], own, own_held,
+        opening.structure.nominal_base, Thresholds(), rng, replicates,
     )  # fmt: skip
+    spread = result.uncertainty
+    error, error_unseen = fitted.relative_error(), unseen.relative_error()
+    error_se = standard_error(unseen.sums, float(spread.times.mean()), chosen)
+    best, unit = steps[least_error(steps)], max(steps[0].errors.total, 1e-300)
+    rungs = tuple(
+        PrunedRung(
+            step=step,
+            rung=model.rung,
+            estimate=model.estimate,
+            verdicts=_judge(model, spread, rng, replicates),
+            error_ra=float(error[k]),
+            error_ra_unseen=float(error_unseen[k]),
+            error_se=float(error_se[k]),
+            error_ra_validation=float(error_held[k]),
+            error_squares=step.errors.total / unit,
+            error_squares_se=step.errors.above(best.errors)[1] / unit,
+            infeasible=forbidden_signs(model.rung, model.information, model.estimate),
+        )
+        for k, (step, model) in enumerate(zip(steps, models, strict=True))
+    )
+    if not opening.validation:
+        result = replace(result, error_ra_validation=rungs[chosen].error_ra_unseen)
+    nothing = "" if len(use.rung) and error_unseen[chosen] < unseen.constant_error() else WORSE
+    if nothing:
+        rungs = tuple(replace(r, verdicts=withdraw(r.verdicts, nothing)) for r in rungs)
+        result = result.withdraw(nothing)
+    return Measured(
+        rungs=rungs,
+        result=result,
+        fitted=fitted.select([chosen]),
+        held_out=outside.select([chosen]),
+        nothing=nothing,
+    )
+
+
+def _plan_unseen(question: Question, search: Search) -> Task:
+    """Return how stretches (or logs) are predicted by models fitted to the others."""
+    folds, start = search.folds, question.start
+    fits = np.stack([s.values[1:] for s in search.path.steps], 2)
+    values = start.held[:, None] + start.M @ fits
+    turns = take_turns(question.information, folds.fold[folds.stretch])
+    return Task(values, turns, excerpt=False)
+
+
+def _judge(
+    model: FittedModel, spread: Uncertainty, rng: np.random.Generator, replicates: int
+) -> tuple[Verdict, ...]:
+    """Return the verdicts on a model, with the memory of the chosen one's residual."""
+    part, fit = model.information, model.estimate
+    own = resample(part, fit, spread.times, spread.block, rng, replicates)
+    torque = float(np.linalg.norm(part.factor()[:, -1]) / np.sqrt(max(part.rows, 1)))
+    unknown = ("This motion determines it in combination with others only, or not at all.",)
+    return judge_rung(model.rung, part, fit, own, torque, unknown * len(model.rung), Thresholds())

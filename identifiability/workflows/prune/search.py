@@ -1,39 +1,31 @@
-"""The path of a regression and what it was walked with, from `Information` alone."""
+"""The path of a regression, and which rung of it to use: the smallest as good as the best."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.least_squares import MIXED, dependence
+from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
-from identifiability.workflows.prune.elimination import Path, Plan, walk
+from identifiability.workflows.prune.elimination import Path, Plan, Step, walk
 from identifiability.workflows.prune.folds import Folds, gather_folds
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
-from identifiability.workflows.prune.selection import Criterion, choose_step
 
-
-@frozen
-class Wishes:
-    """What the user wants of the search.
-
-    Attributes
-    ----------
-    forbid : frozenset of str
-        Columns that must not be dropped.
-    force : tuple of str
-        Columns that are dropped whatever the data say.
-    """
-
-    forbid: frozenset[str] = frozenset()
-    force: tuple[str, ...] = ()
+#: ``identifiable``: within one standard error of the difference to the least held-out error; then,
+#: as long as the error stays within its own standard error, what is not identifiable goes too.
+#: ``one-se-of-difference``: the former alone; keeps more.
+#: ``one-se`` [Breiman 1984]: within the standard error of the least error; keeps least.
+#: ``best``: the least held-out error itself; keeps most.
+Criterion = Literal["identifiable", "one-se-of-difference", "one-se", "best"]
 
 
 @frozen
@@ -80,7 +72,8 @@ def find_path(
     *,
     unseen: Array | None = None,
     suggested: Sequence[Move] = (),
-    wishes: Wishes | None = None,
+    forbid: Sequence[str] = (),
+    force: Sequence[str] = (),
     method: Method = "wls",
 ) -> Search:
     """Walk from all columns of a regression down to none.
@@ -95,40 +88,38 @@ def find_path(
         Regressor at states that are not in the logs.
     suggested : sequence of Move
         What knowledge of the robot suggests.
-    wishes : Wishes, optional
+    forbid, force : sequence of str
+        Columns that must not be dropped, and that are dropped whatever the data say.
     method : str or Estimator
         Its refits are the fits of the path.
     """
-    wishes = wishes or Wishes()
     full = estimate(information, method)
     kept = list(full.kept)
     part = information.select(kept)
-    folds = gather_folds(
-        part, full.weights, np.asarray(nonnegative)[kept],
-        None if unseen is None else unseen[:, :, kept], full.estimator,
-    )  # fmt: skip
-    plan = _plan(suggested, wishes, part.columns)
+    seen = None if unseen is None else unseen[:, :, kept]
+    folds = gather_folds(part, full, np.asarray(nonnegative)[kept], seen)
+    plan = _plan(suggested, forbid, force, part.columns)
     walked = walk(folds.fit(), plan)
     search = Search(full, folds, plan, walked)
     return replace(search, path=_with_idle(search, walked, information))
 
 
-def _plan(suggested: Sequence[Move], wishes: Wishes, columns: Sequence[str]) -> Plan:
+def _plan(
+    suggested: Sequence[Move], forbid: Sequence[str], force: Sequence[str], columns: Sequence[str]
+) -> Plan:
     """Return the plan over the columns that the motion excites."""
     known = set(columns)
     usable = []
     for move in suggested:
-        zero = tuple(c for c in move.zero if c in known and c not in wishes.forbid)
+        zero = tuple(c for c in move.zero if c in known and c not in forbid)
         tie = tuple(t for s in move.tie if len(t := tuple(c for c in s if c in known)) > 1)
         if zero or tie:
             usable.append(replace(move, zero=zero, tie=tie))
     pairs = tuple(m for m in usable if m.kind is Kind.MERGE)
     forced = tuple(
-        Move(Kind.FORCED, (c,), why="You asked for it", declared=True)
-        for c in wishes.force
-        if c in known
+        Move(Kind.FORCED, (c,), why="You asked for it", declared=True) for c in force if c in known
     )
-    return Plan(tuple(usable), pairs, forced, wishes.forbid)
+    return Plan(tuple(usable), pairs, forced, frozenset(forbid))
 
 
 def _with_idle(search: Search, walked: Path, information: Information) -> Path:
@@ -161,3 +152,60 @@ def _why_idle(information: Information, full: Estimate, idle: Sequence[str]) -> 
     if len(either) > 3:
         text += f"; and {len(either) - 3} more act only together with others"
     return text[:1].upper() + text[1:]
+
+
+def least_error(steps: Sequence[Step]) -> int:
+    """Return the step with the least held-out error of those that may be used."""
+    first = _first_allowed(steps)
+    return first + int(np.argmin([s.errors.total for s in steps[first:]]))
+
+
+def _first_allowed(steps: Sequence[Step]) -> int:
+    """Return the first step after what must go: what the motion or the user leaves out."""
+    must = (Kind.UNEXCITED, Kind.FORCED)
+    return max((k for k, s in enumerate(steps) if s.move and s.move.kind in must), default=0)
+
+
+def good_steps(steps: Sequence[Step], criterion: Criterion) -> list[int]:
+    """Return the steps that may be used, the preferred one first.
+
+    Preferred is the smallest of those with the fewest forbidden signs. The others follow for the
+    case that no real robot can have its values: smaller ones within the standard error of the least
+    error, then larger ones that are as good.
+    """
+    best = least_error(steps)
+    slack = steps[best].errors.standard_error
+    total = [s.errors.total for s in steps]
+    allowed = range(_first_allowed(steps), len(steps))
+    within = [k for k in allowed if total[k] <= total[best] + slack]
+    equal = [k for k in allowed if k == best or _as_good(steps[k], steps[best])]
+    pool = {"one-se": within, "best": [best]}.get(criterion, equal)
+    first = min(pool, key=lambda k: (steps[k].violations, len(steps[k].partition)))
+    if criterion == "identifiable":
+        first = _drop_passengers(steps, first, within)
+    smaller = [k for k in within if k > first]
+    larger = [k for k in reversed(pool) if k < first]
+    return [first, *smaller, *larger]
+
+
+def choose_step(steps: Sequence[Step], criterion: Criterion) -> int:
+    """Return the step to use, the physical certificate aside."""
+    return good_steps(steps, criterion)[0]
+
+
+def _as_good(step: Step, best: Step) -> bool:
+    rise, spread = step.errors.above(best.errors)
+    return rise <= spread
+
+
+def _drop_passengers(steps: Sequence[Step], first: int, within: Sequence[int]) -> int:
+    """Go on dropping what is not identifiable, as long as the error stays within its SE."""
+    limit = Thresholds().sigma_percent
+    while first + 1 in within:
+        following = steps[first + 1]
+        more = following.violations > steps[first].violations
+        evidence = following.evidence
+        if evidence is None or more or evidence.sigma_percent <= limit:
+            break
+        first += 1
+    return first

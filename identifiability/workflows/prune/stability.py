@@ -8,18 +8,18 @@ model.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
-from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.values import frozen
 from identifiability.workflows.prune.elimination import walk
 from identifiability.workflows.prune.folds import Folds
 from identifiability.workflows.prune.moves import Partition
-from identifiability.workflows.prune.search import Search
-from identifiability.workflows.prune.selection import Criterion, choose_step
+from identifiability.workflows.prune.search import Criterion, Search, choose_step
 
 #: Replicates that one item of an engine walks, some tenths of a second.
 BATCH = 10
@@ -83,8 +83,7 @@ def assess_stability(
     *,
     replicates: int,
     length: float,
-    samples: int,
-    say: Callable[[float], None] = lambda _share: None,
+    progress: Steps | None = None,
     engine: Engine | None = None,
 ) -> Stability:
     """Walk the path again on resampled logs.
@@ -99,23 +98,19 @@ def assess_stability(
     replicates : int
     length : float
         Samples a block must have at least to be nearly independent of the next.
-    samples : int
-        Of the logs.
-    say : callable(float), optional
-        Told the share that is done.
+    progress : callable(int, int), optional
     engine : Engine, optional
         Where the replicates are walked; by default here.
     """
     folds = search.folds
-    unit = _units(folds, max(1, round(length * len(folds.blocks) / max(samples, 1))))
+    unit = _units(folds, max(1, round(length * len(folds.blocks) / max(folds.samples, 1))))
     count = int(unit.max()) + 1
     # Drawn here, so that a replicate is the same whoever walks it.
     draws = rng.multinomial(count, np.full(count, 1 / count), size=replicates)
     items = [draws[k : k + BATCH] for k in range(0, replicates, BATCH)]
     parts = (engine or Serial()).map(
-        partial(_walk_again, search, unit, criterion), items,
-        progress=lambda done, total: say(done / total),
-    )  # fmt: skip
+        partial(_walk_again, search, unit, criterion), items, progress=progress
+    )
     drawn = [partition for part in parts for partition in part]
     return _summarise(chosen.columns, drawn, chosen)
 

@@ -147,7 +147,7 @@ def pruned(method):
     )  # fmt: skip
     stable = assess_stability(
         search, search.path.steps[search.choose("identifiable")].partition, "identifiable",
-        np.random.default_rng(6), replicates=20, length=10.0, samples=640,
+        np.random.default_rng(6), replicates=20, length=10.0,
     )  # fmt: skip
     return search, stable
 

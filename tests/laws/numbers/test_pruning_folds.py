@@ -1,8 +1,11 @@
 """Held-out squares of constrained fits, and what their scatter does on states not in the logs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from identifiability.estimation.estimate import estimate
 from identifiability.workflows.prune.folds import Errors, gather_folds
 from identifiability.workflows.prune.moves import Kind, Move
 
@@ -24,7 +27,8 @@ def folds_of(rows, logs=(), size=10, unseen=False):
     W, tau, states = rows
     information = gather(W, tau, size=size, logs=logs)
     forbidden = np.array([False, True, False])
-    return gather_folds(information, WEIGHTS, forbidden, states if unseen else None)
+    full = replace(estimate(information, "ols"), weights=WEIGHTS)
+    return gather_folds(information, full, forbidden, states if unseen else None)
 
 
 def solve(W, tau):

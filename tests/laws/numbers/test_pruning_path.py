@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import f as f_distribution
 
-from identifiability.workflows.prune.elimination import Evidence, Plan, Step, walk
+from identifiability.estimation.estimate import estimate
+from identifiability.workflows.prune.elimination import Evidence, Plan, Step, explain, walk
 from identifiability.workflows.prune.folds import Errors, gather_folds
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
-from identifiability.workflows.prune.reasons import explain
-from identifiability.workflows.prune.search import Wishes, find_path
-from identifiability.workflows.prune.selection import choose_step, good_steps, least_error
+from identifiability.workflows.prune.search import choose_step, find_path, good_steps, least_error
 
 from .made import gather
 
@@ -145,7 +144,8 @@ def problem(phi, samples=640, seed=0, noise=1.0, mix=None):
 
 def walked(phi, plan=None, columns=COLUMNS, forbidden=(), unseen=None, **options):
     information = gather(*problem(phi, **options), size=10, columns=columns)
-    folds = gather_folds(information, np.ones(1), np.isin(columns, forbidden), unseen)
+    full = estimate(information, "ols")
+    folds = gather_folds(information, full, np.isin(columns, forbidden), unseen)
     return walk(folds.fit(), plan or Plan())
 
 
@@ -286,7 +286,7 @@ def test_wishes_are_kept_and_idle_columns_go_first():
     search = find_path(
         gather(W, tau, size=10, columns=names), np.zeros(6, bool),
         suggested=[Move(Kind.ZERO, ("b.m", "nowhere.m")), Move(Kind.TIE, tie=(("c.m", "d.m"),))],
-        wishes=Wishes(frozenset(["b.m"]), ("c.m",)),
+        forbid=["b.m"], force=["c.m"],
     )  # fmt: skip
     first = search.path.steps[1].move
     assert first.kind is Kind.UNEXCITED

@@ -131,7 +131,7 @@ def planted(samples=640, unseen=None):
 def stability(search, rng, length=5.0, replicates=20):
     chosen = search.path.steps[search.choose("identifiable")].partition
     return chosen, assess_stability(
-        search, chosen, "identifiable", rng, replicates=replicates, length=length, samples=640
+        search, chosen, "identifiable", rng, replicates=replicates, length=length
     )
 
 
