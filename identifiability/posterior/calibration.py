@@ -10,15 +10,13 @@ uniform exactly, whatever the autocorrelation and without warm-up [Gandy 2020].
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import ExactSampler, build_sampler, interior
 from identifiability.posterior.target import Diagonal, Target
-
-Floats = NDArray[np.float64]
 
 #: Degrees of freedom of the inverse gamma from which replicates draw their noise variance.
 NOISE_DOF = 10.0
@@ -37,10 +35,10 @@ class Calibration:
     draws : int
     """
 
-    ranks: NDArray[np.int64]
+    ranks: np.ndarray
     draws: int
 
-    def p_values(self, bins: int = 16) -> Floats:
+    def p_values(self, bins: int = 16) -> Array:
         """Chi-square test that the ranks are uniform, a p-value a parameter.
 
         Parameters
@@ -60,7 +58,7 @@ class Calibration:
 
 def calibrate_posterior(
     target: Target,
-    start: ArrayLike,
+    start: Array,
     rng: np.random.Generator,
     *,
     replicates: int = 1000,
@@ -105,9 +103,7 @@ def calibrate_posterior(
     return Calibration(below, draws)
 
 
-def _draw_prior(
-    sampler: ExactSampler, start: Floats, count: int, rng: np.random.Generator
-) -> Floats:
+def _draw_prior(sampler: ExactSampler, start: Array, count: int, rng: np.random.Generator) -> Array:
     blind = replace(
         sampler.model,
         gain=np.zeros_like(sampler.model.gain),
@@ -122,7 +118,7 @@ def _draw_prior(
 
 
 def _observe(
-    sampler: ExactSampler, target: Target, eta: Floats, rng: np.random.Generator
+    sampler: ExactSampler, target: Target, eta: Array, rng: np.random.Generator
 ) -> Diagonal:
     """Data of each replicate, and the posterior that knows how their noise variance was drawn."""
     model, count = sampler.model, len(eta)

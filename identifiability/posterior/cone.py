@@ -9,11 +9,14 @@ Most bodies do not leave in a short stretch, and that is cheap to prove: the Ber
 of the quadratic on [0, U] are positive definite. Only the others cost an eigenvalue problem.
 """
 
-import numpy as np
-from numpy.typing import NDArray
+from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.posterior.truncated import Bools, Circles, Floats, exit_through_rows
 
 #: Roots up to here are the reflection that the path comes from.
 START = 1e-10
@@ -29,9 +32,19 @@ TRIANGLE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 UPPER = np.array([0, 1, 2, 3, 5, 6, 7, 10, 11, 15])
 
 
+class Circles(NamedTuple):
+    """Trajectories ``y(t) = centre + sine sin t + cosine cos t`` of K chains, (K, M) each."""
+
+    centre: Array
+    sine: Array
+    cosine: Array
+
+
 @frozen
 class Cone:
-    """Rows ``y ≥ 0`` followed by ten entries a body of matrices that must stay positive definite.
+    """Coordinates eta (p,) in a convex region, by linear coordinates ``y = offset + map @ eta``.
+
+    They are m rows ``y ≥ 0`` followed by ten entries of each matrix that must be positive definite.
 
     Attributes
     ----------
@@ -41,25 +54,33 @@ class Cone:
         ``m``
     """
 
-    map: Floats
-    offset: Floats
+    map: Array
+    offset: Array
     rows: int
 
-    def contains(self, y: Floats) -> Bools:
-        """Whether points (K, M) are inside."""
-        J = y[:, self.rows :].reshape(len(y), -1, 10)[..., TRIANGLE]
-        inside = (y[:, : self.rows] >= 0).all(axis=1) & positive(J).all(axis=1)
-        return np.asarray(inside)
+    def contains(self, y: Array) -> np.ndarray:
+        """Whether points (K, M) are inside, (K,) bool."""
+        inside = (y[:, : self.rows] >= 0).all(axis=1)
+        return np.asarray(inside & positive(self._matrices(y)).all(axis=1))
 
-    def first_exit(self, path: Circles, limit: Floats) -> tuple[Floats, Bools, Floats]:
-        """First exit; see `truncated.Region`."""
+    def first_exit(self, path: Circles, limit: Array) -> tuple[Array, np.ndarray, Array]:
+        """Find the first exit before ``limit (K,)``.
+
+        Returns
+        -------
+        time : (K,)
+            Exit time, or a time not after `limit` up to which the path is inside.
+        hit : (K,) bool
+        inward : (K, M)
+            Gradient of the boundary function that was hit, in y.
+        """
         m = self.rows
-        time, row = exit_through_rows(Circles(*(y[:, :m] for y in _parts(path))))
+        time, row = exit_through_rows(Circles(*(y[:, :m] for y in path)))
         inward = np.zeros_like(path.centre)
         hit = time < limit
         inward[hit, row[hit]] = 1.0
         time = np.minimum(time, limit)
-        M, A, B = (y[:, m:].reshape(len(limit), -1, 10)[..., TRIANGLE] for y in _parts(path))
+        M, A, B = (self._matrices(y) for y in path)
         limit = _bracket(M, A, B, time)
         hit, time = hit & (time <= limit), np.minimum(time, limit)
         chain, body, when = _crossings(M, A, B, time)
@@ -72,12 +93,39 @@ class Cone:
             inward[chain[:, None], columns] = _gradient(null)
         return time, hit, inward
 
+    def _matrices(self, y: Array) -> Array:
+        matrices: Array = y[:, self.rows :].reshape(len(y), -1, 10)[..., TRIANGLE]
+        return matrices
 
-def _parts(path: Circles) -> tuple[Floats, Floats, Floats]:
-    return path.centre, path.sine, path.cosine
+
+def exit_through_rows(path: Circles) -> tuple[Array, np.ndarray]:
+    """First time at which a coordinate turns negative.
+
+    ``c + r cos(t − φ)`` falls through zero once a turn, at ``φ + arccos(−c/r)``; the rise is not an
+    exit, so a path that starts on the boundary, just reflected, needs no special case.
+
+    Parameters
+    ----------
+    path : Circles
+
+    Returns
+    -------
+    time : (K,)
+        Infinite when no coordinate ever does.
+    row : (K,) int
+    """
+    radius = np.hypot(path.sine, path.cosine)
+    reaches = radius > np.abs(path.centre)
+    ratio = np.divide(-path.centre, radius, out=np.zeros_like(radius), where=reaches)
+    turn = (np.arctan2(path.sine, path.cosine) + np.arccos(ratio)) % (2 * np.pi)
+    times = np.where(reaches, turn, np.inf)
+    if times.shape[1] == 0:
+        return np.full(len(times), np.inf), np.zeros(len(times), np.intp)
+    row = times.argmin(axis=1)
+    return times[np.arange(len(row)), row], row
 
 
-def _bracket(M: Floats, A: Floats, B: Floats, limit: Floats) -> Floats:
+def _bracket(M: Array, A: Array, B: Array, limit: Array) -> Array:
     """Shorter stretches (K,) that still hold the first exit of every chain, if it has one."""
     upper, k = limit.copy(), np.arange(len(limit))
     for _ in range(CUTS):
@@ -90,9 +138,7 @@ def _bracket(M: Floats, A: Floats, B: Floats, limit: Floats) -> Floats:
     return upper
 
 
-def _crossings(
-    M: Floats, A: Floats, B: Floats, limit: Floats
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
+def _crossings(M: Array, A: Array, B: Array, limit: Array) -> tuple[np.ndarray, np.ndarray, Array]:
     """Chains, bodies and times of all crossings before the limit, sorted by chain and time."""
     U = np.tan(limit / 2)[:, None, None, None]
     start = M + B
@@ -106,7 +152,7 @@ def _crossings(
     return chain[order], body[order], 2 * np.arctan(u[order])
 
 
-def _first_root(C0: Floats, C1: Floats, C2: Floats, U: Floats) -> Floats:
+def _first_root(C0: Array, C1: Array, C2: Array, U: Array) -> Array:
     """Smallest positive u at which ``C0 + 2u C1 + u² C2`` is singular, infinite if none.
 
     With ``u = 1/v − U`` the matrix of v² is the pencil at −U.
@@ -124,7 +170,7 @@ def _first_root(C0: Floats, C1: Floats, C2: Floats, U: Floats) -> Floats:
     return np.asarray(np.where(u > START, u, np.inf).min(axis=1))
 
 
-def _boundary(M: Floats, A: Floats, B: Floats, t: Floats) -> tuple[Floats, Bools]:
+def _boundary(M: Array, A: Array, B: Array, t: Array) -> tuple[Array, np.ndarray]:
     """Null vector at the boundary, and whether the path leaves there."""
     sin, cos = np.sin(t)[:, None, None], np.cos(t)[:, None, None]
     null = np.linalg.eigh(M + A * sin + B * cos)[1][:, :, 0]
@@ -132,13 +178,13 @@ def _boundary(M: Floats, A: Floats, B: Floats, t: Floats) -> tuple[Floats, Bools
     return null, rate < 0
 
 
-def _gradient(null: Floats) -> Floats:
+def _gradient(null: Array) -> Array:
     outer = null[:, :, None] * null[:, None, :]
-    gradient: Floats = outer.reshape(-1, 16)[:, UPPER] * np.where(UPPER % 5 == 0, 1.0, 2.0)
+    gradient: Array = outer.reshape(-1, 16)[:, UPPER] * np.where(UPPER % 5 == 0, 1.0, 2.0)
     return gradient
 
 
-def positive(J: Floats) -> Bools:
+def positive(J: Array) -> np.ndarray:
     """Whether symmetric matrices are positive definite, by their pivots.
 
     Parameters
@@ -151,7 +197,7 @@ def positive(J: Floats) -> Bools:
     """
     rest = J
     pivot = rest[..., 0, 0]
-    good: Bools = pivot > 0
+    good: np.ndarray = pivot > 0
     for _ in range(J.shape[-1] - 1):
         column = rest[..., 1:, 0]
         safe = np.where(good, pivot, 1.0)[..., None]

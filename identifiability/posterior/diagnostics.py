@@ -6,15 +6,14 @@ sizes [Vehtari 2021] and the autocorrelation time say whether there are enough d
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.posterior.ensemble import ENSEMBLES, Posterior
-
-Floats = NDArray[np.float64]
 
 
 @frozen
@@ -54,10 +53,10 @@ class Convergence:
         Why the posterior may not be shown; empty when it may.
     """
 
-    rhat: Floats
-    ess_bulk: Floats
-    ess_tail: Floats
-    tau: Floats
+    rhat: Array
+    ess_bulk: Array
+    ess_tail: Array
+    tau: Array
     acceptance: float
     reasons: tuple[str, ...]
 
@@ -112,12 +111,10 @@ def diagnose_convergence(
     tau = autocorrelation_time(chains)
     labels = tuple(names) or tuple(f"parameter {j}" for j in range(p))
     found = Convergence(rhat, bulk, tail, tau, posterior.acceptance, ())
-    return Convergence(
-        rhat, bulk, tail, tau, posterior.acceptance, _reasons(found, N, labels, limits)
-    )
+    return replace(found, reasons=_reasons(found, N, labels, limits))
 
 
-def autocorrelation_time(chains: Floats) -> Floats:
+def autocorrelation_time(chains: Array) -> Array:
     """Integrated autocorrelation time over all walkers, with Sokal's window [Foreman-Mackey 2013].
 
     Parameters
@@ -136,7 +133,7 @@ def autocorrelation_time(chains: Floats) -> Floats:
     time = 2 * np.cumsum(covariance / variance, axis=0) - 1
     closed = np.arange(N)[:, None] >= 5 * time
     window = np.where(closed.any(axis=0), closed.argmax(axis=0), N - 1)
-    tau: Floats = time[window, np.arange(chains.shape[2])]
+    tau: Array = time[window, np.arange(chains.shape[2])]
     return tau
 
 

@@ -14,14 +14,12 @@ from typing import Any
 
 import emcee
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import ExactSampler, Progress, build_sampler, interior
 from identifiability.posterior.target import Target
-
-Floats = NDArray[np.float64]
 
 #: Independent ensembles: walkers of one ensemble say nothing about its own convergence.
 ENSEMBLES = 4
@@ -45,17 +43,17 @@ class Posterior:
         Share of accepted proposals of the exact sampler.
     """
 
-    draws: Floats
+    draws: Array
     acceptance: float
 
-    def flat(self) -> Floats:
+    def flat(self) -> Array:
         """All draws as rows, ``(E K N, p)``."""
         return self.draws.reshape(-1, self.draws.shape[-1])
 
 
 def sample_posterior(
     target: Target,
-    start: ArrayLike,
+    start: Array,
     rng: np.random.Generator,
     *,
     draws: int = 100,
@@ -86,7 +84,10 @@ def sample_posterior(
     ValueError
         For an odd number of walkers, or a start outside the physical set.
     """
-    _check_walkers(walkers)
+    if walkers < 2 or walkers % 2:
+        raise ValueError(
+            f"posterior: {walkers} walkers were given; expected an even number of at least 2."
+        )
     sampler = build_sampler(target)
     centre = interior(target, sampler, start)
     density = _log_density(sampler)
@@ -113,14 +114,14 @@ class _Exact(emcee.moves.MHMove):  # type: ignore[misc]
     def __init__(self, sampler: ExactSampler, rng: np.random.Generator) -> None:
         self.proposed = self.accepted = 0
 
-        def propose(coords: Floats, _: Any) -> tuple[Floats, Floats]:
+        def propose(coords: Array, _: Any) -> tuple[Array, Array]:
             new = sampler.step(coords, rng)
             density = sampler.model.log_density
             return new, density(coords) - density(new)
 
         super().__init__(propose)
 
-    def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
+    def propose(self, model: Any, state: Any) -> tuple[Any, np.ndarray]:
         state, accepted = super().propose(model, state)
         self.proposed += accepted.size
         self.accepted += int(accepted.sum())
@@ -133,7 +134,7 @@ class _Exact(emcee.moves.MHMove):  # type: ignore[misc]
 
 
 def _crank_nicolson(
-    sampler: ExactSampler, centre: Floats, rng: np.random.Generator
+    sampler: ExactSampler, centre: Array, rng: np.random.Generator
 ) -> emcee.moves.MHMove:
     """Autoregressive step that keeps the Gaussian at a typical noise unchanged [Cotter 2013]."""
     typical = sampler.model.rss(centre[None]) / 2 / sampler.model.shape
@@ -141,7 +142,7 @@ def _crank_nicolson(
         typical = np.full(1, sampler.model.variance)
     mean, sd = sampler.model.conditional(typical)
 
-    def propose(coords: Floats, _: Any) -> tuple[Floats, Floats]:
+    def propose(coords: Array, _: Any) -> tuple[Array, Array]:
         old = (coords - mean) / sd
         new = np.sqrt(1 - STEP**2) * old + STEP * rng.standard_normal(old.shape)
         ratio = (np.einsum("kp,kp->k", new, new) - np.einsum("kp,kp->k", old, old)) / 2
@@ -150,26 +151,26 @@ def _crank_nicolson(
     return emcee.moves.MHMove(propose)
 
 
-def _log_density(sampler: ExactSampler) -> Callable[[Floats], Floats]:
-    def log_density(eta: Floats) -> Floats:
+def _log_density(sampler: ExactSampler) -> Callable[[Array], Array]:
+    def log_density(eta: Array) -> Array:
         return np.where(sampler.contains(eta), sampler.model.log_density(eta), -np.inf)
 
     return log_density
 
 
-def _spread(sampler: ExactSampler, eta: Floats, walkers: int, rng: np.random.Generator) -> Floats:
+def _spread(sampler: ExactSampler, eta: Array, walkers: int, rng: np.random.Generator) -> Array:
     """Walkers of one ensemble: from one point, two transitions apart, as nested R-hat wants."""
     first = np.repeat(eta[None], walkers, axis=0)
     return sampler.step(sampler.step(first, rng), rng)
 
 
 def _walk(
-    density: Callable[[Floats], Floats],
+    density: Callable[[Array], Array],
     mix: Sequence[tuple[emcee.moves.Move, float]],
-    first: Floats,
+    first: Array,
     steps: int,
     rng: np.random.Generator,
-) -> Iterator[Floats]:
+) -> Iterator[Array]:
     """Walkers (K, p) after each step."""
     engine = emcee.EnsembleSampler(*first.shape, density, moves=mix, vectorize=True)
     # emcee copies NumPy's global state unless it is given one: ours comes from rng.
@@ -179,10 +180,3 @@ def _walk(
         before, iterations=steps, skip_initial_state_check=True, store=False
     ):
         yield state.coords
-
-
-def _check_walkers(walkers: int) -> None:
-    if walkers < 2 or walkers % 2:
-        raise ValueError(
-            f"posterior: {walkers} walkers were given; expected an even number of at least 2."
-        )

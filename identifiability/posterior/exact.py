@@ -9,13 +9,16 @@ the diagnostics.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.posterior.cone import UPPER, Cone
 from identifiability.posterior.target import Diagonal, Target
-from identifiability.posterior.truncated import Bools, Floats, HalfSpaces, Region, travel
+from identifiability.posterior.truncated import travel
+
+#: Distance of starting points from an inner one, in posterior standard deviations.
+SPREAD = 3.0
 
 #: Called with the number of steps done and to do.
 Progress = Callable[[int, int], None]
@@ -28,13 +31,13 @@ class ExactSampler:
     Attributes
     ----------
     model : Diagonal
-    region : Region
+    region : Cone
     """
 
     model: Diagonal
-    region: Region
+    region: Cone
 
-    def step(self, eta: Floats, rng: np.random.Generator) -> Floats:
+    def step(self, eta: Array, rng: np.random.Generator) -> Array:
         """Move every chain once.
 
         The step is reversible: drawing v given eta and then moving eta given v is a symmetric
@@ -53,13 +56,11 @@ class ExactSampler:
         mean, sd = self.model.conditional(self.model.draw_variance(eta, rng))
         return travel(self.region, eta, mean, sd, rng)
 
-    def contains(self, eta: Floats) -> Bools:
+    def contains(self, eta: Array) -> np.ndarray:
         """Whether coordinates (K, p) are inside the region."""
         return self.region.contains(self.region.offset + eta @ self.region.map.T)
 
-    def disperse(
-        self, eta: Floats, count: int, rng: np.random.Generator, spread: float = 3.0
-    ) -> Floats:
+    def disperse(self, eta: Array, count: int, rng: np.random.Generator) -> Array:
         """Starting points around an inner point, farther apart than the posterior is wide.
 
         Parameters
@@ -67,16 +68,14 @@ class ExactSampler:
         eta : (p,)
         count : int
         rng : numpy.random.Generator
-        spread : float
-            In posterior standard deviations; shortened towards `eta` until inside.
 
         Returns
         -------
-        (count, p)
+        (count, p), shortened towards `eta` until inside
         """
         start = np.repeat(eta[None], count, axis=0)
         _, sd = self.model.conditional(self.model.draw_variance(start, rng))
-        step = spread * sd * rng.standard_normal(start.shape)
+        step = SPREAD * sd * rng.standard_normal(start.shape)
         for _ in range(60):
             outside = ~self.contains(start + step)
             if not outside.any():
@@ -86,39 +85,23 @@ class ExactSampler:
 
 
 def build_sampler(target: Target) -> ExactSampler:
-    """Prepare the exact sampler of a posterior.
-
-    Parameters
-    ----------
-    target : Target
-
-    Returns
-    -------
-    ExactSampler
-    """
-    A, c = target.region.rows, np.zeros(len(target.region.rows))
+    """Prepare the exact sampler of a posterior."""
     origin = target.proper_prior.mean
-    region: Region
-    if len(target.region.bodies):
-        entries = target.region.cone_map[:, UPPER].reshape(-1, target.size)
-        both = np.vstack([A, entries])
-        constant = np.concatenate([c, np.zeros(len(entries))])
-        region = Cone(both @ target.basis, both @ origin - constant, len(c))
-    else:
-        region = HalfSpaces(A @ target.basis, A @ origin - c)
+    entries = target.region.cone_map[:, UPPER].reshape(-1, target.size)
+    both = np.vstack([target.region.rows, entries])
+    region = Cone(both @ target.basis, both @ origin, len(target.region.rows))
     return ExactSampler(target.diagonal, region)
 
 
 def sample_exact(
     target: Target,
-    start: ArrayLike,
+    start: Array,
     draws: int,
     rng: np.random.Generator,
     *,
     chains: int = 64,
     warmup: int = 20,
-    progress: Progress | None = None,
-) -> Floats:
+) -> Array:
     """Draw from a posterior with the exact sampler alone.
 
     Parameters
@@ -131,7 +114,6 @@ def sample_exact(
         Draws a chain.
     rng : numpy.random.Generator
     chains, warmup : int
-    progress : callable, optional
 
     Returns
     -------
@@ -150,12 +132,10 @@ def sample_exact(
             eta = sampler.step(eta, rng)
             if i >= 0:
                 kept[i] = target.to_phi(eta)
-            if progress is not None:
-                progress(i + warmup + 1, draws + warmup)
     return kept.transpose(1, 0, 2)
 
 
-def interior(target: Target, sampler: ExactSampler, start: ArrayLike) -> Floats:
+def interior(target: Target, sampler: ExactSampler, start: Array) -> Array:
     """Coordinates of a starting point that is inside.
 
     Parameters
@@ -169,10 +149,9 @@ def interior(target: Target, sampler: ExactSampler, start: ArrayLike) -> Floats:
     ValueError
         When it is not; what is violated is said.
     """
-    phi = np.asarray(start, float)
-    eta = target.to_eta(phi)
+    eta = target.to_eta(start)
     if not sampler.contains(eta[None])[0]:
-        found = " ".join(target.region.violations(phi)) or "It lies on the boundary of the set."
+        found = " ".join(target.region.violations(start)) or "It lies on the boundary of the set."
         raise ValueError(
             f"posterior: the starting point is not inside the physical set. {found} Expected an "
             "inner point; use the projection with a margin, project(data, region, margin=1e-3).phi."

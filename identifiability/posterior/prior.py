@@ -3,11 +3,10 @@
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-
-Floats = NDArray[np.float64]
+from identifiability.physical.pseudo_inertia import entry_scale
 
 
 @frozen
@@ -25,12 +24,12 @@ class Prior:
         When shapes disagree or an sd is not positive.
     """
 
-    mean: Floats
-    sd: Floats
+    mean: Array
+    sd: Array
 
     def __post_init__(self) -> None:
         """Check and freeze."""
-        mean, sd = np.array(self.mean, float), np.array(self.sd, float)
+        mean, sd = self.mean, self.sd
         if mean.ndim != 1 or mean.shape != sd.shape:
             raise ValueError(
                 f"prior: mean {mean.shape} and sd {sd.shape} were given; "
@@ -41,9 +40,6 @@ class Prior:
                 f"prior: mean or sd of parameters {_bad(mean, sd)} is not usable; "
                 "expected a finite mean and sd > 0; use sd = inf where nothing is known."
             )
-        for name, array in (("mean", mean), ("sd", sd)):
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
 
     @classmethod
     def flat(cls, size: int) -> Self:
@@ -56,9 +52,7 @@ class Prior:
         return cls(np.zeros(size), np.full(size, np.inf))
 
     @classmethod
-    def around(
-        cls, phi: ArrayLike, bodies: ArrayLike, relative: float = 1.0, floor: ArrayLike = np.inf
-    ) -> Self:
+    def around(cls, phi: Array, bodies: np.ndarray, relative: float, floor: Array) -> Self:
         """Around a nominal robot, each sd a share of the body's own scale.
 
         An entry that is zero by symmetry gets the scale of its kind: ``m ℓ²`` for inertias, ``m ℓ``
@@ -70,28 +64,22 @@ class Prior:
         phi : (p,)
         bodies : (nb, 10) int
         relative : float
-        floor : float or (p,)
+        floor : (p,)
             sd of the other parameters that are zero in `phi`; the rest get ``relative · |phi|``.
         """
-        mean, columns = np.asarray(phi, float), np.asarray(bodies, int).reshape(-1, 10)
-        size = np.abs(mean)
-        sd = np.where(
-            size > 0, relative * size, np.broadcast_to(np.asarray(floor, float), mean.shape)
-        )
-        mass = np.abs(mean[columns[:, 9]])
-        second = np.abs(mean[columns[:, [0, 3, 5]]].sum(axis=1)) / 2
+        size = np.abs(phi)
+        sd = np.where(size > 0, relative * size, floor)
+        mass = np.abs(phi[bodies[:, 9]])
+        second = np.abs(phi[bodies[:, [0, 3, 5]]].sum(axis=1)) / 2
         if not ((mass > 0) & (second > 0)).all():
             body = int(np.argmin((mass > 0) & (second > 0)))
             raise ValueError(
                 f"prior around CAD: body {body + 1} has no mass or no inertia; expected nominal "
                 "values to take a scale from; state mean and sd of this body yourself."
             )
-        length = np.sqrt(second / mass)
-        sd[columns] = (
-            relative * mass[:, None] * length[:, None] ** np.array([2] * 6 + [1] * 3 + [0])
-        )
-        return cls(mean, sd)
+        sd[bodies] = entry_scale(relative * mass, np.sqrt(second / mass))
+        return cls(phi, sd)
 
 
-def _bad(mean: Floats, sd: Floats) -> str:
+def _bad(mean: Array, sd: Array) -> str:
     return ", ".join(str(j) for j in np.flatnonzero(~np.isfinite(mean) | ~(sd > 0))[:8])

@@ -13,14 +13,12 @@ At κ = 1 this is the textbook posterior under the prior 1/σ² [Gelman 2013, §
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.posterior.prior import Prior
-
-Floats = NDArray[np.float64]
 
 #: Singular values of the column-scaled R below this share of the largest are null.
 RANK = 1e-9
@@ -48,13 +46,13 @@ class Diagonal:
         The tempered noise variance, when it is known.
     """
 
-    gain: Floats
-    signal: Floats
-    rss_min: float | Floats
+    gain: Array
+    signal: Array
+    rss_min: float | Array
     shape: float
     variance: float | None
 
-    def conditional(self, v: Floats) -> tuple[Floats, Floats]:
+    def conditional(self, v: Array) -> tuple[Array, Array]:
         """Gaussian of ``eta`` given the tempered noise variance.
 
         Parameters
@@ -68,7 +66,7 @@ class Diagonal:
         precision = self.gain**2 + v[:, None]
         return self.gain * self.signal / precision, np.sqrt(v[:, None] / precision)
 
-    def draw_variance(self, eta: Floats, rng: np.random.Generator) -> Floats:
+    def draw_variance(self, eta: Array, rng: np.random.Generator) -> Array:
         """Draw the tempered noise variance given the parameters.
 
         Parameters
@@ -84,17 +82,17 @@ class Diagonal:
             return np.full(len(eta), self.variance)
         return self.rss(eta) / 2 / rng.gamma(self.shape, size=len(eta))
 
-    def log_density(self, eta: Floats) -> Floats:
+    def log_density(self, eta: Array) -> Array:
         """Logarithm of likelihood × prior ``(K,)`` of coordinates ``(K, p)``, up to a constant."""
-        prior: Floats = -0.5 * np.einsum("kp,kp->k", eta, eta)
+        prior: Array = -0.5 * np.einsum("kp,kp->k", eta, eta)
         if self.variance is not None:
             return prior - self.rss(eta) / (2 * self.variance)
         return prior - self.shape * np.log(self.rss(eta))
 
-    def rss(self, eta: Floats) -> Floats:
+    def rss(self, eta: Array) -> Array:
         """Residual sum of squares ``(K,)`` [torque²] of coordinates ``(K, p)``."""
         residual = self.signal - self.gain * eta
-        total: Floats = np.einsum("kp,kp->k", residual, residual) + self.rss_min
+        total: Array = np.einsum("kp,kp->k", residual, residual) + self.rss_min
         return total
 
 
@@ -141,16 +139,16 @@ class Target:
     @cached_property
     def proper_prior(self) -> Prior:
         """The prior, with flat parts replaced by normals too wide to matter."""
-        return make_proper(self.data, self.prior)
+        return _make_proper(self.data, self.prior)
 
     @cached_property
-    def rotation(self) -> tuple[Floats, Floats, Floats]:
+    def rotation(self) -> tuple[Array, Array, Array]:
         """Singular value decomposition of ``R diag(sd)``: U (r, r), s (min(r, p),), Vᵀ (p, p)."""
         U, s, Vt = np.linalg.svd(self.data.R * self.proper_prior.sd, full_matrices=True)
         return U, s, Vt
 
     @cached_property
-    def basis(self) -> Floats:
+    def basis(self) -> Array:
         """(p, p): ``phi = mean + basis @ eta``."""
         return self.proper_prior.sd[:, None] * self.rotation[2].T
 
@@ -158,7 +156,7 @@ class Target:
     def diagonal(self) -> Diagonal:
         """The Gaussian part in coordinates ``eta``."""
         U, s, _ = self.rotation
-        rank = numerical_rank(self.data.R)
+        rank = _numerical_rank(self.data.R)
         gain = np.zeros(self.size)
         gain[:rank] = s[:rank]
         tempered = None if self.variance is None else self.variance * self.iact
@@ -171,19 +169,19 @@ class Target:
         shape = (self.data.dof / self.iact + rank) / 2
         return Diagonal(gain, signal, rest, shape, tempered)
 
-    def to_phi(self, eta: Floats) -> Floats:
+    def to_phi(self, eta: Array) -> Array:
         """Parameters ``(..., p)`` of coordinates ``(..., p)``."""
-        phi: Floats = self.proper_prior.mean + eta @ self.basis.T
+        phi: Array = self.proper_prior.mean + eta @ self.basis.T
         return phi
 
-    def to_eta(self, phi: Floats) -> Floats:
+    def to_eta(self, phi: Array) -> Array:
         """Coordinates ``(..., p)`` of parameters ``(..., p)``."""
         prior = self.proper_prior
-        eta: Floats = ((phi - prior.mean) / prior.sd) @ self.rotation[2].T
+        eta: Array = ((phi - prior.mean) / prior.sd) @ self.rotation[2].T
         return eta
 
 
-def make_proper(data: LeastSquares, prior: Prior) -> Prior:
+def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
     """Replace flat priors by normals so wide that they carry 1e-8 of the information.
 
     Parameters
@@ -217,7 +215,7 @@ def make_proper(data: LeastSquares, prior: Prior) -> Prior:
     return Prior(np.where(flat, best, prior.mean), np.where(flat, FLAT * spread, prior.sd))
 
 
-def numerical_rank(R: Floats) -> int:
+def _numerical_rank(R: Array) -> int:
     """Rank of the column-scaled matrix ``(r, p)``."""
     norms = np.linalg.norm(R, axis=0)
     s = np.linalg.svd(R[:, norms > 0] / norms[norms > 0], compute_uv=False)

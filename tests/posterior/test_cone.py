@@ -4,9 +4,9 @@ from arviz_stats.base import array_stats
 from scipy.special import ndtr, ndtri
 
 from identifiability.physical.pseudo_inertia import margin, to_matrix
-from identifiability.posterior.cone import Cone, positive
+from identifiability.posterior.cone import Circles, Cone, positive
 from identifiability.posterior.exact import build_sampler, sample_exact
-from identifiability.posterior.truncated import Circles, _State
+from identifiability.posterior.truncated import _State
 
 
 def rejection(target, count, rng):

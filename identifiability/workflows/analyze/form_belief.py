@@ -18,7 +18,7 @@ from identifiability.posterior.diagnostics import Convergence, diagnose_converge
 from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
 from identifiability.posterior.prior import Prior
-from identifiability.posterior.target import Target, make_proper
+from identifiability.posterior.target import Target
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
@@ -176,15 +176,12 @@ def _sample_physical(
     )  # fmt: skip
     convergence = diagnose_convergence(posterior, region.columns)
     summary = _summarise(posterior.draws @ model.to_x.T, model.rung, rng, convergence)
-    return summary, _look_at_standard(structure, data, prior, iact, posterior)
+    return summary, _look_at_standard(structure, target, posterior)
 
 
-def _look_at_standard(
-    structure: Structure, data: LeastSquares, prior: Prior, iact: float, posterior: Posterior
-) -> StandardBelief:
-    proper = make_proper(data, prior)
-    variance = data.variance * max(iact, 1.0)
-    scaled = data.R * proper.sd / np.sqrt(variance)
+def _look_at_standard(structure: Structure, target: Target, posterior: Posterior) -> StandardBelief:
+    proper = target.proper_prior
+    scaled = target.data.R * proper.sd / np.sqrt(target.data.variance * target.iact)
     # inv(I + SᵀS) by QR: its diagonal is never negative, however exact the data are.
     root = np.linalg.qr(np.vstack([np.eye(scaled.shape[1]), scaled]), mode="r")
     spread = proper.sd[:, None] * np.linalg.inv(root)
