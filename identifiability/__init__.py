@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from identifiability.logs import Log
     from identifiability.logs.prepare import Preparation, Samples, prepare_samples
     from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
-    from identifiability.regression.information import Information, gather_information
+    from identifiability.regression.gather import gather_information
+    from identifiability.regression.information import Information
     from identifiability.regression.regression import Model, Regression
     from identifiability.robot import Motion, Robot
     from identifiability.simulation import Noise, Trajectory, simulate
@@ -66,7 +67,7 @@ _HOMES = {
     "excite": "workflows.excite",
     "export": "workflows.export",
     "find_base_parameters": "regression.base_parameters",
-    "gather_information": "regression.information",
+    "gather_information": "regression.gather",
     "prepare_samples": "logs.prepare",
     "prune": "workflows.prune",
     "simulate": "simulation",

@@ -19,7 +19,7 @@ import pandas as pd
 from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.base_parameters import BaseParameters
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Regression
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page

@@ -22,7 +22,7 @@ from identifiability.estimation.estimate import estimate
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.base_parameters import find_base_parameters
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 from identifiability.simulation import (

@@ -25,7 +25,7 @@ from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Rung, build_ladder, ladder_model, read_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot

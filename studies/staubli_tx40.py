@@ -26,7 +26,7 @@ from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.base_parameters import BaseParameters
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import ladder_model, read_ladder
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, complete_motion

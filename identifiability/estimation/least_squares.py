@@ -7,7 +7,7 @@ differ in size.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -16,6 +16,7 @@ from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.foundation.linalg import RANK_TOLERANCE, scan_columns
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.regression.actuator_blocks import allot, batches
 from identifiability.regression.information import Information
 
 #: Share of a unit column in a dependent one from which on the two are not told apart.
@@ -27,7 +28,7 @@ ROUNDING = 1e-12
 #: What a block leaves of a direction that it determines almost alone is raised to this.
 ALONE = 0.05
 
-#: Replicates solved at a time; bounds the memory.
+#: Replicates whose Gram matrices are summed at a time.
 BATCH = 1000
 
 #: Keeps a fold solvable in which a column never acts; columns have about unit length.
@@ -210,19 +211,26 @@ def refit(information: Information, weights: Array, counts: Array) -> Array:
     S = information.basis
     flat = information.blocks(weights).reshape(len(information.counts), -1)
     inverse = solve_triangular(S[:k, :k], np.eye(k))
-    out = [_solve_replicates(batch @ flat, k, S) for batch in _batches(counts)]
+    out = []
+    for batch in (counts[start : start + BATCH] for start in range(0, len(counts), BATCH)):
+        grams = np.matmul(batch, flat, out=allot((len(batch), flat.shape[1])))
+        grams = grams.reshape(-1, k + 1, k + 1)
+        out += [_solve_replicates(grams[at], S) for at in batches(grams)]
     values: Array = np.concatenate(out) @ inverse.T
     return values
 
 
-def _batches(counts: Array) -> Iterator[Array]:
-    for start in range(0, len(counts), BATCH):
-        yield counts[start : start + BATCH]
+def _solve_replicates(G: Array, S: Array) -> Array:
+    """Return the unknowns ``S11 x`` of every replicate; NaN where it leaves columns dependent.
 
-
-def _solve_replicates(flat: Array, k: int, S: Array) -> Array:
-    """Return the unknowns ``S11 x`` of every replicate; NaN where it leaves columns dependent."""
-    G = flat.reshape(-1, k + 1, k + 1)
+    Parameters
+    ----------
+    G : (R, k + 1, k + 1)
+        Gram matrices of the replicates.
+    S : (k + 1, k + 1)
+        Basis of the information.
+    """
+    k = len(S) - 1
     try:
         y = np.linalg.solve(G[:, :k, :k], G[:, :k, k:])[..., 0]
     except np.linalg.LinAlgError:

@@ -7,15 +7,22 @@ their Gram matrix.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+
+#: Blocks larger than this are held in a file and worked on in batches of this size [bytes]: of a
+#: long log of a robot with many joints they would fill the memory.
+MOST_BYTES = 2**28
 
 #: Directions that a basis' rows do not excite get this share of their column's length.
 FLOOR = 1e-6
@@ -32,7 +39,8 @@ class ActuatorBlocks:
     basis : (r, v + 1)
         ``[W τ] = Z basis`` over these columns and the torque.
     blocks : (B, m, r) or (B, r, r)
-        Rows Z of each block where there are m < r (filled up with zeros), else ``Zᵀ Z``.
+        Rows Z of each block where there are m < r (filled up with zeros), else ``Zᵀ Z``. They lie
+        in a file where they are large.
     """
 
     columns: np.ndarray
@@ -53,12 +61,12 @@ class ActuatorBlocks:
         rows = self.blocks.reshape(-1, self.blocks.shape[2])
         return rows.T @ rows
 
-    def grams(self, change: Array) -> Array:
-        """Return ``(Z change)ᵀ (Z change)`` of each block, (B, q, q), for a `change` (r, q)."""
+    def grams(self, change: Array, at: slice) -> Array:
+        """Return ``(Z change)ᵀ (Z change)`` of some blocks, (b, q, q), for a `change` (r, q)."""
         if self.squared:
-            grams: Array = change.T @ self.blocks @ change
+            grams: Array = change.T @ self.blocks[at] @ change
             return grams
-        Z: Array = self.blocks @ change
+        Z: Array = self.blocks[at] @ change
         return Z.transpose(0, 2, 1) @ Z
 
     def widen(self, size: int) -> Array:
@@ -76,21 +84,25 @@ class ActuatorBlocks:
 
     def turned(self, Q: Array, basis: Array, columns: np.ndarray) -> ActuatorBlocks:
         """Return the blocks of ``Z Q``, in another basis."""
-        if self.squared:
-            return ActuatorBlocks(columns, basis, Q.T @ self.blocks @ Q)
-        rows = self.blocks @ Q
-        few = rows.shape[1] < rows.shape[2]
-        return ActuatorBlocks(columns, basis, rows if few else rows.transpose(0, 2, 1) @ rows)
+        m, q = self.blocks.shape[1], Q.shape[1]
+        few = not self.squared and m < q
+        out = allot((len(self.blocks), m if few else q, q))
+        for at in batches(self.blocks):
+            out[at] = self.blocks[at] @ Q if few else self.grams(Q, at)
+        return ActuatorBlocks(columns, basis, out)
 
     def take(self, kept: np.ndarray) -> ActuatorBlocks:
         """Return some of the blocks."""
-        return replace(self, blocks=self.blocks[kept])
+        kept = np.arange(len(self.blocks))[kept]
+        out = allot((len(kept), *self.blocks.shape[1:]))
+        return replace(self, blocks=np.take(self.blocks, kept, axis=0, out=out, mode="clip"))
 
     def merge(self, at: np.ndarray) -> ActuatorBlocks:
         """Return blocks that each hold those from one of `at` up to the next."""
-        if self.squared:
-            return replace(self, blocks=np.add.reduceat(self.blocks, at, axis=0))
         r = self.blocks.shape[2]
+        if self.squared:
+            out = np.add.reduceat(self.blocks, at, axis=0, out=allot((len(at), r, r)))
+            return replace(self, blocks=out)
         groups = [hold(rows.reshape(-1, r)) for rows in np.split(self.blocks, at[1:])]
         return replace(self, blocks=stack(groups))
 
@@ -121,13 +133,36 @@ def merge_held(one: Array, other: Array) -> Array:
 
 def stack(held: Sequence[Array]) -> Array:
     """Return what is held of each block as one array, (B, m, r) or (B, r, r)."""
-    longest, r = max(map(len, held)), held[0].shape[1]
-    if longest == r:
-        return np.stack([_gram(one) for one in held])
-    out = np.zeros((len(held), longest, r))
-    for place, rows in zip(out, held, strict=True):
-        place[: len(rows)] = rows
+    out = allot((len(held), max(map(len, held)), held[0].shape[1]))
+    for place, one in zip(out, held, strict=True):
+        fill(place, one)
     return out
+
+
+def fill(place: Array, held: Array) -> None:
+    """Put what is held of a block into its place (m, r), full of zeros, or (r, r)."""
+    held = _gram(held) if len(place) == place.shape[1] else held
+    place[: len(held)] = held
+
+
+def allot(shape: tuple[int, ...]) -> Array:
+    """Return zeros: in memory, or where they are large in a file that vanishes with them."""
+    size = 8 * int(np.prod(shape))
+    if size <= MOST_BYTES:
+        return np.zeros(shape)
+    with tempfile.TemporaryFile() as file:
+        try:
+            file.truncate(size)
+            os.posix_fallocate(file.fileno(), 0, size)
+        except (OSError, AttributeError):  # no room there, or a system that cannot say
+            return np.zeros(shape)
+        return np.asarray(np.memmap(file, float, "r+", shape=shape))
+
+
+def batches(large: Array) -> Iterator[slice]:
+    """Yield which of many blocks (B, …) to work on at a time."""
+    size = max(1, MOST_BYTES // max(large[:1].nbytes, 1))
+    yield from (slice(at, at + size) for at in range(0, len(large), size))
 
 
 def _gram(held: Array) -> Array:
@@ -150,3 +185,9 @@ def choose_basis(R: Array, columns: np.ndarray) -> Array:
     # A column that never acts gets the length of a typical one: it must not divide by zero.
     length[length == 0] = float(np.median(length[length > 0])) if length.any() else 1.0
     return triangular_factor(np.vstack([part, FLOOR * np.diag(length)]))
+
+
+def invert_basis(basis: Array) -> Array:
+    """Return the inverse of a basis, (v + 1, v + 1)."""
+    inverse: Array = solve_triangular(basis, np.eye(len(basis)))
+    return inverse

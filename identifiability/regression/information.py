@@ -6,40 +6,32 @@ and in a basis that makes them well conditioned. A basis is a triangular factor 
 the actuator's rows, so ``[W τ] basis⁻¹`` has columns of about unit length and right angles, and
 nothing is lost by squaring (plain Gram matrices lose half the digits, QR of all rows costs five
 times as much). Adding is concatenation of blocks, so chunks, files and processes are one sum.
+
+What to use when: `factor` is the loss of least squares for programs and posteriors, `blocks` is for
+folds and resampling, ``+`` for logs and workers, `joint` for instruments.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, partial
-from typing import Annotated
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import block_diag
 
-from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen
 from identifiability.regression.actuator_blocks import (
     ActuatorBlocks,
+    allot,
+    batches,
     choose_basis,
     hold,
-    merge_held,
+    invert_basis,
     stack,
 )
-from identifiability.regression.regression import Part, Regression, map_parts
-
-#: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
-BLOCKS = 256
-
-#: Rows of the subsample that the bases are made of, at least.
-BASIS_ROWS = 4096
-
-#: Samples of that subsample for every column, at least.
-ROWS_A_COLUMN = 4
 
 
 @frozen
@@ -56,15 +48,25 @@ class Information:
         Samples in each block.
     log : (B,) int
         Which log a block comes from.
+    instrumented : bool
+        Whether the parts hold ``[V W τ]``, with instruments V that stand for the k columns of W.
     """
 
     columns: tuple[str, ...]
     parts: tuple[ActuatorBlocks, ...]
     counts: np.ndarray
     log: np.ndarray
+    instrumented: bool = False
 
     @staticmethod
-    def of_rows(columns: Sequence[str], W: Array, tau: Array, log: Array, size: int) -> Information:
+    def of_rows(
+        columns: Sequence[str],
+        W: Array,
+        tau: Array,
+        log: Array,
+        size: int,
+        instruments: Array | None = None,
+    ) -> Information:
         """Return the information of rows in memory.
 
         Parameters
@@ -76,20 +78,23 @@ class Information:
             Which log each sample comes from; ascending.
         size : int
             Samples a block; none crosses a log.
+        instruments : (N, n, k), optional
         """
+        wide = W if instruments is None else np.concatenate([instruments, W], axis=2)
         first = np.unique(log, return_index=True)[1]
         ends = [*first[1:], len(log)]
         at = np.array([s for a, b in zip(first, ends, strict=True) for s in range(a, b, size)])
         parts = []
         for a in range(tau.shape[1]):
-            rows = np.column_stack([W[:, a], tau[:, a]])
+            rows = np.column_stack([wide[:, a], tau[:, a]])
             seen = np.flatnonzero(rows[:, :-1].any(0))
             basis = choose_basis(rows, seen)
-            Z = rows[:, [*seen, -1]] @ _inverse(basis)
+            Z = rows[:, [*seen, -1]] @ invert_basis(basis)
             blocks = stack([hold(block) for block in np.split(Z, at[1:])])
             parts.append(ActuatorBlocks(seen, basis, blocks))
         counts = np.diff([*at, len(log)])
-        return Information(tuple(columns), tuple(parts), counts, np.asarray(log)[at])
+        log, has = np.asarray(log)[at], instruments is not None
+        return Information(tuple(columns), tuple(parts), counts, log, has)
 
     @property
     def size(self) -> int:
@@ -119,10 +124,24 @@ class Information:
     @cached_property
     def _common(self) -> tuple[Array, tuple[Array, ...]]:
         """A basis of all actuators' rows, and how each one's own coordinates turn into it."""
-        wide = [part.widen(self.size) for part in self.parts]
-        short = max(0, self.size + 1 - sum(map(len, wide)))
-        Q, basis = np.linalg.qr(np.vstack([*wide, np.zeros((short, self.size + 1))]))
+        k = self.size
+        wide = [part.widen(self._width)[:, -(k + 1) :] for part in self.parts]
+        short = max(0, k + 1 - sum(map(len, wide)))
+        Q, basis = np.linalg.qr(np.vstack([*wide, np.zeros((short, k + 1))]))
         return basis, tuple(np.split(Q, np.cumsum([len(w) for w in wide]))[: len(wide)])
+
+    @property
+    def _width(self) -> int:
+        return self.size * (1 + self.instrumented)
+
+    @property
+    def joint(self) -> Information:
+        """The information of ``[V W τ]``, of 2k columns: instruments, then those they stand for.
+
+        With its factor ``R``, ``(Vᵀ W)⁻¹ Vᵀ τ`` is ``R[:k, k:2k]⁻¹ R[:k, 2k]`` [Janot 2014].
+        """
+        names = (*(f"instrument of {c}" for c in self.columns), *self.columns)
+        return Information(names, self.parts, self.counts, self.log)
 
     @property
     def basis(self) -> Array:
@@ -142,9 +161,10 @@ class Information:
 
     def blocks(self, weights: Array) -> Array:
         """Return ``Zᵀ Z`` of each block, actuators weighted, (B, k + 1, k + 1)."""
-        out = np.zeros((len(self.counts), self.size + 1, self.size + 1))
+        out = allot((len(self.counts), self.size + 1, self.size + 1))
         for weight, part, Q in zip(weights, self.parts, self._common[1], strict=True):
-            out += part.grams(np.sqrt(weight) * Q)
+            for at in batches(part.blocks):
+                out[at] += part.grams(np.sqrt(weight) * Q, at)
         return out
 
     def total(self, weights: Array | None = None) -> Array:
@@ -166,20 +186,21 @@ class Information:
         Parameters
         ----------
         M : (k, m)
-            Zeroed columns are left out, tied ones added.
+            Zeroed columns are left out, tied ones added; of instruments too.
         columns : sequence of str
             Names of the m new columns.
         held : (k,), optional
             Parameter values that are held fixed.
         """
         k, m = M.shape
-        map_ = np.zeros((k + 1, m + 1))
-        map_[:k, :m] = M
-        map_[k, m] = 1.0
+        own = np.zeros((k + 1, m + 1))
+        own[:k, :m] = M
+        own[k, m] = 1.0
         if held is not None:
-            map_[:k, m] = -held
+            own[:k, m] = -held
+        map_ = block_diag(M, own) if self.instrumented else own
         parts = tuple(part.reduce(map_) for part in self.parts)
-        return Information(tuple(columns), parts, self.counts, self.log)
+        return replace(self, columns=tuple(columns), parts=parts)
 
     def select(self, columns: Sequence[int]) -> Information:
         """Return the information about some columns, the others held at zero."""
@@ -199,7 +220,7 @@ class Information:
 
     def __add__(self, other: Information) -> Information:
         """Return the information of both; blocks and logs stay apart."""
-        if self.columns != other.columns:
+        if (self.columns, self.instrumented) != (other.columns, other.instrumented):
             raise ValueError("only information about the same columns can be added")
         later = other.log + (self.log.max(initial=-1) + 1)
         return Information(
@@ -207,119 +228,5 @@ class Information:
             tuple(a.join(b) for a, b in zip(self.parts, other.parts, strict=True)),
             np.concatenate([self.counts, other.counts]),
             np.concatenate([self.log, later]),
+            self.instrumented,
         )
-
-
-@checked
-def gather_information(
-    regression: Regression,
-    blocks: Annotated[int, at_least(1)] = BLOCKS,
-    *,
-    engine: Engine | None = None,
-    progress: Steps | None = None,
-) -> Information:
-    """Compress a regression.
-
-    Parameters
-    ----------
-    regression : Regression
-    blocks : int
-        Blocks of time over all logs, at most; each holds consecutive samples of one log.
-    engine : Engine, optional
-        Where stretches of long logs are worked on; here without.
-    progress : callable(int, int), optional
-    """
-    names = tuple(p.name for p in regression.parameters)
-    factors = _survey(regression)
-    size = max(1, -(-regression.outputs // blocks))
-    while True:
-        seen = np.array([R[:, :-1].any(0) for R in factors])
-        bases = [choose_basis(R, np.flatnonzero(s)) for R, s in zip(factors, seen, strict=True)]
-        gather = partial(_gather_part, seen=seen, bases=bases, size=size)
-        gathered = _Gathered()
-        missed = np.zeros(seen.shape)
-        for found, unseen in map_parts(gather, regression, engine, progress):
-            gathered.extend(found)
-            missed += unseen
-        if not missed.any():
-            break
-        # In the subsample these columns did not act.
-        lengths = [np.diag(np.append(np.sqrt(squares), 0.0)) for squares in missed]
-        factors = [np.vstack(pair) for pair in zip(factors, lengths, strict=True)]
-    parts = tuple(
-        ActuatorBlocks(np.flatnonzero(s), S, stack(held))
-        for s, S, held in zip(seen, bases, zip(*gathered.held, strict=True), strict=True)
-    )
-    logs = np.array([log for log, _ in gathered.edges], int)
-    return Information(names, parts, np.array(gathered.counts), logs)
-
-
-class _Gathered:
-    """Blocks in order of time: (log, block), what is held by actuator, samples."""
-
-    def __init__(self) -> None:
-        self.edges: list[tuple[int, int]] = []
-        self.held: list[list[Array]] = []
-        self.counts: list[int] = []
-
-    def add(self, edge: tuple[int, int], held: list[Array], count: int) -> None:
-        """Add samples to the last block, or as a new one."""
-        if self.edges and self.edges[-1] == edge:
-            pairs = zip(self.held[-1], held, strict=True)
-            self.held[-1] = [merge_held(one, other) for one, other in pairs]
-            self.counts[-1] += count
-        else:
-            self.edges.append(edge)
-            self.held.append(held)
-            self.counts.append(count)
-
-    def extend(self, later: _Gathered) -> None:
-        """Add blocks of later samples."""
-        for block in zip(later.edges, later.held, later.counts, strict=True):
-            self.add(*block)
-
-
-def _gather_part(
-    part: Part, seen: np.ndarray, bases: Sequence[Array], size: int
-) -> tuple[_Gathered, Array]:
-    """Return the blocks of a part, and the squared lengths (n, k) of columns not in `seen`."""
-    out = _Gathered()
-    missed = np.zeros(seen.shape)
-    own = [(np.flatnonzero(s), _inverse(S)) for s, S in zip(seen, bases, strict=True)]
-    for chunk in part.chunks():
-        log, start, W, tau = chunk.log, chunk.start, chunk.W, chunk.tau
-        if not seen.all():
-            missed[~seen] += np.square(W[:, ~seen]).sum(0)
-        Z = [np.column_stack([W[:, a, c], tau[:, a]]) @ inv for a, (c, inv) in enumerate(own)]
-        at = 0
-        while at < len(tau):
-            block = (start + at) // size
-            stop = min(len(tau), (block + 1) * size - start)
-            out.add((log, block), [hold(rows[at:stop]) for rows in Z], stop - at)
-            at = stop
-    return out, missed
-
-
-def _survey(regression: Regression) -> list[Array]:
-    """Return a factor (…, k + 1) of evenly spaced rows of each actuator.
-
-    The rows are taken before any decimation: a basis need not be exact.
-    """
-    n, k = len(regression.robot.actuated), len(regression.parameters)
-    wanted = max(BASIS_ROWS // n, ROWS_A_COLUMN * (k + 1))
-    step = max(1, sum(s.survey.kept for s in regression.samples) // wanted)
-    thin = replace(regression, samples=tuple(s.thin(step) for s in regression.samples))
-    factors = [np.zeros((0, k + 1))] * n
-    for _, _, W, tau in thin.chunks():
-        for a in range(n):
-            rows = np.vstack([factors[a], np.column_stack([W[:, a], tau[:, a]])])
-            acts = rows.any(0)
-            R = triangular_factor(rows[:, acts])
-            factors[a] = np.zeros((len(R), k + 1))
-            factors[a][:, acts] = R
-    return factors
-
-
-def _inverse(basis: Array) -> Array:
-    inverse: Array = solve_triangular(basis, np.eye(len(basis)))
-    return inverse

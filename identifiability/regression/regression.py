@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import repeat
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,8 @@ from identifiability.foundation.engines.mapping import Engine, Result, Steps
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.longsamples import Prepared, Stretch
+from identifiability.logs.prepare.longsamples import LongSamples, Prepared, Stretch
+from identifiability.logs.prepare.samples import Piece
 from identifiability.regression.model import Model
 from identifiability.robot import Robot
 
@@ -43,8 +45,10 @@ class Chunk:
     W : (m, n, p)
     tau : (m, n) [N·m or N]
     t : (m,) [s]
-    velocity : (m, n)
+    velocity : (m, n) [rad/s or m/s]
         Of the actuated joints.
+    instruments : (m, n, p) or None
+        What stands for W where W itself is noisy.
     """
 
     log: int
@@ -53,6 +57,13 @@ class Chunk:
     tau: Array
     t: Array
     velocity: Array
+    instruments: Array | None = None
+
+    @property
+    def wide(self) -> Array:
+        """Instruments, if there are any, then W, (m, n, 2p) or (m, n, p)."""
+        V = self.instruments
+        return self.W if V is None else np.concatenate([V, self.W], axis=2)
 
 
 @frozen
@@ -67,12 +78,15 @@ class Regression:
         Prepared logs.
     columns : (b,) int or None
         Which columns of the model are computed (the base parameters'); None for all.
+    instruments : tuple of Samples or LongSamples, or None
+        Motion along which instruments are computed, of each log, sample by sample.
     """
 
     robot: Robot
     model: Model
     samples: tuple[Prepared, ...]
     columns: np.ndarray | None = None
+    instruments: tuple[Prepared, ...] | None = None
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -113,11 +127,21 @@ class Regression:
                 parts.append(Part(self, k, k, 0))
                 continue
             start = 0
-            for stretch in samples.stretches:
-                small = StretchRegression(self.robot, self.model, stretch, self.columns)
+            given = None if self.instruments is None else self.instruments[k]
+            others: Sequence[Stretch | None] = [None] * len(samples.stretches)
+            if isinstance(given, LongSamples):
+                others = given.stretches
+            for stretch, other in zip(samples.stretches, others, strict=True):
+                small = StretchRegression(self.robot, self.model, stretch, self.columns, other)
                 parts.append(Part(small, 0, k, start))
                 start += stretch.outputs
         return parts
+
+    def thin(self, step: int) -> Regression:
+        """Return the regression of every `step`-th sample, without decimation."""
+        samples = tuple(s.thin(step) for s in self.samples)
+        others = self.instruments and tuple(s.thin(step) for s in self.instruments)
+        return replace(self, samples=samples, instruments=others)
 
     def log_chunks(self, log: int, size: int = CHUNK) -> Iterator[Chunk]:
         """Yield the chunks of one log; they are kept where the whole regression is small."""
@@ -125,11 +149,12 @@ class Regression:
             yield from self._kept[log]
             return
         kept = []
-        for chunk in _chunks(self, self.samples[log], log, size):
+        other = None if self.instruments is None else self.instruments[log]
+        for chunk in _chunks(self, self.samples[log], other, log, size):
             if self._small:
-                chunk = replace(chunk, W=chunk.W.copy())  # noqa: PLW2901 - its buffer is reused
-                kept.append(chunk)
-            yield chunk
+                V = None if chunk.instruments is None else chunk.instruments.copy()
+                kept.append(replace(chunk, W=chunk.W.copy(), instruments=V))
+            yield kept[-1] if self._small else chunk
         if self._small:
             self._kept[log] = kept
 
@@ -169,16 +194,18 @@ class StretchRegression:
     model : Model
     stretch : Stretch
     columns : (b,) int or None
+    instruments : Stretch or None
     """
 
     robot: Robot
     model: Model
     stretch: Stretch
     columns: np.ndarray | None
+    instruments: Stretch | None
 
     def log_chunks(self, log: int, size: int = CHUNK) -> Iterator[Chunk]:
         """Yield its chunks; each one's W is overwritten by the next."""
-        yield from _chunks(self, self.stretch, log, size)
+        yield from _chunks(self, self.stretch, self.instruments, log, size)
 
 
 @frozen
@@ -242,19 +269,30 @@ def map_parts(
 def _chunks(
     columns_of: Regression | StretchRegression,
     samples: Prepared | Stretch,
+    instruments: Prepared | Stretch | None,
     log: int,
     size: int,
 ) -> Iterator[Chunk]:
+    others = repeat(None) if instruments is None else _regressors(columns_of, instruments, size)
+    start = 0
+    for (piece, W), other in zip(_regressors(columns_of, samples, size), others, strict=False):
+        V = None if other is None else other[1]
+        if V is not None and V.shape != W.shape:
+            raise ValueError("instruments need as many samples as the log that they stand for")
+        tau, t, v = piece.down(piece.tau), piece.motion.t[piece.at], piece.motion.actuated_v
+        yield Chunk(log, start, W, tau, t, v[piece.at], V)
+        start += len(tau)
+
+
+def _regressors(
+    columns_of: Regression | StretchRegression, samples: Prepared | Stretch, size: int
+) -> Iterator[tuple[Piece, Array]]:
+    """Yield pieces with the regressor of their outputs, which the next one overwrites."""
     robot, model, columns = columns_of.robot, columns_of.model, columns_of.columns
     shape = (len(robot.actuated), len(model.parameters(robot)))
     buffer = np.empty((0, *shape))
-    start = 0
     for piece in samples.pieces(size):
         if len(buffer) < len(piece.motion):
             buffer = np.empty((len(piece.motion), *shape))
         W = model.regressor(robot, piece.motion, out=buffer)
-        if columns is not None:
-            W = W[:, :, columns]
-        tau, at = piece.down(piece.tau), piece.at
-        yield Chunk(log, start, piece.down(W), tau, piece.motion.t[at], piece.motion.actuated_v[at])
-        start += len(tau)
+        yield piece, piece.down(W if columns is None else W[:, :, columns])

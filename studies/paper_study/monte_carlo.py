@@ -15,7 +15,8 @@ from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare import Samples
-from identifiability.regression.information import Information, gather_information
+from identifiability.regression.gather import gather_information
+from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Regression
 from identifiability.robot import Motion

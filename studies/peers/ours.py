@@ -8,7 +8,8 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimate
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.information import Information, gather_information
+from identifiability.regression.gather import gather_information
+from identifiability.regression.information import Information
 from identifiability.regression.model import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot

@@ -12,7 +12,7 @@ from identifiability.cli.diagnose import diagnose as command
 from identifiability.foundation.errors import LogError, ModelError
 from identifiability.foundation.output import plain
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import diagnose, measure_false_names

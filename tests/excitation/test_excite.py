@@ -8,7 +8,7 @@ from identifiability.foundation.errors import ClosureError, IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.base_parameters import find_base_parameters
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.kinematics import Point

@@ -12,7 +12,7 @@ from identifiability.estimation.noise.autocorrelation import block_length
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.base_parameters import find_base_parameters
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.simulation.noise import ar1
 

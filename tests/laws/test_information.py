@@ -6,9 +6,10 @@ import pytest
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.prediction import leave_out
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression import information as information_module
+from identifiability.regression import gather as gather_module
 from identifiability.regression.base_parameters import find_base_parameters
-from identifiability.regression.information import Information, gather_information
+from identifiability.regression.gather import gather_information
+from identifiability.regression.information import Information
 from identifiability.regression.reduction import build_ladder, read_ladder
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
@@ -187,12 +188,12 @@ def test_every_view_of_blocks_over_seen_columns_equals_the_rows(size):
 
 def test_columns_that_act_where_the_subsample_did_not_look_are_not_lost(monkeypatch, regression):
     whole = gather_information(regression)
-    survey = information_module._survey
+    survey = gather_module._survey
 
     def short_sighted(of):
         return [np.where(np.arange(R.shape[1]) % 7 == 3, 0.0, R) for R in survey(of)]
 
-    monkeypatch.setattr(information_module, "_survey", short_sighted)
+    monkeypatch.setattr(gather_module, "_survey", short_sighted)
     again = gather_information(regression)
     a, b = estimate(again), estimate(whole)
     np.testing.assert_allclose((a.value - b.value) / b.sigma, 0.0, atol=1e-6)

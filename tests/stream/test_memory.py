@@ -8,7 +8,7 @@ from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines.local import Serial
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare.longsamples import prepare_log
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 

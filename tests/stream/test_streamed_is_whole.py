@@ -11,7 +11,7 @@ from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.regression.base_parameters import find_base_parameters
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 

@@ -22,7 +22,7 @@ from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.workflows.analyze.assessment import RungResult
 from identifiability.workflows.opening import Opening, Recordings

@@ -14,7 +14,7 @@ from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.regression.reduction import (
     LadderLike,

@@ -22,7 +22,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
 from identifiability.physical.feasibility import FittedModel, assess_feasibility
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import full_rung
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure

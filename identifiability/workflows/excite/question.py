@@ -13,7 +13,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import ModelLike, choose_model
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure

@@ -22,7 +22,7 @@ from identifiability.foundation.options import (
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.physical.feasibility import PhysicalResult, assess_feasibility
-from identifiability.regression.information import gather_information
+from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,

@@ -1,0 +1,154 @@
+"""Gather the `Information` of a regression, chunk by chunk, here or on workers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial, reduce
+from itertools import groupby
+from operator import add, attrgetter
+from typing import Annotated
+
+import numpy as np
+
+from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.linalg import triangular_factor
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import at_least, checked
+from identifiability.foundation.values import frozen
+from identifiability.regression.actuator_blocks import (
+    ActuatorBlocks,
+    allot,
+    choose_basis,
+    fill,
+    hold,
+    invert_basis,
+    merge_held,
+)
+from identifiability.regression.information import Information
+from identifiability.regression.regression import Part, Regression, map_parts
+
+#: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
+BLOCKS = 256
+
+#: Rows of the subsample that the bases are made of, at least.
+BASIS_ROWS = 4096
+
+#: Samples of that subsample for every column, at least.
+ROWS_A_COLUMN = 4
+
+
+@checked
+def gather_information(
+    regression: Regression,
+    blocks: Annotated[int, at_least(1)] = BLOCKS,
+    *,
+    engine: Engine | None = None,
+    progress: Steps | None = None,
+) -> Information:
+    """Compress a regression.
+
+    Parameters
+    ----------
+    regression : Regression
+    blocks : int
+        Blocks of time over all logs, at most; each holds consecutive samples of one log.
+    engine : Engine, optional
+        Where stretches of long logs are worked on; here without.
+    progress : callable(int, int), optional
+    """
+    names = tuple(p.name for p in regression.parameters)
+    factors = _survey(regression)
+    size = max(1, -(-regression.outputs // blocks))
+    outputs = [s.outputs for s in regression.samples]
+    count, longest = sum(-(-n // size) for n in outputs), min(size, max(outputs))
+    while True:
+        seen = np.array([R[:, :-1].any(0) for R in factors])
+        bases = [choose_basis(R, np.flatnonzero(s)) for R, s in zip(factors, seen, strict=True)]
+        gather = partial(_gather_part, seen=seen, bases=bases, size=size)
+        missed = np.zeros(seen.shape)
+        held = [allot((count, min(longest, len(S)), len(S))) for S in bases]
+        counts, logs = np.zeros(count, int), np.zeros(count, int)
+        pieces = _pieces(map_parts(gather, regression, engine, progress), missed)
+        for b, piece in enumerate(_join(pieces)):
+            logs[b], counts[b] = piece.at[0], piece.count
+            for place, one in zip(held, piece.held, strict=True):
+                fill(place[b], one)
+        if not missed.any():
+            break
+        # In the subsample these columns did not act.
+        lengths = [np.diag(np.append(np.sqrt(squares), 0.0)) for squares in missed]
+        factors = [np.vstack(pair) for pair in zip(factors, lengths, strict=True)]
+    triples = zip(seen, bases, held, strict=True)
+    parts = tuple(ActuatorBlocks(np.flatnonzero(s), S, Z) for s, S, Z in triples)
+    return Information(names, parts, counts, logs, regression.instruments is not None)
+
+
+@frozen
+class _Piece:
+    """Samples of one block: log and number of the block, what is held by actuator, how many."""
+
+    at: tuple[int, int]
+    held: list[Array]
+    count: int
+
+    def __add__(self, later: _Piece) -> _Piece:
+        pairs = zip(self.held, later.held, strict=True)
+        held = [merge_held(one, other) for one, other in pairs]
+        return _Piece(self.at, held, self.count + later.count)
+
+
+def _join(pieces: Iterable[_Piece]) -> Iterator[_Piece]:
+    """Yield blocks of consecutive pieces, one at a time: all of them may be large."""
+    for _, same in groupby(pieces, attrgetter("at")):
+        yield reduce(add, same)
+
+
+def _pieces(found: Iterable[tuple[list[_Piece], Array]], missed: Array) -> Iterator[_Piece]:
+    for pieces, unseen in found:
+        missed += unseen
+        yield from pieces
+
+
+def _gather_part(
+    part: Part, seen: np.ndarray, bases: Sequence[Array], size: int
+) -> tuple[list[_Piece], Array]:
+    """Return the blocks of a part, and the squared lengths (n, k) of columns not in `seen`."""
+    missed = np.zeros(seen.shape)
+    own = [(np.flatnonzero(s), invert_basis(S)) for s, S in zip(seen, bases, strict=True)]
+
+    def pieces() -> Iterator[_Piece]:
+        for chunk in part.chunks():
+            W, tau, start = chunk.wide, chunk.tau, chunk.start
+            if not seen.all():
+                missed[~seen] += np.square(W[:, ~seen]).sum(0)
+            Z = [np.column_stack([W[:, a, c], tau[:, a]]) @ inv for a, (c, inv) in enumerate(own)]
+            at = 0
+            while at < len(tau):
+                block = (start + at) // size
+                stop = min(len(tau), (block + 1) * size - start)
+                yield _Piece((chunk.log, block), [hold(rows[at:stop]) for rows in Z], stop - at)
+                at = stop
+
+    return list(_join(pieces())), missed
+
+
+def _survey(regression: Regression) -> list[Array]:
+    """Return a factor (…, k + 1) of evenly spaced rows of each actuator.
+
+    The rows are taken before any decimation: a basis need not be exact.
+    """
+    n = len(regression.robot.actuated)
+    width = len(regression.parameters) * (1 if regression.instruments is None else 2)
+    wanted = max(BASIS_ROWS // n, ROWS_A_COLUMN * (width + 1))
+    step = max(1, sum(s.survey.kept for s in regression.samples) // wanted)
+    factors = [np.zeros((0, width + 1))] * n
+    for part in regression.thin(step).parts(whole=True):
+        for chunk in part.chunks():
+            for a in range(n):
+                own = np.column_stack([chunk.wide[:, a], chunk.tau[:, a]])
+                rows = np.vstack([factors[a], own])
+                acts = rows.any(0)
+                R = triangular_factor(rows[:, acts])
+                factors[a] = np.zeros((len(R), width + 1))
+                factors[a][:, acts] = R
+    return factors

@@ -1,0 +1,129 @@
+"""Instruments lose nothing either: what they say of all rows follows from the information."""
+
+import numpy as np
+import pytest
+
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.gather import gather_information
+from identifiability.regression.information import Information
+from identifiability.regression.regression import Regression
+
+WEIGHTS = np.array([1.0, 0.1, 4.0])
+M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 0], [0, 1]])
+HELD = np.array([0, 0, 0, 3.0, 0])
+
+
+def from_rows(V, W, tau, weights):
+    """Return ``(Vᵀ W)⁻¹ Vᵀ τ`` of rows (N, n, k) and (N, n)."""
+    cross = np.einsum("a,tai,taj->ij", weights, V, W)
+    return np.linalg.solve(cross, np.einsum("a,tai,ta->i", weights, V, tau))
+
+
+def from_information(information, weights):
+    k = information.size
+    R = information.joint.factor(weights)
+    return np.linalg.solve(R[:k, k : 2 * k], R[:k, 2 * k])
+
+
+@pytest.fixture
+def rows():
+    """Noisy columns of three actuators of which two see a part, and what they were exactly."""
+    rng = np.random.default_rng(3)
+    V = rng.normal(size=(600, 3, 5))
+    V[:, 1, 2:] = 0.0
+    V[:, 2, :4] = 0.0
+    W = V + 0.5 * rng.normal(size=V.shape) * (V != 0)
+    tau = V @ [1.0, -2.0, 0.5, 3.0, 0.1] + rng.normal(size=(600, 3)) * [0.1, 1.0, 0.3]
+    return V, W, tau
+
+
+@pytest.mark.parametrize("size", [2, 50])  # few samples a block, and more than columns
+def test_the_solution_with_instruments_equals_that_of_the_rows(rows, size):
+    V, W, tau = rows
+    log = np.repeat([0, 1], 300)
+    information = Information.of_rows("abcde", W, tau, log, size, V)
+    halves = [
+        Information.of_rows("abcde", *(x[log == k] for x in (W, tau, log)), size, V[log == k])
+        for k in (0, 1)
+    ]
+    direct = from_rows(V, W, tau, WEIGHTS)
+    plain = np.linalg.lstsq(W.reshape(-1, 5), tau.ravel(), rcond=None)[0]
+    assert np.abs(direct - plain).max() > 0.3  # noisy columns pull least squares towards zero
+    merged = information.merge(np.arange(0, 600 // size, 3))
+    for found in (information, halves[0] + halves[1], merged):
+        np.testing.assert_allclose(from_information(found, WEIGHTS), direct, rtol=1e-9)
+    first = information.take(information.log == 0)
+    expected = from_rows(V[:300], W[:300], tau[:300], WEIGHTS)
+    np.testing.assert_allclose(from_information(first, WEIGHTS), expected, rtol=1e-9)
+    reduced = information.reduce(M, "xy", HELD)
+    expected = from_rows(V @ M, W @ M, tau - W @ HELD, WEIGHTS)
+    np.testing.assert_allclose(from_information(reduced, WEIGHTS), expected, rtol=1e-9)
+
+
+def test_every_product_of_instruments_columns_and_torque_is_kept(rows):
+    V, W, tau = rows
+    information = Information.of_rows("abcde", W, tau, np.zeros(600, int), 50, V)
+    joint = information.joint
+    Z = np.concatenate([V, W, tau[:, :, None]], 2)
+    blocks = joint.basis.T @ joint.blocks(WEIGHTS) @ joint.basis
+    for k, block in enumerate(blocks):
+        own = Z[50 * k : 50 * (k + 1)]
+        np.testing.assert_allclose(block, np.einsum("a,tai,taj->ij", WEIGHTS, own, own), atol=1e-9)
+
+
+def test_beside_instruments_the_columns_say_what_they_say_alone(rows):
+    V, W, tau = rows
+    arguments = ("abcde", W, tau, np.zeros(600, int), 50)
+    alone, beside = Information.of_rows(*arguments), Information.of_rows(*arguments, V)
+    assert not alone.instrumented
+    assert beside.nbytes > 2 * alone.nbytes
+    for one, other in (
+        (alone, beside),
+        (alone.reduce(M, "xy", HELD), beside.reduce(M, "xy", HELD)),
+    ):
+        R, S = one.factor(WEIGHTS), other.factor(WEIGHTS)
+        np.testing.assert_allclose(S.T @ S, R.T @ R, rtol=1e-9, atol=1e-9 * np.abs(R).max() ** 2)
+        a, b = (x.basis.T @ x.blocks(WEIGHTS) @ x.basis for x in (one, other))
+        np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-9 * np.abs(a).max())
+        squares = [x.squares(x.basis) for x in (one, other)]
+        np.testing.assert_allclose(squares[1], squares[0], rtol=1e-9, atol=1e-9)
+
+
+def test_information_with_instruments_is_not_added_to_one_without(rows):
+    V, W, tau = rows
+    arguments = ("abcde", W, tau, np.zeros(600, int), 50)
+    with pytest.raises(ValueError, match="the same columns"):
+        _ = Information.of_rows(*arguments) + Information.of_rows(*arguments, V)
+
+
+@pytest.fixture
+def regression(rps, paper_model, noisy_log, exact_log):
+    base = find_base_parameters(rps, paper_model)
+    noisy, exact = (prepare_samples(rps, log) for log in (noisy_log, exact_log))
+    return Regression(rps, paper_model, (noisy,), base.kept, (exact,))
+
+
+def test_chunks_with_instruments_are_the_whole_and_every_chunk_keeps_its_own(regression):
+    chunks = list(regression.log_chunks(0, 100))
+    V, W = (np.concatenate(x) for x in zip(*((c.instruments, c.W) for c in chunks), strict=True))
+    tau = np.concatenate([c.tau for c in chunks])
+    assert np.abs(V - W).max() > 0
+    weights = np.ones(tau.shape[1])
+    whole = Information.of_rows(
+        [p.name for p in regression.parameters], W, tau, np.zeros(len(tau), int), len(tau), V
+    )
+    direct = from_rows(V, W, tau, weights)
+    for found in (whole, gather_information(regression), gather_information(regression, blocks=7)):
+        np.testing.assert_allclose(
+            from_information(found, weights), direct, rtol=1e-6, atol=1e-8 * np.abs(direct).max()
+        )
+
+
+def test_instruments_of_another_length_are_refused(regression):
+    short = regression.instruments[0].thin(2)
+    wrong = Regression(
+        regression.robot, regression.model, regression.samples, regression.columns, (short,)
+    )
+    with pytest.raises(ValueError, match="as many samples"):
+        gather_information(wrong)

@@ -1,0 +1,59 @@
+"""Blocks too large for memory lie in files and are worked on in batches: the same bits."""
+
+import numpy as np
+import pytest
+
+from identifiability.estimation.bootstrap import draw_blocks
+from identifiability.estimation.least_squares import refit
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression import actuator_blocks
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.gather import gather_information
+from identifiability.regression.regression import Regression
+
+
+def lies_in_a_file(array) -> bool:
+    while isinstance(array, np.ndarray):
+        if isinstance(array, np.memmap):
+            return True
+        array = array.base
+    return False
+
+
+def work(regression, blocks):
+    """Return all that is made of blocks: gathered, taken, merged, reduced, added, refitted."""
+    found = gather_information(regression, blocks=blocks)
+    count, k = len(found.counts), found.size
+    fewer = found.select(range(0, k, 2))
+    every = [found, found.take(found.counts > 0), found.merge(np.arange(0, count, 3))]
+    every += [fewer, found + found]
+    weights = np.linspace(1.0, 2.0, found.actuators)
+    drawn = draw_blocks(count, 40, np.random.default_rng(0))
+    arrays = [part.blocks for one in every for part in one.parts]
+    return arrays, [found.blocks(weights), refit(fewer, weights, drawn)]
+
+
+@pytest.mark.parametrize("blocks", [12, 250])  # Gram matrices, and rows
+def test_blocks_in_files_are_those_in_memory(monkeypatch, rps, paper_model, noisy_log, blocks):
+    base = find_base_parameters(rps, paper_model)
+    regression = Regression(rps, paper_model, (prepare_samples(rps, noisy_log),), base.kept)
+    held, results = work(regression, blocks)
+    assert not any(map(lies_in_a_file, held))
+    monkeypatch.setattr(actuator_blocks, "MOST_BYTES", 5000)
+    filed, again = work(regression, blocks)
+    assert all(lies_in_a_file(x) for x in filed if x.nbytes > 5000)
+    assert any(map(lies_in_a_file, filed))
+    for one, other in zip(held + results, filed + again, strict=True):
+        np.testing.assert_array_equal(other, one)
+
+
+def test_without_room_for_files_blocks_stay_in_memory(monkeypatch):
+    def full(*_):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(actuator_blocks, "MOST_BYTES", 100)
+    monkeypatch.setattr(actuator_blocks.os, "posix_fallocate", full)
+    found = actuator_blocks.allot((3, 7, 7))
+    assert not lies_in_a_file(found)
+    assert found.shape == (3, 7, 7)
+    assert not found.any()
