@@ -19,8 +19,8 @@ from identifiability.effects import FAMILIES
 from identifiability.foundation.output import write_json
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose import Diagnosis, HeldOut, diagnose, gather
-from identifiability.workflows.diagnose.workflow import prepare_rows
+from identifiability.workflows.diagnose import Diagnosis, HeldOut, Setting, diagnose, gather
+from identifiability.workflows.diagnose.motion import prepare_rows
 
 #: Runs to name from and runs that are held out.
 SPLITS = (((1,), (3,)), ((3,), (1,)), ((1, 3), (2,)))
@@ -45,8 +45,8 @@ def errors_together(data: Any, train: int, test: int) -> dict[str, float]:
     """Return the held-out error with whole families added to every joint, without any test."""
     robot = kuka_lwr4.load_robot(data)
     rows = [[prepare_rows(robot, kuka_lwr4.load_log(data, robot, k), None)] for k in (train, test)]
-    structure = Structure.of(robot, Model.of("rigid_body"))
-    m = gather(structure, *rows, np.random.default_rng(0), draws=2)
+    setting = Setting(Structure.of(robot, Model.of("rigid_body")), tuple(rows[0]))
+    m = gather(setting, rows[1], np.random.default_rng(0), draws=2)
     held = HeldOut(m.train, m.held.choosing)
     sets = [(), *JOINTLY, *((*JOINTLY[-1], name) for name in BESIDE)]
     out = {}

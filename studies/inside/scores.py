@@ -11,8 +11,10 @@ from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.diagnose.evidence import Whitened, score_candidates
 from identifiability.workflows.diagnose.material import gather
+from identifiability.workflows.diagnose.motion import prepare_rows
 from identifiability.workflows.diagnose.rows import Candidate
-from identifiability.workflows.diagnose.workflow import prepare_rows, usual_effects
+from identifiability.workflows.diagnose.rules import Setting
+from identifiability.workflows.diagnose.workflow import usual_effects
 from inside.pair import Array, Pair, timed
 
 
@@ -36,9 +38,9 @@ def measure(draws: int, candidates: int, seed: int) -> Pair:
         )
         for name, rng in zip(("571", "601"), rngs, strict=False)
     ]  # fmt: skip
-    samples = [prepare_rows(robot, log, None) for log in logs]
-    structure = Structure.of(robot, Model.of(*usual_effects(robot)))
-    material = gather(structure, samples, [], rngs[2], draws=draws)
+    samples = tuple(prepare_rows(robot, log, None) for log in logs)
+    setting = Setting(Structure.of(robot, Model.of(*usual_effects(robot))), samples)
+    material = gather(setting, [], rngs[2], draws=draws)
     single = [c for c in material.candidates if len(c.columns) == 1][:candidates]
     white = material.white
     ours, scores = timed(lambda: score_candidates(white, white.X, single), 5)

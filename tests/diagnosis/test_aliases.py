@@ -6,14 +6,13 @@ from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose import Rules, gather
+from identifiability.workflows.diagnose import Rules, Setting, gather
 
 
 def aliases(robot, logs, *model):
-    samples = [prepare_samples(robot, log) for log in logs]
-    m = gather(
-        Structure.of(robot, Model.of(*model)), samples, (), np.random.default_rng(0), draws=2
-    )
+    samples = tuple(prepare_samples(robot, log) for log in logs)
+    setting = Setting(Structure.of(robot, Model.of(*model)), samples)
+    m = gather(setting, (), np.random.default_rng(0), draws=2)
     return {(a.family, a.place): a for a in m.aliases}, m
 
 
@@ -47,7 +46,7 @@ def test_the_rotor_of_the_first_joint_is_its_links_inertia(logs_of):
 def test_an_asymmetry_is_an_offset_once_symmetric_friction_is_there(logs_of):
     robot = Robot.load("six-dof-arm")
     _, m = aliases(robot, logs_of("six-dof-arm")[:4], "rigid_body", "coulomb_friction")
-    from identifiability.workflows.diagnose.confusable import find_rivals
+    from identifiability.workflows.diagnose.lookalikes import find_rivals
 
     offset = next(c for c in m.candidates if c.group == ("torque_offset", "joint_1"))
     rivals = find_rivals(m.white, offset, [], m.candidates, Rules().confusable)

@@ -16,9 +16,8 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import diagnose, measure_false_names
-from identifiability.workflows.diagnose.find import explained_share
-from identifiability.workflows.diagnose.thinning import STRETCH, thin
-from identifiability.workflows.diagnose.workflow import prepare_rows
+from identifiability.workflows.diagnose.motion import STRETCH, prepare_rows, thin
+from identifiability.workflows.diagnose.residual import explained_share
 
 HIDDEN = "stribeck_friction@slider1+slider3=0.03"
 
@@ -241,8 +240,8 @@ def test_the_command_refuses_an_unknown_family_in_one_sentence(app, logs_of, tmp
 def test_long_logs_are_thinned_to_stretches_that_keep_their_neighbours(logs_of, monkeypatch):
     log = logs_of("two-link", motion=0.01)[0]
     samples = prepare_samples(Robot.load("two-link"), log, Preparation(keep_rest=True))
-    monkeypatch.setattr("identifiability.workflows.diagnose.thinning.MOST_SAMPLES", 300)
-    monkeypatch.setattr("identifiability.workflows.diagnose.thinning.STRETCH", 50)
+    monkeypatch.setattr("identifiability.workflows.diagnose.motion.MOST_SAMPLES", 300)
+    monkeypatch.setattr("identifiability.workflows.diagnose.motion.STRETCH", 50)
     less = thin(samples)
     gaps = np.flatnonzero(np.diff(less.motion.kept) > 1)
     assert len(less.tau) == 300

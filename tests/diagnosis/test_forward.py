@@ -14,7 +14,8 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, PrescribedMotion, random_trajectory, simulate
 from identifiability.simulation.forward import ForwardRobot
-from identifiability.workflows.diagnose import forward
+from identifiability.workflows.diagnose.forward import Physical, compare_forward
+from identifiability.workflows.diagnose.physical import fit_physical
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +24,10 @@ def two_link():
 
 
 BASE = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+
+def physical_of(robot, values, model=BASE):
+    return Physical(Structure.of(robot, model), values)
 
 
 def _samples(robot, seed, count=1, hide=()):
@@ -37,8 +42,8 @@ def test_the_torque_of_a_motion_leads_along_that_motion(name):
     """Inverse then forward dynamics is the identity, up to torque held constant over a step."""
     robot = Robot.load(name)
     (samples,) = _samples(robot, 0)
-    fit = forward.Physical(BASE, robot.nominal)
-    gap = forward.compare_forward(robot, fit, fit, [samples], np.random.default_rng(0), stretches=8)
+    fit = physical_of(robot, robot.nominal)
+    gap = compare_forward(fit, fit, [samples], np.random.default_rng(0), stretches=8)
     assert gap.measured, gap.note
     assert gap.error_before < 0.006
     assert np.array_equal(gap.before, gap.after)
@@ -47,18 +52,14 @@ def test_the_torque_of_a_motion_leads_along_that_motion(name):
 def test_smaller_steps_of_the_log_leave_smaller_errors(two_link):
     """What is left is the torque's variation within a step: second order in its length."""
     trajectory = random_trajectory(two_link, np.random.default_rng(2))
-    fit = forward.Physical(BASE, {k: v for k, v in two_link.nominal.items() if "Fc" not in k})
+    fit = physical_of(two_link, {k: v for k, v in two_link.nominal.items() if "Fc" not in k})
     errors = []
     for count in (125, 500):
         move = PrescribedMotion.of(trajectory, count)
         zero = {k: 0.0 for k in two_link.nominal if "Fc" in k}
         log = simulate(two_link, move, parameters=zero)
         samples = prepare_samples(two_link, log, Preparation(keep_rest=True))
-        errors.append(
-            forward.compare_forward(
-                two_link, fit, fit, [samples], np.random.default_rng(0)
-            ).error_before
-        )
+        errors.append(compare_forward(fit, fit, [samples], np.random.default_rng(0)).error_before)
     assert errors[1] < errors[0] / 4
 
 
@@ -67,8 +68,8 @@ def test_a_missing_effect_opens_a_gap_in_motion_that_adding_it_closes():
     *train, unseen = _samples(robot, 1, 3, ["load_dependent_friction=0.08"])
     effect = find_effect("load_dependent_friction")
     fuller = Model((*BASE.effects, Placed([Part(effect, j, ("Fl",)) for j in robot.joints])))
-    before, after = (forward.fit_physical(Structure.of(robot, m), train) for m in (BASE, fuller))
-    gap = forward.compare_forward(robot, before, after, [unseen], np.random.default_rng(0))
+    before, after = (fit_physical(Structure.of(robot, m), train) for m in (BASE, fuller))
+    gap = compare_forward(before, after, [unseen], np.random.default_rng(0))
     low, high = gap.interval
     assert gap.error_after < 0.5 * gap.error_before
     assert low < high < 0
@@ -78,8 +79,8 @@ def test_a_wrong_effect_does_not_close_it():
     robot = Robot.load("3-rps")
     *train, unseen = _samples(robot, 1, 3, ["load_dependent_friction=0.08"])
     wrong = Model((*BASE.effects, find_effect("quadratic_friction")))
-    before, after = (forward.fit_physical(Structure.of(robot, m), train) for m in (BASE, wrong))
-    gap = forward.compare_forward(robot, before, after, [unseen], np.random.default_rng(0))
+    before, after = (fit_physical(Structure.of(robot, m), train) for m in (BASE, wrong))
+    gap = compare_forward(before, after, [unseen], np.random.default_rng(0))
     assert gap.error_after > 0.8 * gap.error_before
 
 
@@ -91,9 +92,9 @@ def test_a_recorded_delay_is_taken_off_the_torque(two_link):
                     for x in samples.tau.T], 1)  # fmt: skip
     recorded = replace(samples, tau=tau)
     known = {**two_link.nominal, **{f"{j}.delay": delay for j in two_link.joints}}
-    before = forward.Physical(BASE, two_link.nominal)
-    gap = forward.compare_forward(
-        two_link, before, forward.Physical(late, known), [recorded], np.random.default_rng(0)
+    before = physical_of(two_link, two_link.nominal)
+    gap = compare_forward(
+        before, physical_of(two_link, known, late), [recorded], np.random.default_rng(0)
     )
     assert gap.error_after < 0.3 * gap.error_before
 
@@ -114,10 +115,8 @@ def test_a_model_that_runs_away_counts_as_wrong_by_all_of_the_distance(two_link)
     (samples,) = _samples(two_link, 4)
     light = {k: (1e-4 * v if k.split(".")[0] in two_link.bodies else 0.0)
              for k, v in two_link.nominal.items()}  # fmt: skip
-    fit = forward.Physical(BASE, two_link.nominal)
-    gap = forward.compare_forward(
-        two_link, fit, forward.Physical(BASE, light), [samples], np.random.default_rng(0)
-    )
+    fit = physical_of(two_link, two_link.nominal)
+    gap = compare_forward(fit, physical_of(two_link, light), [samples], np.random.default_rng(0))
     assert gap.error_after > 0.9 > 0.1 > gap.error_before
     assert np.isfinite(gap.interval).all()
 
@@ -128,8 +127,8 @@ def test_no_log_file_is_left_behind(two_link, tmp_path, monkeypatch):
     (samples,) = _samples(two_link, 4)
     light = {k: (1e-6 * v if k.split(".")[0] in two_link.bodies else 0.0)
              for k, v in two_link.nominal.items()}  # fmt: skip
-    fit = forward.Physical(BASE, light)
-    forward.compare_forward(two_link, fit, fit, [samples], np.random.default_rng(0))
+    fit = physical_of(two_link, light)
+    compare_forward(fit, fit, [samples], np.random.default_rng(0))
     assert not list(tmp_path.iterdir())
 
 
@@ -137,8 +136,8 @@ def test_motion_full_of_gaps_says_why_there_is_nothing(two_link):
     (samples,) = _samples(two_link, 5)
     rows = np.arange(0, len(samples.tau), 7)
     holes = replace(samples, motion=samples.motion[rows], tau=samples.tau[rows])
-    fit = forward.Physical(BASE, two_link.nominal)
-    gap = forward.compare_forward(two_link, fit, fit, [holes], np.random.default_rng(0))
+    fit = physical_of(two_link, two_link.nominal)
+    gap = compare_forward(fit, fit, [holes], np.random.default_rng(0))
     assert not gap.measured
     assert "without gaps" in gap.note
     assert np.isnan(gap.error_before)

@@ -11,19 +11,21 @@ import pytest
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose import Rules, gather
-from identifiability.workflows.diagnose.gates import add_places, keep_possible, list_units
-from identifiability.workflows.diagnose.naming import Naming, keep_surviving
-from identifiability.workflows.diagnose.rows import fit_weighted
-from identifiability.workflows.diagnose.rules import Step
-from identifiability.workflows.diagnose.stress import (
+from identifiability.workflows.diagnose import Rules, Setting, gather
+from identifiability.workflows.diagnose.gates import (
     CLOCK,
+    Naming,
+    Step,
     Survival,
-    blur_motion,
-    shift_torque,
-    white_noise,
+    add_places,
+    keep_possible,
+    keep_surviving,
+    list_units,
 )
-from identifiability.workflows.diagnose.workflow import BASE_EFFECTS, prepare_rows
+from identifiability.workflows.diagnose.motion import prepare_rows
+from identifiability.workflows.diagnose.rows import fit_weighted
+from identifiability.workflows.diagnose.stress import blur_motion, shift_torque, white_noise
+from identifiability.workflows.diagnose.workflow import BASE_EFFECTS
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 
@@ -31,10 +33,11 @@ STUDIES = Path(__file__).resolve().parents[2] / "studies"
 @pytest.fixture(scope="module")
 def material(logs_of):
     robot = Robot.load("two-link")
-    samples = [prepare_rows(robot, log, None) for log in logs_of("two-link", "gravity_tilt=0.02")]
-    model = Model.of(*BASE_EFFECTS)
-    return gather(Structure.of(robot, model), samples[:4], (), np.random.default_rng(0), draws=2,
-                  verify=samples[4:])  # fmt: skip
+    logs = logs_of("two-link", "gravity_tilt=0.02")
+    samples = tuple(prepare_rows(robot, log, None) for log in logs)
+    structure = Structure.of(robot, Model.of(*BASE_EFFECTS))
+    setting = Setting(structure, samples[:4], samples[4:])
+    return gather(setting, (), np.random.default_rng(0), draws=2)
 
 
 def pick(material, family, place=None):
@@ -55,7 +58,7 @@ def test_a_real_robots_fit_is_feasible_and_fits_worse_than_least_squares(materia
 
 def test_where_least_squares_is_a_real_robot_both_agree(material):
     """Law: constrained = unconstrained where nothing is active."""
-    structure = material.structure
+    structure = material.setting.structure
     values = np.maximum(structure.nominal, np.where(structure.nonnegative, 1e-3, -np.inf))
     tau = material.train.X @ (structure.G @ values)
     noise = 1e-6 * np.sqrt(np.mean(tau**2)) * np.random.default_rng(0).standard_normal(tau.shape)

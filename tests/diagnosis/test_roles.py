@@ -9,7 +9,7 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.workflows import opening
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.diagnose.roles import LEAST, PAUSE, assign_roles, divide
+from identifiability.workflows.diagnose.motion import LEAST, PAUSE, assign_roles, divide
 
 
 @pytest.fixture

@@ -12,14 +12,14 @@ from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose import thinning
-from identifiability.workflows.diagnose.workflow import prepare_rows
+from identifiability.workflows.diagnose import motion as motion_of
+from identifiability.workflows.diagnose.motion import prepare_rows
 
 
 @pytest.fixture
 def few(sizes, monkeypatch):
-    monkeypatch.setattr(thinning, "MOST_SAMPLES", 400)
-    monkeypatch.setattr(thinning, "STRETCH", 40)
+    monkeypatch.setattr(motion_of, "MOST_SAMPLES", 400)
+    monkeypatch.setattr(motion_of, "STRETCH", 40)
 
 
 @pytest.mark.parametrize("derivatives", [True, False])
@@ -49,7 +49,7 @@ def test_samples_may_be_changed_before_they_are_prepared(few, frame_of, saved):
     path = saved(frame_of("two-link", periods=6, samples=2000, derivatives=False))
     robot, file = Robot.load("two-link"), LogFile.read(path)
     plain, changed = (
-        thinning.prepare_thin(robot, file, Preparation(), change)
+        motion_of.prepare_thin(robot, file, Preparation(), change)
         for change in (lambda log: log, lambda log: replace(log, tau=2 * log.tau))
     )
     np.testing.assert_array_equal(changed.tau, 2 * plain.tau)

@@ -9,8 +9,8 @@ from identifiability.report.figures.diagnosis import draw_curve, draw_forward, d
 from identifiability.report.numbers import digits, format_number, percent
 from identifiability.report.sections.facts import torque_units, velocity_units
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.workflows.diagnose.forward_gap import ForwardGap
-from identifiability.workflows.diagnose.named_effect import Curve, NamedEffect
+from identifiability.workflows.diagnose.findings import Curve, NamedEffect
+from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.result import Diagnosis
 
 #: Curves that are drawn.
@@ -38,8 +38,7 @@ def section_effects(d: Diagnosis) -> Section:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
             first = (Cell(e.names, note=shape), p.place)
             last = (p.p_value, p.rms, close[0] if close else "nothing")
-            for name, *numbers, unit in zip(p.parameters, p.values, p.errors, p.units, strict=True):
-                rows.append((*first, name, *numbers, unit, *last))
+            rows += [(*first, *row, *last) for row in p.rows]
     blocks: list[Block] = []
     if rows:
         blocks.append(Table.of("Effects that were added", EFFECTS, rows))

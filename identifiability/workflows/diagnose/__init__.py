@@ -7,15 +7,16 @@ What to use when: `diagnose` runs all stages. By themselves: `gather` builds row
 adds its own effect with `identifiability.effects.register`.
 """
 
-from identifiability.workflows.diagnose.aliases import Alias, find_aliases
 from identifiability.workflows.diagnose.false_names import FalseNames, measure_false_names
-from identifiability.workflows.diagnose.find import Discrepancy, find_discrepancies
+from identifiability.workflows.diagnose.findings import NamedEffect, Placement
+from identifiability.workflows.diagnose.gates import Naming
 from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.lookalikes import Alias, find_aliases
 from identifiability.workflows.diagnose.material import Material, gather
-from identifiability.workflows.diagnose.named_effect import NamedEffect, Placement
-from identifiability.workflows.diagnose.naming import Naming, name_effects
+from identifiability.workflows.diagnose.naming import name_effects
+from identifiability.workflows.diagnose.residual import Discrepancy, find_discrepancies
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.rules import Rules
+from identifiability.workflows.diagnose.rules import Rules, Setting
 from identifiability.workflows.diagnose.workflow import BASE_EFFECTS, diagnose
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "Naming",
     "Placement",
     "Rules",
+    "Setting",
     "diagnose",
     "find_aliases",
     "find_discrepancies",

@@ -10,6 +10,7 @@ and with several compare. A level that physics wants positive counts only if it 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy import stats
@@ -70,17 +71,15 @@ class Bench:
     @staticmethod
     def of(rows: Rows, noise: ARNoise, draws: int, rng: np.random.Generator) -> Bench:
         """Simulate noise for some rows."""
-        return Bench(rows, noise, noise.simulate(len(rows), 2 * draws, rng, rows.runs()))
+        return Bench(rows, noise, noise.simulate(len(rows), 2 * draws, rng, rows.runs))
 
     def whiten(self, misfit: Array | None = None) -> Whitened:
         """Return whitened rows; `misfit` (n,) is variance that the model does not explain yet."""
-        runs, rows = self.rows.runs(), self.rows
+        rows, draws = self.rows, self.simulated.shape[2] // 2
         parts = [rows.tau[:, :, None], rows.X, rows.D, self.simulated]
-        w = self.noise.whiten(np.concatenate(parts, axis=2), runs, misfit)
-        flat = w.reshape(-1, w.shape[2])
-        draws = self.simulated.shape[2] // 2
+        w = self.noise.whiten(np.concatenate(parts, axis=2), rows.runs, misfit)
         edges = np.cumsum([1, rows.X.shape[2], rows.D.shape[2], draws])
-        y, X, D, scale, noise = np.split(flat, edges, axis=1)
+        y, X, D, scale, noise = np.split(w.reshape(-1, w.shape[2]), edges, axis=1)
         return Whitened(y[:, 0], X, D, scale, noise)
 
     def misfit(self, residual: Array) -> Array:
@@ -90,14 +89,19 @@ class Bench:
         return excess
 
 
+def unit_columns(A: Array) -> Array:
+    """Return columns of length one; those of length zero as they are."""
+    length = np.linalg.norm(A, axis=0)
+    unit: Array = A / np.where(length > 0, length, 1.0)
+    return unit
+
+
 def orthonormal(X: Array) -> Array:
     """Return an orthonormal basis of the columns of X (R, b)."""
     length = np.linalg.norm(X, axis=0)
     unit = X[:, length > 0] / length[length > 0]
-    if not unit.shape[1]:
-        return np.empty((len(X), 0))
     U, s, _ = np.linalg.svd(unit, full_matrices=False)
-    basis: Array = U[:, s > 1e-8 * s[0]]
+    basis: Array = U[:, s > 1e-8 * s.max(initial=0.0)]
     return basis
 
 
@@ -119,14 +123,11 @@ class Scores:
         The same in units of simulated noise; -inf where a candidate leaves nothing.
     null : (C, B)
         What simulated noise reaches in these units.
-    remaining : (C,)
-        Share of a candidate's whitened columns that the model does not contain.
     """
 
     fit: Array
     data: Array
     null: Array
-    remaining: Array
 
 
 def score_candidates(
@@ -134,36 +135,22 @@ def score_candidates(
 ) -> Scores:
     """Return the scores of candidates beside the columns of a model (R, m)."""
     Q = orthonormal(model)
-    at = [k for c in candidates for k in c.columns]
-    D = white.D[:, at]
-    length = np.linalg.norm(D, axis=0)
-    U = project_out(Q, D / np.where(length > 0, length, 1.0))
+    U = project_out(Q, unit_columns(white.D[:, [k for c in candidates for k in c.columns]]))
     left = np.linalg.norm(U, axis=0)
-    targets = np.column_stack([white.y, white.scale])
-    if null:
-        targets = np.column_stack([targets, white.noise])
+    targets = np.column_stack([white.y, white.scale, *([white.noise] if null else [])])
     z = U.T @ project_out(Q, targets)
     widths = np.array([len(c.columns) for c in candidates], int)
-    first = np.cumsum([0, *widths])[:-1]
-    draws = white.scale.shape[1]
-    count = targets.shape[1] - draws
-    scores = np.full((len(candidates), count + 1), -np.inf)
-    remaining = np.zeros(len(candidates))
-    for width in np.unique(widths):
-        which = np.flatnonzero(widths == width)
-        cols = first[which][:, None] + np.arange(width)
-        remaining[which] = np.sqrt(np.mean(left[cols] ** 2, axis=1))
-        seen = which[left[cols].max(1) > NEGLIGIBLE]
-        if width == 1:
-            positive = np.array([candidates[k].positive for k in seen], bool)
-            w = z[first[seen]] / left[first[seen], None]
-            scores[seen] = _score_single(_in_units(w, draws), positive)
-            continue
-        for k in seen:
-            part = slice(first[k], first[k] + width)
-            positive_only = candidates[k].positive
-            scores[k] = _score_group(U[:, part], z[part], draws, positive=positive_only)
-    return Scores(scores[:, 0], scores[:, 1], scores[:, 2:], remaining)
+    positive = np.array([c.positive for c in candidates], bool)
+    first, draws = np.cumsum(widths) - widths, white.scale.shape[1]
+    seen = np.maximum.reduceat(left, first) > NEGLIGIBLE
+    scores = np.full((len(candidates), targets.shape[1] - draws + 1), -np.inf)
+    one = np.flatnonzero(seen & (widths == 1))
+    levels = z[first[one]] / left[first[one], None]
+    scores[one] = _score_single(_in_units(levels, draws), positive[one])
+    for k in np.flatnonzero(seen & (widths > 1)):
+        part = slice(first[k], first[k] + widths[k])
+        scores[k] = _score_group(U[:, part], z[part], draws, positive=bool(positive[k]))
+    return Scores(scores[:, 0], scores[:, 1], scores[:, 2:])
 
 
 def _in_units(w: Array, draws: int) -> Array:
@@ -225,12 +212,17 @@ def log_tail(x: Array, dof: int) -> Array:
 
 def solve_values(white: Whitened, model: Array) -> tuple[Array, Array]:
     """Return generalised least-squares values (m,) and their standard errors."""
-    if not model.shape[1]:
-        return np.empty(0), np.empty(0)
     length = np.linalg.norm(model, axis=0)
     length = np.where(length > 0, length, 1.0)
     U, s, Vt = np.linalg.svd(model / length, full_matrices=False)
-    inverse = np.where(s > 1e-8 * s[0], 1 / np.where(s > 0, s, 1.0), 0.0)
+    inverse = np.where(s > 1e-8 * s.max(initial=0.0), 1 / np.where(s > 0, s, 1.0), 0.0)
     value = Vt.T @ (inverse * (U.T @ white.y)) / length
     error = np.sqrt(((Vt.T * inverse) ** 2).sum(1)) / length
     return value, error
+
+
+def solve_chosen(white: Whitened, chosen: Sequence[Candidate]) -> list[tuple[Array, Array]]:
+    """Return values and standard errors (k,) of every choice beside the model and the others."""
+    value, error = solve_values(white, white.columns(chosen))
+    ends = white.X.shape[1] + np.cumsum([0, *(len(c.columns) for c in chosen)])
+    return [(value[a:b], error[a:b]) for a, b in pairwise(ends)]

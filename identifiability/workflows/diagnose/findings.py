@@ -1,53 +1,200 @@
 """`Findings`: where model and data disagree, and what is missing."""
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import KW_ONLY, field
 from functools import cached_property
 
-from identifiability.effects import Effect
+from identifiability.effects import Effect, title_of
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose.aliases import Alias
-from identifiability.workflows.diagnose.find import Discrepancy
-from identifiability.workflows.diagnose.forward_gap import ForwardGap
+from identifiability.workflows.diagnose.forward import ForwardGap
+from identifiability.workflows.diagnose.gates import Step, Survival
 from identifiability.workflows.diagnose.held_out import Gap
-from identifiability.workflows.diagnose.named_effect import Curve, NamedEffect
-from identifiability.workflows.diagnose.remainder import Remainder
+from identifiability.workflows.diagnose.lookalikes import Alias, Rival
+from identifiability.workflows.diagnose.residual import Discrepancy, Remainder
 from identifiability.workflows.diagnose.rows import Refusal
-from identifiability.workflows.diagnose.rules import Rules, Step
+from identifiability.workflows.diagnose.rules import Setting
 
 
 @frozen
-class Findings:
-    """Where model and data disagree, what is missing, and what adding it does.
+class Placement:
+    """A named effect at one place.
 
     Attributes
     ----------
-    structure : Structure
-        The robot under the model that was diagnosed.
-    fixed : bool
-        Whether that kept the values of the robot file.
+    place : str
+    shape : float
+        nan for families without one.
+    p_value : float
+        Family-wise, at the step that named it.
+    parameters, units : tuple of str
+    values, errors : (k,)
+        Generalised least squares, with standard errors.
+    rms : float [N·m or N]
+        Of the torque that it adds at the joint where it is largest.
+    rivals : tuple of Rival
+    stress : tuple of Survival
+    """
+
+    place: str
+    shape: float
+    p_value: float
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    errors: Array
+    rms: float
+    rivals: tuple[Rival, ...]
+    stress: tuple[Survival, ...]
+
+    @property
+    def rows(self) -> list[tuple[str, float, float, str]]:
+        """Name, value, standard error and unit of each parameter."""
+        values, errors = self.values.tolist(), self.errors.tolist()
+        return list(zip(self.parameters, values, errors, self.units, strict=True))
+
+    @property
+    def fragile(self) -> tuple[str, ...]:
+        """Variations of the motion that the effect does not survive."""
+        return tuple(s.variation for s in self.stress if not s.survived)
+
+
+@frozen
+class Curve:
+    """What an effect was learned to be, along the fitted motion.
+
+    Attributes
+    ----------
+    title : str
+    joint : int
+        Actuated joint where it is largest.
+    against : {"velocity", "position", "load", "time"}
+    x, learned, spread, data : (N,)
+        Motion, torque of the effect, its standard error, and the residual without the effect.
+    """
+
+    title: str
+    joint: int
+    against: str
+    x: Array
+    learned: Array
+    spread: Array
+    data: Array
+
+
+@frozen
+class NamedEffect:
+    """An effect that was found missing and added.
+
+    Attributes
+    ----------
+    name, title : str
+    placements : tuple of Placement
+    before, after : float
+        Held-out ε_RA of the model without and with it.
+    interval : (float, float)
+        95 % of the change.
+    real : (float, float)
+        The same errors where every fit is a real robot; nan where the model has no bodies or
+        keeps its values.
+    """
+
+    name: str
+    title: str
+    placements: tuple[Placement, ...]
+    before: float
+    after: float
+    interval: tuple[float, float]
+    real: tuple[float, float] = (float("nan"), float("nan"))
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the motion that verifies surely has less error with it."""
+        return self.interval[1] < 0
+
+    @property
+    def refuted(self) -> bool:
+        """Whether the motion that verifies surely has more error with it."""
+        return self.interval[0] > 0
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Where it is."""
+        return tuple(dict.fromkeys(p.place for p in self.placements))
+
+    @property
+    def p_value(self) -> float:
+        """The largest over its places."""
+        return max(p.p_value for p in self.placements)
+
+    @cached_property
+    def similar(self) -> dict[str, float]:
+        """Largest similarity of each other family at any of its places, most similar first."""
+        out: dict[str, float] = {}
+        for p in self.placements:
+            for r in p.rivals:
+                if r.family != self.name:
+                    out[r.family] = max(out.get(r.family, 0.0), r.similarity)
+        return dict(sorted(out.items(), key=lambda x: -x[1]))
+
+    @property
+    def alternatives(self) -> tuple[str, ...]:
+        """Families that neither motion nor data tell from this one: the name is "A or B"."""
+        rivals = [r for p in self.placements for r in p.rivals if r.family != self.name]
+        return tuple(dict.fromkeys(r.family for r in rivals if r.undecided))
+
+    @property
+    def names(self) -> str:
+        """The name, with its alternatives, in words."""
+        return " or ".join([self.title, *map(title_of, self.alternatives)])
+
+
+@frozen
+class Verified:
+    """What was named, and the errors before and after all of it.
+
+    Attributes
+    ----------
     effects : tuple of NamedEffect
         In order of addition; empty when nothing can be named.
-    refuted : tuple of NamedEffect
-        What the fitted motion named and the motion that verifies surely contradicts, each beside
-        what was named then; in no model.
+    curves : tuple of Curve
+        One for each named effect and place.
+    gap : Gap
+        Unseen rows: residual of the base model, then after each effect.
     error_before, error_after : float
         ε_RA on the fitted logs.
     held_before, held_after : float
         ε_RA on unseen motion.
-    interval : (float, float)
-        95 % of the change on unseen motion.
     real_before, real_after : float
         ε_RA on unseen motion where every fit is a real robot; nan where the model has no bodies
         or keeps its values.
-    chosen_by : str
-        What judged while names were chosen, in words.
-    verified_on : str
-        Unseen motion, in words: neither fitted nor used to choose.
+    """
+
+    effects: tuple[NamedEffect, ...]
+    curves: tuple[Curve, ...]
+    gap: Gap
+    error_before: float
+    error_after: float
+    held_before: float
+    held_after: float
+    real_before: float
+    real_after: float
+
+
+@frozen
+class Findings(Setting, Verified):
+    """Where model and data disagree, what is missing, and what adding it does.
+
+    Attributes
+    ----------
+    refuted : tuple of NamedEffect
+        What the fitted motion named and the motion that verifies surely contradicts, each beside
+        what was named then; in no model.
+    interval : (float, float)
+        95 % of the change on unseen motion.
     discrepancies, discrepancies_after : tuple of Discrepancy
     aliases : tuple of Alias
     refusals : tuple of Refusal
@@ -55,33 +202,15 @@ class Findings:
     remainder : Remainder
     model : Model
         The base model with the named effects.
-    samples, validation : tuple of Samples
-        Fitted, and unseen.
-    gap : Gap
-        Unseen rows: residual of the base model, then after each effect.
-    curves : tuple of Curve
-        One for each named effect and place.
-    rules : Rules
-    seed : int
     forward : ForwardGap or None
         Forward simulation before and after, where it was made.
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check.
     """
 
-    structure: Structure
-    fixed: bool
-    effects: tuple[NamedEffect, ...]
+    _: KW_ONLY
     refuted: tuple[NamedEffect, ...]
-    error_before: float
-    error_after: float
-    held_before: float
-    held_after: float
     interval: tuple[float, float]
-    real_before: float
-    real_after: float
-    chosen_by: str
-    verified_on: str
     discrepancies: tuple[Discrepancy, ...]
     discrepancies_after: tuple[Discrepancy, ...]
     aliases: tuple[Alias, ...]
@@ -89,12 +218,6 @@ class Findings:
     steps: tuple[Step, ...]
     remainder: Remainder
     model: Model
-    samples: tuple[Samples, ...]
-    validation: tuple[Samples, ...]
-    gap: Gap
-    curves: tuple[Curve, ...]
-    rules: Rules
-    seed: int
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)

@@ -7,37 +7,187 @@ driven by the measured torque, with the nearest real robot of either model.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from itertools import product
+from typing import Any
 
 import numpy as np
 
-from identifiability.effects import Effect, find_family
-from identifiability.estimation.estimate import estimate
+from identifiability.effects import find_family
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
 from identifiability.foundation.shares import ENDS
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
-from identifiability.physical.feasibility import FittedModel, assess_feasibility
-from identifiability.regression.gather import gather_information
-from identifiability.regression.reduction import full_rung
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.forward import Extra, ForwardRobot
-from identifiability.workflows.diagnose.forward_gap import HORIZON, ForwardGap
 
-if TYPE_CHECKING:
-    from identifiability.workflows.diagnose.findings import Findings
-
+#: Length of a simulated stretch [s].
+HORIZON = 0.25
 #: Simulated stretches, at most.
 STRETCHES = 24
-
 #: Repetitions for intervals.
 DRAWS = 2000
+
+
+@frozen
+class ForwardGap:
+    """Position errors of simulated stretches of motion that was not fitted.
+
+    Attributes
+    ----------
+    horizon : float [s]
+    t : (S,) [s]
+        Time since the start of a stretch.
+    moved : (n,) [rad or m]
+        Mean distance that each joint moved in a stretch.
+    before, after : (K, S, n) [rad or m]
+        Simulated less measured position; nan once a stretch has diverged.
+    interval : (float, float)
+        95 % of the change of the error, stretches drawn again and again.
+    note : str
+        Why there is nothing, where there is nothing.
+    """
+
+    horizon: float
+    t: Array
+    moved: Array
+    before: Array
+    after: Array
+    interval: tuple[float, float] = (np.nan, np.nan)
+    note: str = ""
+
+    @staticmethod
+    def none(note: str) -> ForwardGap:
+        """Return the gap that was not measured, and why."""
+        empty = np.empty((0, 0, 0))
+        return ForwardGap(HORIZON, np.empty(0), np.empty(0), empty, empty, note=note)
+
+    @property
+    def measured(self) -> bool:
+        """Whether there is a gap at all."""
+        return len(self.before) > 0
+
+    def shares(self) -> tuple[Array, Array]:
+        """Return errors as a share of the distance moved, mean over joints, each (K, S).
+
+        A stretch that has diverged counts as wrong by all of the distance.
+        """
+        return self._share(self.before).mean(2), self._share(self.after).mean(2)
+
+    def joint_shares(self) -> tuple[Array, Array]:
+        """Return mean errors of each joint at the end of a stretch, each (n,)."""
+        return self._share(self.before)[:, -1].mean(0), self._share(self.after)[:, -1].mean(0)
+
+    def _share(self, error: Array) -> Array:
+        share: Array = np.nan_to_num(np.minimum(np.abs(error) / self.moved, 1.0), nan=1.0)
+        return share
+
+    @property
+    def error_before(self) -> float:
+        """Mean share at the end of a stretch, base model."""
+        return float(self.shares()[0][:, -1].mean()) if self.measured else float("nan")
+
+    @property
+    def error_after(self) -> float:
+        """The same with the named effects."""
+        return float(self.shares()[1][:, -1].mean()) if self.measured else float("nan")
+
+    @property
+    def statement(self) -> str:
+        """The gap in words."""
+        if not self.measured:
+            return ""
+        before, after = 100 * self.error_before, 100 * self.error_after
+        low, high = (100 * x for x in self.interval)
+        return (
+            f"Simulated forward for {self.horizon:.2g} s from measured states, positions are wrong "
+            f"by {before:.2g} % of the distance moved before and {after:.2g} % after (95 %: "
+            f"{low:+.2g} … {high:+.2g} points)."
+        ).replace("-", "−")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the gap for JSON."""
+        told = {name: getattr(self, name) for name in ("error_before", "error_after", "note")}
+        interval = {"change_interval95": list(self.interval)}
+        return {"horizon": self.horizon, "stretches": len(self.before), **told, **interval}
+
+
+@frozen
+class Physical:
+    """A robot under a model with the values of a real robot.
+
+    Attributes
+    ----------
+    structure : Structure
+    values : mapping
+        Standard parameters by name.
+    """
+
+    structure: Structure
+    values: Mapping[str, float]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.structure.robot
+
+    def of(self, parameters: Iterable[Parameter]) -> dict[str, float]:
+        """Return the values of some parameters, zero where there is none."""
+        return {p.name: self.values.get(p.name, 0.0) for p in parameters}
+
+
+def compare_forward(
+    before: Physical,
+    after: Physical,
+    unseen: Sequence[Samples],
+    rng: np.random.Generator,
+    stretches: int = STRETCHES,
+) -> ForwardGap:
+    """Simulate stretches of unseen motion with two models of a robot.
+
+    Parameters
+    ----------
+    before, after : Physical
+    unseen : sequence of Samples
+        Logs that neither was fitted to.
+    rng : numpy.random.Generator
+        For the interval.
+    stretches : int
+        At most; evenly spaced over the logs.
+
+    Returns
+    -------
+    ForwardGap
+        With a note instead of numbers where MuJoCo cannot simulate this robot.
+    """
+    dt = signals.sampling_step(unseen[0].motion.t)
+    steps = max(2, round(HORIZON / dt))
+    starts = _starts(unseen, dt, steps, stretches)
+    if not starts:
+        return ForwardGap.none(
+            f"no stretch of {HORIZON:g} s without gaps is left in the unseen motion"
+        )
+    at = [(samples, np.arange(start, start + steps + 1)) for samples, start in starts]
+    q = np.stack([s.motion.actuated_q[rows] for s, rows in at])
+    first = np.stack([s.motion.actuated_v[rows[0]] for s, rows in at])
+    moved = np.abs(np.diff(q, axis=1)).sum(1).mean(0)
+    if not np.all(moved > 0):
+        return ForwardGap.none("a joint does not move in the unseen motion")
+    errors = []
+    try:
+        for fit in (before, after):
+            tau = np.stack([_mean_torque(fit, s, rows) for s, rows in at])
+            simulator = ForwardRobot(fit.robot, joint_values(fit))
+            positions = simulator.run(q[:, 0], first, tau, dt, extra_effects(fit))
+            errors.append(positions - q[:, 1:])
+    except IdentifiabilityError as error:
+        return ForwardGap.none(str(error))
+    gap = ForwardGap(steps * dt, dt * np.arange(1, steps + 1), moved, *errors)
+    return replace(gap, interval=_change(gap, rng))
 
 
 def _change(gap: ForwardGap, rng: np.random.Generator) -> tuple[float, float]:
@@ -49,111 +199,18 @@ def _change(gap: ForwardGap, rng: np.random.Generator) -> tuple[float, float]:
     return float(low), float(high)
 
 
-@frozen
-class Physical:
-    """A model with the values of a real robot.
-
-    Attributes
-    ----------
-    model : Model
-    values : mapping
-        Standard parameters by name.
-    """
-
-    model: Model
-    values: Mapping[str, float]
-
-
-def fit_physical(structure: Structure, samples: Sequence[Samples]) -> Physical:
-    """Return the real robot that explains some logs best under a model.
-
-    Raises
-    ------
-    IdentifiabilityError
-        If the solver finds none.
-    """
-    information = gather_information(structure.regression(samples))
-    rung, fit = full_rung(structure.base), estimate(information)
-    found = assess_feasibility(FittedModel(structure, rung, information, information, fit))
-    if found.nearest is None:
-        raise IdentifiabilityError(found.sentence)
-    return Physical(structure.model, found.parameters())
-
-
-def compare_forward(
-    robot: Robot,
-    before: Physical,
-    after: Physical,
-    unseen: Sequence[Samples],
-    rng: np.random.Generator,
-    horizon: float = HORIZON,
-    stretches: int = STRETCHES,
-) -> ForwardGap:
-    """Simulate stretches of unseen motion with two models.
-
-    Parameters
-    ----------
-    robot : Robot
-    before, after : Physical
-    unseen : sequence of Samples
-        Logs that neither was fitted to.
-    rng : numpy.random.Generator
-        For the interval.
-    horizon : float [s]
-    stretches : int
-        At most; evenly spaced over the logs.
-
-    Returns
-    -------
-    ForwardGap
-        With a note instead of numbers where MuJoCo cannot simulate this robot.
-    """
-    starts = _starts(unseen, horizon, stretches)
-    if not starts:
-        return ForwardGap.none(
-            f"no stretch of {horizon:g} s without gaps is left in the unseen motion"
-        )
-    dt = signals.sampling_step(unseen[0].motion.t)
-    steps = max(2, round(horizon / dt))
-    at = [np.arange(start, start + steps + 1) for _, start in starts]
-    q = np.stack([unseen[s].motion.actuated_q[r] for (s, _), r in zip(starts, at, strict=True)])
-    first = np.stack(
-        [unseen[s].motion.actuated_v[r[0]] for (s, _), r in zip(starts, at, strict=True)]
-    )
-    moved = np.abs(np.diff(q, axis=1)).sum(1).mean(0)
-    if not np.all(moved > 0):
-        return ForwardGap.none("a joint does not move in the unseen motion")
-    errors = []
-    try:
-        for fit in (before, after):
-            tau = np.stack(
-                [
-                    _mean_torque(robot, fit, unseen[s], r)
-                    for (s, _), r in zip(starts, at, strict=True)
-                ]
-            )
-            simulator = ForwardRobot(robot, joint_values(robot, fit))
-            positions = simulator.run(q[:, 0], first, tau, dt, extra_effects(robot, fit))
-            errors.append(positions - q[:, 1:])
-    except IdentifiabilityError as error:
-        return ForwardGap.none(str(error))
-    t = dt * np.arange(1, steps + 1)
-    gap = ForwardGap(steps * dt, t, moved, errors[0], errors[1])
-    return replace(gap, interval=_change(gap, rng))
-
-
-def _starts(unseen: Sequence[Samples], horizon: float, most: int) -> list[tuple[int, int]]:
+def _starts(
+    unseen: Sequence[Samples], dt: float, steps: int, most: int
+) -> list[tuple[Samples, int]]:
     """Return (log, first row) of evenly spaced stretches without gaps."""
-    dt = signals.sampling_step(unseen[0].motion.t)
-    steps = max(2, round(horizon / dt))
     found = []
-    for log, samples in enumerate(unseen):
+    for samples in unseen:
         kept, start = samples.motion.kept, 0
         if abs(signals.sampling_step(samples.motion.t) / dt - 1) > 0.01:
             continue  # one step size for all
         while start + steps < len(kept):
             if kept[start + steps] - kept[start] == steps:
-                found.append((log, start))
+                found.append((samples, start))
                 start += steps
             else:
                 start += 1 + int(np.argmax(np.diff(kept[start : start + steps + 1]) > 1))
@@ -162,23 +219,24 @@ def _starts(unseen: Sequence[Samples], horizon: float, most: int) -> list[tuple[
     return [found[k] for k in np.linspace(0, len(found) - 1, most).astype(int)]
 
 
-def _mean_torque(robot: Robot, fit: Physical, samples: Samples, rows: np.ndarray) -> Array:
+def _mean_torque(fit: Physical, samples: Samples, rows: np.ndarray) -> Array:
     """Return the torque over each step, (S, n): what was recorded, less its delay."""
     t, tau = samples.motion.t, samples.tau
     out = np.empty((len(rows), tau.shape[1]))
-    for k, joint in enumerate(robot.joints):
+    for k, joint in enumerate(fit.robot.joints):
         delay = fit.values.get(f"{joint}.delay", 0.0)
         out[:, k] = np.interp(t[rows] + delay, t, tau[:, k])
     middle: Array = 0.5 * (out[1:] + out[:-1])
     return middle
 
 
-def joint_values(robot: Robot, fit: Physical) -> dict[str, float]:
+def joint_values(fit: Physical) -> dict[str, float]:
     """Return parameters as bodies and joints hold them: payloads in bodies, two Coulomb levels."""
-    names = [p.name for p in fit.model.parameters(robot)]
-    values = {name: fit.values.get(name, 0.0) for name in names}
-    out = {f"{b}.{k}": values.get(f"{b}.{k}", 0.0) + values.get(f"{b}.payload_{k}", 0.0)
-           for b in robot.bodies for k in INERTIAL_KINDS}  # fmt: skip
+    robot, values = fit.robot, fit.of(fit.structure.parameters)
+    out = {}
+    for body, kind in product(robot.bodies, INERTIAL_KINDS):
+        load = values.get(f"{body}.payload_{kind}", 0.0)
+        out[f"{body}.{kind}"] = values.get(f"{body}.{kind}", 0.0) + load
     # What a model does not have is not there, whatever the file says.
     for axis in (*robot.axes, *robot.passive_axes):
         for kind in ("Fv", "off", *robot.inertia_parts):
@@ -189,50 +247,24 @@ def joint_values(robot: Robot, fit: Physical) -> dict[str, float]:
     return out
 
 
-def extra_effects(robot: Robot, fit: Physical) -> Extra | None:
+def extra_effects(fit: Physical) -> Extra | None:
     """Return what the model has and MuJoCo does not, or None."""
-    of = {e: find_family(e.name) for e in fit.model.effects}
-    others = [(e, _values_of(robot, e, fit)) for e in of if not of[e].native]
+    robot = fit.robot
+    others = [
+        (effect, family.dry, np.array(list(fit.of(effect.parameters(robot)).values())))
+        for effect in fit.structure.model.effects
+        if not (family := find_family(effect.name)).native
+    ]
     if not others:
         return None
-    smooth = [(e, value) for e, value in others if not of[e].dry]
-    dry = [(e, value) for e, value in others if of[e].dry]
 
     def extra(q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         motion = complete_motion(robot, np.arange(len(q), dtype=float), q, dq, ddq)
         torque, level = np.zeros_like(q), np.zeros_like(q)
-        for parts, out in ((smooth, torque), (dry, level)):
-            for effect, value in parts:
-                W = np.zeros((len(motion), q.shape[1], len(value)))
-                effect.fill(robot, motion, W)
-                out[motion.kept] += W @ value
+        for effect, dry, value in others:
+            W = np.zeros((len(motion), q.shape[1], len(value)))
+            effect.fill(robot, motion, W)
+            (level if dry else torque)[motion.kept] += W @ value
         return torque, level * np.sign(dq)
 
     return extra
-
-
-def _values_of(robot: Robot, effect: Effect, fit: Physical) -> Array:
-    return np.array([fit.values.get(p.name, 0.0) for p in effect.parameters(robot)])
-
-
-def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
-    """Return the gap in motion of a diagnosis, on the motion that verified it."""
-    try:
-        if d.fixed:
-            before = Physical(d.structure.model, d.robot.nominal)
-            after = Physical(d.model, _with_named(d))
-        else:
-            before, after = (fit_physical(s, d.samples) for s in (d.structure, d.completed))
-    except IdentifiabilityError as error:
-        return ForwardGap.none(str(error))
-    return compare_forward(d.robot, before, after, d.validation, rng)
-
-
-def _with_named(d: Findings) -> dict[str, float]:
-    """Return the file's values with what the named effects add."""
-    stated = {p.name for e in d.base_effects for p in e.parameters(d.robot)}
-    values = dict(d.robot.nominal)
-    for placement in (p for e in d.effects for p in e.placements):
-        for name, value in zip(placement.parameters, placement.values, strict=True):
-            values[name] = float(value) + (values.get(name, 0.0) if name in stated else 0.0)
-    return values

@@ -1,19 +1,105 @@
 """Gates that a name must pass after the search: it predicts better, and so in a real robot.
 
-Both look only at motion that chooses, never at the motion that verifies.
+Both look only at motion that chooses, never at the motion that verifies. What is refuted later
+leaves a `Naming` with all that only refines it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import field, replace
 
 import numpy as np
 
+from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.rules import Rules
 
 Chosen = list[Candidate]
+
+#: Variations that shift the clock; they warn and do not refuse. A sample more or less moves the
+#: reversal of every friction law, so that true friction of half the noise often fails them.
+CLOCK = ("torque one sample earlier", "torque one sample later")
+#: Score below which an effect has not survived: a one-sided p-value of one per cent.
+SURVIVES = 4.6
+
+
+@frozen
+class Survival:
+    """How an effect fares when the motion is made anew.
+
+    Attributes
+    ----------
+    variation : str
+    score : float
+    same_sign : bool
+    """
+
+    variation: str
+    score: float
+    same_sign: bool
+
+    @property
+    def survived(self) -> bool:
+        """Whether the effect would still be believed."""
+        return self.score > SURVIVES and self.same_sign
+
+    @property
+    def refutes(self) -> bool:
+        """Whether the name must go: it hangs on how the motion was made from the log."""
+        return not self.survived and self.variation not in CLOCK
+
+
+@frozen
+class Step:
+    """One step of the selection.
+
+    Attributes
+    ----------
+    evidence : mapping of (family, place) to score
+        The best over shapes.
+    critical : float
+        Score that noise alone exceeds with the family-wise level.
+    best : (family, place)
+    p_value : float
+        Family-wise.
+    gain : float
+        Relative fall of the held-out error; nan where not tried.
+    accepted : bool
+        Whether the effect is still there at the end.
+    reason : str
+    """
+
+    evidence: dict[tuple[str, str], float]
+    critical: float
+    best: tuple[str, str]
+    p_value: float
+    gain: float = float("nan")
+    accepted: bool = False
+    reason: str = ""
+
+
+@frozen
+class Naming:
+    """What was named.
+
+    Attributes
+    ----------
+    chosen : tuple of Candidate
+        In order of addition.
+    p_values : mapping of (family, place) to float
+    steps : tuple of Step
+    stress : mapping of (family, place, kinds) to tuple of Survival
+        How each fares when the motion is made anew.
+    """
+
+    chosen: tuple[Candidate, ...]
+    p_values: Mapping[tuple[str, str], float]
+    steps: tuple[Step, ...]
+    stress: Mapping[tuple[str, str, tuple[str, ...]], tuple[Survival, ...]] = field(
+        default_factory=dict
+    )
 
 
 def list_units(chosen: Sequence[Candidate]) -> list[Chosen]:
@@ -72,3 +158,34 @@ def _take_out(chosen: Chosen, margin: Callable[[Chosen, Chosen], float]) -> Chos
             break
         chosen = rests[int(np.argmin(margins))]
     return chosen
+
+
+def has_place(c: Candidate, beside: Sequence[Candidate], present: Iterable[str]) -> bool:
+    """Whether what a candidate refines, if it refines anything, is beside it or in the model."""
+    needed = c.family.needs
+    groups = {other.group for other in beside}
+    return not needed or needed in present or (needed, c.place) in groups
+
+
+def keep_surviving(
+    naming: Naming, refuted: Sequence[Candidate], present: Iterable[str], reason: str
+) -> Naming:
+    """Return a naming without candidates that are refuted, and without what only refines them.
+
+    Parameters
+    ----------
+    naming : Naming
+    refuted : sequence of Candidate
+    present : iterable of str
+        Families that the base model has at every place.
+    reason : str
+        What refutes them, for the steps that named them.
+    """
+    left = [c for c in naming.chosen if c not in refuted]
+    kept = tuple(c for c in left if has_place(c, left, present))
+    lost = {c.family.name for c in naming.chosen} - {c.family.name for c in kept}
+    steps = tuple(
+        replace(s, accepted=False, reason=reason) if s.accepted and s.best[0] in lost else s
+        for s in naming.steps
+    )
+    return replace(naming, chosen=kept, steps=steps)

@@ -11,10 +11,9 @@ from identifiability.estimation.noise.ar_noise import ARNoise, fit_noise
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
-from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose.aliases import Alias, find_aliases
 from identifiability.workflows.diagnose.evidence import Bench, Whitened
 from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.lookalikes import Alias, find_aliases
 from identifiability.workflows.diagnose.real_robot import RealRobot
 from identifiability.workflows.diagnose.rows import (
     Candidate,
@@ -23,7 +22,7 @@ from identifiability.workflows.diagnose.rows import (
     build_rows,
     list_candidates,
 )
-from identifiability.workflows.diagnose.rules import Rules
+from identifiability.workflows.diagnose.rules import Setting
 
 #: Simulated noises.
 DRAWS = 199
@@ -35,8 +34,7 @@ class Material:
 
     Attributes
     ----------
-    structure : Structure
-        The robot under the base model.
+    setting : Setting
     train : Rows
     held : HeldOut
     candidates : tuple of Candidate
@@ -49,7 +47,7 @@ class Material:
         Rows whitened by the noise alone.
     """
 
-    structure: Structure
+    setting: Setting
     train: Rows
     held: HeldOut
     candidates: tuple[Candidate, ...]
@@ -65,53 +63,42 @@ class Material:
 
 
 def gather(
-    structure: Structure,
-    train: Sequence[Samples],
+    setting: Setting,
     choose: Sequence[Samples],
     rng: np.random.Generator,
-    *,
     effects: Iterable[str] | None = None,
-    fixed: bool = False,
-    rules: Rules | None = None,
     draws: int = DRAWS,
-    verify: Sequence[Samples] = (),
 ) -> Material:
     """Return rows, candidates, aliases and noise: all that naming reads.
 
     Parameters
     ----------
-    structure : Structure
-        The robot under the base model.
-    train : sequence of Samples
-        What is fitted.
+    setting : Setting
     choose : sequence of Samples
         What judges while names are chosen; none to leave out fitted motion in turn.
     rng : numpy.random.Generator
-    effects, fixed, rules, draws
+    effects, draws
         As for `diagnose`.
-    verify : sequence of Samples
-        What takes no part in fitting or choosing.
     """
-    rules = rules or Rules()
-    robot, model = structure.robot, structure.model
-    motions = [s.motion for s in train]
-    listed, refused = list_candidates(robot, find_families(effects), model.names, motions,
-                                      fixed=fixed)  # fmt: skip
-    rows = build_rows(structure, listed, train, fixed)
+    structure, fixed = setting.structure, setting.fixed
+    names, motions = structure.model.names, [s.motion for s in setting.samples]
+    families = find_families(effects)
+    listed, refused = list_candidates(structure.robot, families, names, motions, fixed=fixed)
+    rows = build_rows(structure, listed, setting.samples, fixed)
     choosing, verifying = (
-        build_rows(structure, listed, part, fixed) if part else None for part in (choose, verify)
+        build_rows(structure, listed, part, fixed) if part else None
+        for part in (choose, setting.validation)
     )
-    bodies = "rigid_body" in model.names and not fixed
-    real = RealRobot.of(structure) if bodies else None
-    aliases = find_aliases(rows, listed, structure.base.names, rules.alias)
+    real = RealRobot.of(structure) if "rigid_body" in names and not fixed else None
+    aliases = find_aliases(rows, listed, structure.base.names, setting.rules.alias)
     hidden = {(a.family, a.place) for a in aliases if a.structural}
     candidates = tuple(c for c in listed if c.group not in hidden)
-    noise = fit_noise(rows.tau, family_blocks(rows, candidates), rows.runs())
+    noise = fit_noise(rows.tau, family_blocks(rows, candidates), rows.runs)
     bench = Bench.of(rows, noise, draws, rng)
+    held = HeldOut(rows, choosing, verifying, real)
     return Material(
-        structure, rows, HeldOut(rows, choosing, verifying, real), candidates,
-        tuple(aliases), tuple(refused), bench, bench.whiten(),
-    )  # fmt: skip
+        setting, rows, held, candidates, tuple(aliases), tuple(refused), bench, bench.whiten()
+    )
 
 
 def family_blocks(rows: Rows, candidates: Sequence[Candidate]) -> list[Array]:

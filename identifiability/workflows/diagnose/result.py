@@ -5,17 +5,19 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any, ClassVar
 
-import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.find import discrepancy_frame
-from identifiability.workflows.diagnose.findings import Findings
-from identifiability.workflows.diagnose.named_effect import NamedEffect
-from identifiability.workflows.diagnose.nearest import nearest_dict
+from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Placement
+from identifiability.workflows.diagnose.physical import nearest_dict
 from identifiability.workflows.diagnose.words import state, state_remainder
+
+#: Similarity from which on another effect is told in JSON.
+SIMILAR = 0.5
+#: What the table says of an effect at a place, and of each parameter there.
+PLACE, PARAMETER = ("effect", "joint", "shape", "p_value"), ("parameter", "value", "error", "unit")
 
 
 @frozen
@@ -45,22 +47,13 @@ class Diagnosis(Result, Findings):
 
         `before` and `after` are ε_RA on unseen motion without and with the whole effect.
         """
-        rows = [
-            {
-                "effect": e.name, "joint": p.place, "shape": p.shape, "p_value": p.p_value,
-                "parameter": parameter, "value": float(value), "error": float(error),
-                "unit": unit, "or": ", ".join(e.alternatives), "before": e.before,
-                "after": e.after,
-            }
-            for e in self.effects
-            for p in e.placements
-            for parameter, unit, value, error in zip(
-                p.parameters, p.units, p.values, p.errors, strict=True
-            )
-        ]  # fmt: skip
-        columns = ["effect", "joint", "shape", "p_value", "parameter", "value", "error", "unit",
-                   "or", "before", "after"]  # fmt: skip
-        return pd.DataFrame(rows, columns=columns)
+        rows = []
+        for e in self.effects:
+            for p in e.placements:
+                where = (e.name, p.place, p.shape, p.p_value)
+                which = (", ".join(e.alternatives), e.before, e.after)
+                rows += [(*where, *row, *which) for row in p.rows]
+        return pd.DataFrame(rows, columns=[*PLACE, *PARAMETER, "or", "before", "after"])
 
     def evidence_frame(self) -> pd.DataFrame:
         """Return the score of every family and place at every step (family-wise limit last)."""
@@ -72,58 +65,70 @@ class Diagnosis(Result, Findings):
 
     def discrepancy_frame(self) -> pd.DataFrame:
         """Return where the residual of the base model sits, one row a joint."""
-        return discrepancy_frame(self.discrepancies)
+        rows = [
+            {**vars(d), **{f"by {k}": x for k, x in d.explained.items()}}
+            for d in self.discrepancies
+        ]
+        frame = pd.DataFrame(rows).drop(columns="explained")
+        return frame.rename(columns={"reversals": "near reversals"})
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
+        left, joints = self.remainder, self.robot.joints
         return {
             "schema": self.schema,
-            "robot": {"name": self.robot.name, "title": self.robot.title},
+            "robot": pick(self.robot, "name", "title"),
             "model": list(self.base),
-            "fixed": self.fixed,
-            "statement": self.statement,
-            "hints": list(self.hints),
+            **pick(self, "fixed", "statement", "hints"),
             "before": {"error_ra": self.error_before, "error_ra_validation": self.held_before},
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [_effect_row(e) for e in self.refuted],
             "after": {"error_ra": self.error_after, "error_ra_validation": self.held_after},
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
-                "fitted": [s.name for s in self.samples], "chosen": self.chosen_by,
-                "verified": self.verified_on, "verified_logs": [s.name for s in self.validation],
+                "fitted": [s.name for s in self.samples],
+                "chosen": self.chosen_by,
+                "verified": self.verified_on,
+                "verified_logs": [s.name for s in self.validation],
             },
             "physical": self.physical,
             "real_robot": {"error_ra_before": self.real_before, "error_ra_after": self.real_after},
             "forward": None if self.forward is None else self.forward.to_dict(),
             "unexplained": {
                 "statement": self.unexplained,
-                "rms": dict(zip(self.robot.joints, self.remainder.rms.tolist(), strict=True)),
-                "detectable": self.remainder.detectable,
-                "smooth_share": self.remainder.smooth,
-                "smooth_share_limit": self.remainder.smooth_limit,
+                "rms": dict(zip(joints, left.rms.tolist(), strict=True)),
+                "detectable": left.detectable,
+                "smooth_share": left.smooth,
+                "smooth_share_limit": left.smooth_limit,
             },
             "aliases": [
-                {"effect": a.family, "joint": a.place, "remaining": a.remaining,
-                 "hidden_behind": list(a.behind)}
-                for a in self.aliases if a.structural
+                {
+                    "effect": a.family,
+                    "joint": a.place,
+                    "remaining": a.remaining,
+                    "hidden_behind": list(a.behind),
+                }
+                for a in self.aliases
+                if a.structural
             ],
             "not_applicable": [vars(r) for r in self.refusals],
-            "steps": [
-                {"best": list(s.best), "p_value": s.p_value, "gain": s.gain,
-                 "accepted": s.accepted, "reason": s.reason}
-                for s in self.steps
-            ],
+            "steps": [pick(s, "best", "p_value", "gain", "accepted", "reason") for s in self.steps],
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
             "seed": self.seed,
             "provenance": dict(self.provenance),
-        }  # fmt: skip
+        }
+
+
+def pick(value: Any, *names: str) -> dict[str, Any]:
+    """Return some attributes by name, as JSON has them."""
+    held = {name: getattr(value, name) for name in names}
+    return {name: list(x) if isinstance(x, tuple) else x for name, x in held.items()}
 
 
 def _effect_row(e: NamedEffect) -> dict[str, Any]:
     return {
         "effect": e.name,
-        "joints": list(e.joints),
-        "p_value": e.p_value,
+        **pick(e, "joints", "p_value"),
         "error_ra_validation_before": e.before,
         "error_ra_validation_after": e.after,
         "change_interval95": list(e.interval),
@@ -134,14 +139,13 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "confusable_with": [
             {"effect": name, "similarity": similarity}
             for name, similarity in e.similar.items()
-            if similarity > 0.5
+            if similarity > SIMILAR
         ],
-        "places": [
-            {
-                "joint": p.place, "shape": p.shape, "p_value": p.p_value, "rms": p.rms,
-                "parameters": dict(zip(p.parameters, np.asarray(p.values).tolist(), strict=True)),
-                "fragile": list(p.fragile),
-            }
-            for p in e.placements
-        ],
-    }  # fmt: skip
+        "places": [_place_row(p) for p in e.placements],
+    }
+
+
+def _place_row(p: Placement) -> dict[str, Any]:
+    parameters = {name: value for name, value, *_ in p.rows}
+    told = pick(p, "shape", "p_value", "rms", "fragile")
+    return {"joint": p.place, **told, "parameters": parameters}

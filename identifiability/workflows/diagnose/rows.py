@@ -7,18 +7,16 @@ columns of the base model, then one or more columns for every candidate (family,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from identifiability.effects import Effect, Family, Part, Placed, Span
 from identifiability.effects.family import measure_spans
+from identifiability.estimation.noise.autoregression import Runs
+from identifiability.estimation.noise.residual_noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import (
-    Samples,
-)
+from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
@@ -42,6 +40,8 @@ class Candidate:
         In `Rows.D`.
     positive : bool
         Whether physics forbids negative levels.
+    members : tuple of Candidate
+        What it stands for, where that is several places of a family.
     """
 
     family: Family
@@ -51,11 +51,17 @@ class Candidate:
     effect: Effect
     columns: tuple[int, ...]
     positive: bool = False
+    members: tuple[Candidate, ...] = ()
 
     @property
     def group(self) -> tuple[str, str]:
         """Family and place: what is named."""
         return self.family.name, self.place
+
+    @property
+    def slot(self) -> tuple[str, str, tuple[str, ...]]:
+        """Family, place and kinds: what a model has once, whatever its shape."""
+        return self.family.name, self.place, self.kinds
 
     @property
     def part(self) -> Part:
@@ -85,8 +91,10 @@ class Rows:
     D : (N, n, c)
         Columns of the candidates.
     t : (N,) [s]
-    log, series : (N,) int
-        Which log, and which stretch without gaps, a row comes from.
+    log : (N,) int
+        Which log a row comes from.
+    runs : sequence of (start, stop)
+        Stretches without gaps.
     q, dq, ddq : (N, n)
         Motion of the actuated joints, filtered like the columns.
     measured : (N, n) [N·m or N]
@@ -98,7 +106,7 @@ class Rows:
     D: Array
     t: Array
     log: np.ndarray
-    series: np.ndarray
+    runs: Runs
     q: Array
     dq: Array
     ddq: Array
@@ -118,10 +126,16 @@ class Rows:
         at = [k for c in chosen for k in c.columns]
         return np.concatenate([self.X, self.D[:, :, at]], axis=2)
 
-    def runs(self) -> list[tuple[int, int]]:
-        """Return the stretches without gaps as (start, stop)."""
-        breaks = np.flatnonzero(np.diff(self.series)) + 1
-        return list(pairwise([0, *breaks.tolist(), len(self)]))
+    def along(self, j: int) -> dict[str, Array]:
+        """Return what the residual of joint j may depend on, each (N,)."""
+        return {
+            "velocity": self.dq[:, j],
+            "position": self.q[:, j],
+            "acceleration": self.ddq[:, j],
+            "load": self.measured[:, j],
+            "time": self.t,
+            "log": self.log,
+        }
 
 
 def list_candidates(
@@ -148,46 +162,43 @@ def list_candidates(
     spans = measure_spans(robot, motions)
     out: list[Candidate] = []
     refused: list[Refusal] = []
-    column = 0
     for family in families:
-        known = family.name in present
-        if known and not fixed:
-            refused.append(Refusal(family.name, "", "the model has it already"))
-            continue
-        if family.fixed_only and not fixed and "rigid_body" in present:
-            reason = "every mass is refitted, so it cannot be told from the bodies' own parameters"
+        reason = _refuse(robot, family, present, fixed)
+        if reason:
             refused.append(Refusal(family.name, "", reason))
             continue
-        places = family.places(robot)
-        if not places:
-            refused.append(Refusal(family.name, "", f"{robot.name} has no place for it"))
-        for place in places:
+        known = family.name in present
+        # What is added to a level that is there may be of either sign.
+        free = known or bool(family.effect.supersedes)
+        for place in family.places(robot):
             reason = family.refuse(robot, place)
             if reason:
                 refused.append(Refusal(family.name, place, reason))
-                continue
-            # What is added to a level that is there may be of either sign.
-            free = known or bool(family.effect.supersedes)
-            for candidate in _at_place(robot, family, place, spans, column):
-                out.append(replace(candidate, positive=candidate.positive and not free))
-                column += len(candidate.columns)
+            else:
+                start = out[-1].columns[-1] + 1 if out else 0
+                span = spans.get(place, Span(place, 1.0, 1.0))
+                out += _at_place(robot, family, span, start, free)
     return out, refused
 
 
-def _at_place(
-    robot: Robot, family: Family, place: str, spans: dict[str, Span], column: int
-) -> list[Candidate]:
-    span = spans.get(place, Span(place, 1.0, 1.0))
-    out = []
+def _refuse(robot: Robot, family: Family, present: Sequence[str], fixed: bool) -> str:
+    """Return why a family makes no sense anywhere; empty if it does."""
+    if family.name in present and not fixed:
+        return "the model has it already"
+    if family.fixed_only and not fixed and "rigid_body" in present:
+        return "every mass is refitted, so it cannot be told from the bodies' own parameters"
+    return "" if family.places(robot) else f"{robot.name} has no place for it"
+
+
+def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool) -> list[Candidate]:
+    place, out = span.joint, []
     for shape in family.grid(span):
         effect = family.at(shape, place)
         there = {p.kind: p.nonnegative for p in effect.parameters(robot) if p.owner == place}
-        kinds = tuple(there)
-        kinds = kinds[:1] if family.alike else kinds
-        groups = [(kind,) for kind in kinds] if family.separate else [kinds]
-        for chosen in groups:
+        kinds = tuple(there)[: 1 if family.alike else None]
+        for chosen in [(kind,) for kind in kinds] if family.separate else [kinds]:
             at = tuple(range(column, column + len(chosen)))
-            positive = all(there[kind] for kind in chosen)
+            positive = not free and all(there[kind] for kind in chosen)
             out.append(Candidate(family, place, shape, chosen, effect, at, positive))
             column += len(chosen)
     return out
@@ -211,48 +222,27 @@ def build_rows(
         Whether the base parameters keep the values of the robot file.
     """
     extra = (Placed([c.part for c in candidates]),) if candidates else ()
-    whole = Model((*structure.model.effects, *extra))
     kept, width = structure.base.kept, len(structure.parameters)
     count = sum(len(c.columns) for c in candidates)
     columns = np.concatenate([kept, width + np.arange(count)]).astype(int)
-    regression = Regression(structure.robot, whole, tuple(samples), columns)
-    chunks = [(log, W.copy(), tau) for log, _, W, tau in regression.chunks()]
-    W = np.concatenate([c[1] for c in chunks])
-    tau = np.concatenate([c[2] for c in chunks])
-    log = np.concatenate([np.full(len(c[2]), c[0]) for c in chunks])
-    states = [_states(s) for s in samples]
-    q, dq, ddq = (np.concatenate([s[k] for s in states]) for k in range(3))
-    b = len(kept)
-    X, D = W[:, :, :b], W[:, :, b:]
+    model = Model((*structure.model.effects, *extra))
+    regression = Regression(structure.robot, model, tuple(samples), columns)
+    chunks = [(np.full(len(tau), log), W.copy(), tau) for log, _, W, tau in regression.chunks()]
+    log, W, tau = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
+    X, D = W[:, :, : len(kept)], W[:, :, len(kept) :]
     target = tau
     if fixed:
         target, X = tau - X @ structure.nominal_base, X[:, :, :0]
     t = np.concatenate([s.output_times() for s in samples])
-    return Rows(target, X, D, t, log, _series(samples), q, dq, ddq, tau)
+    q, dq, ddq = np.split(np.concatenate([_states(s) for s in samples]), 3, axis=1)
+    return Rows(target, X, D, t, log, find_runs(samples), q, dq, ddq, tau)
 
 
-def _states(samples: Samples) -> tuple[Array, Array, Array]:
-    """Return position, velocity and acceleration of the actuated joints at the outputs."""
+def _states(samples: Samples) -> Array:
+    """Return position, velocity and acceleration of the actuated joints at the outputs, (N, 3n)."""
     at, m = samples.output_times(), samples.motion
     both = np.concatenate([m.actuated_q, m.actuated_v, m.actuated_a], axis=1)
-    out = np.stack([np.interp(at, m.t, column) for column in both.T], axis=1)
-    q, dq, ddq = np.split(out, 3, axis=1)
-    return q, dq, ddq
-
-
-def _series(samples: Sequence[Samples]) -> np.ndarray:
-    """Return the index of the stretch without gaps of each output."""
-    out = []
-    last = -1
-    for s in samples:
-        if s.decimation is None:
-            index = np.concatenate([[0], np.cumsum(np.diff(s.motion.kept) != 1)])
-        else:
-            counts = s.run_outputs
-            index = np.repeat(np.arange(len(counts)), counts)
-        out.append(index.astype(int) + last + 1)
-        last = int(out[-1].max(initial=last))
-    return np.concatenate(out)
+    return np.stack([np.interp(at, m.t, column) for column in both.T], axis=1)
 
 
 def fit_weighted(rows: Rows, chosen: Sequence[Candidate], mask: np.ndarray | None = None) -> Array:

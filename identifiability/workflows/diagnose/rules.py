@@ -1,11 +1,11 @@
-"""`Rules` of naming, and the record of a `Step`."""
-
-from __future__ import annotations
+"""What a diagnosis is asked: `Rules` of naming, and the `Setting`."""
 
 from typing import Annotated
 
 from identifiability.foundation.options import Share, at_least, check_fields
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Samples
+from identifiability.regression.structure import Structure
 
 
 @frozen
@@ -40,29 +40,30 @@ class Rules:
 
 
 @frozen
-class Step:
-    """One step of the selection.
+class Setting:
+    """What is diagnosed, and from what.
 
     Attributes
     ----------
-    evidence : mapping of (family, place) to score
-        The best over shapes.
-    critical : float
-        Score that noise alone exceeds with the family-wise level.
-    best : (family, place)
-    p_value : float
-        Family-wise.
-    gain : float
-        Relative fall of the held-out error; nan where not tried.
-    accepted : bool
-        Whether the effect is still there at the end.
-    reason : str
+    structure : Structure
+        The robot under the model that is diagnosed.
+    samples, validation : tuple of Samples
+        Fitted, and unseen.
+    fixed : bool
+        Whether the model keeps the values of the robot file.
+    rules : Rules
+    seed : int
+    chosen_by : str
+        What judged while names were chosen, in words.
+    verified_on : str
+        Unseen motion, in words: neither fitted nor used to choose.
     """
 
-    evidence: dict[tuple[str, str], float]
-    critical: float
-    best: tuple[str, str]
-    p_value: float
-    gain: float
-    accepted: bool
-    reason: str
+    structure: Structure
+    samples: tuple[Samples, ...]
+    validation: tuple[Samples, ...] = ()
+    fixed: bool = False
+    rules: Rules = Rules()
+    seed: int = 0
+    chosen_by: str = ""
+    verified_on: str = ""

@@ -6,7 +6,7 @@ filter or of the clock changes its sign or goes away when these change a little.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import comb
@@ -15,73 +15,27 @@ import numpy as np
 
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
-from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare import Samples
-from identifiability.workflows.diagnose.evidence import Bench, score_candidates, solve_values
-from identifiability.workflows.diagnose.roles import Recording
-from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.repeats import Recording
+from identifiability.workflows.diagnose.evidence import Bench, score_candidates, solve_chosen
+from identifiability.workflows.diagnose.gates import CLOCK, Naming, Survival, keep_surviving
+from identifiability.workflows.diagnose.material import Material
+from identifiability.workflows.diagnose.motion import prepare_thin
+from identifiability.workflows.diagnose.rows import Candidate, Rows, build_rows
 
 Prepare = Callable[[Recording, float | None, Callable[[Log], Log]], Samples]
+#: Samples anew, from a log and its samples as they were.
+Variation = Callable[[Recording, Samples], Samples]
 
-#: Score below which an effect has not survived: a one-sided p-value of one per cent.
-SURVIVES = 4.6
-
-
-@frozen
-class Survival:
-    """How an effect fares when the motion is made anew.
-
-    Attributes
-    ----------
-    variation : str
-    score : float
-    same_sign : bool
-    """
-
-    variation: str
-    score: float
-    same_sign: bool
-
-    @property
-    def survived(self) -> bool:
-        """Whether the effect would still be believed."""
-        return self.score > SURVIVES and self.same_sign
-
-    @property
-    def refutes(self) -> bool:
-        """Whether the name must go: it hangs on how the motion was made from the log."""
-        return not self.survived and self.variation not in CLOCK
-
-
-#: Variations that shift the clock; they warn and do not refuse. A sample more or less moves the
-#: reversal of every friction law, so that true friction of half the noise often fails them.
-CLOCK = ("torque one sample earlier", "torque one sample later")
 #: Differences of this order leave white noise of smooth motion.
 ORDER = 8
 
 
-@frozen
-class Variation:
-    """A way in which the motion is made anew.
-
-    Attributes
-    ----------
-    name : str
-    build : callable(Recording, Samples) -> Samples
-        From a log and its samples as they were.
-    """
-
-    name: str
-    build: Callable[[Recording, Samples], Samples]
-
-
 def list_variations(
-    cutoff: float | None,
-    prepare: Prepare,
-    rng: np.random.Generator,
-) -> list[Variation]:
-    """Return the ways in which the motion is made anew.
+    cutoff: float | None, prepare: Prepare, rng: np.random.Generator
+) -> dict[str, Variation]:
+    """Return the ways in which the motion is made anew, by what is done.
 
     Parameters
     ----------
@@ -91,31 +45,20 @@ def list_variations(
         What is given last is done to the samples first.
     rng : numpy.random.Generator
     """
-    out = [
-        Variation(name, partial(_shifted, by=by)) for name, by in zip(CLOCK, (1, -1), strict=True)
-    ]
-    out.append(
-        Variation(
-            "twice the noise in the motion",
-            lambda log, _: prepare(log, None, partial(blur_motion, rng=rng)),
-        )
-    )
+
+    def shift(by: int) -> Variation:
+        return lambda _, samples: replace(samples, tau=shift_torque(samples.tau, by))
+
+    def filter_at(limit: float) -> Variation:
+        return lambda log, _: prepare(log, limit, lambda same: same)
+
+    out = {name: shift(by) for name, by in zip(CLOCK, (1, -1), strict=True)}
+    blur = partial(blur_motion, rng=rng)
+    out["twice the noise in the motion"] = lambda log, _: prepare(log, None, blur)
     if cutoff is not None:
         for name, factor in (("filter 20 % lower", 0.8), ("filter 20 % higher", 1.2)):
-            out.append(Variation(name, partial(_filtered, prepare=prepare, cutoff=cutoff * factor)))
+            out[name] = filter_at(cutoff * factor)
     return out
-
-
-def _shifted(_: Recording, samples: Samples, by: int) -> Samples:
-    return replace(samples, tau=shift_torque(samples.tau, by))
-
-
-def _filtered(log: Recording, _: Samples, prepare: Prepare, cutoff: float) -> Samples:
-    return prepare(log, cutoff, _as_it_is)
-
-
-def _as_it_is(log: Log) -> Log:
-    return log
 
 
 def shift_torque(tau: Array, samples: int) -> Array:
@@ -132,10 +75,9 @@ def blur_motion(log: Log, rng: np.random.Generator) -> Log:
         noisy: Array = x + white_noise(x) * rng.standard_normal(x.shape)
         return noisy
 
-    return replace(
-        log, q=blur(log.q), dq=None if log.dq is None else blur(log.dq),
-        ddq=None if log.ddq is None else blur(log.ddq),
-    )  # fmt: skip
+    q = blur(log.q)
+    dq, ddq = (None if x is None else blur(x) for x in (log.dq, log.ddq))
+    return replace(log, q=q, dq=dq, ddq=ddq)
 
 
 def white_noise(x: Array) -> Array:
@@ -151,11 +93,10 @@ def white_noise(x: Array) -> Array:
 
 def stress_effects(
     build: Callable[[Variation], Rows],
-    variations: Sequence[Variation],
+    variations: Mapping[str, Variation],
     noise: ARNoise,
     chosen: Sequence[Candidate],
     values: Sequence[float],
-    rng: np.random.Generator,
 ) -> list[list[Survival]]:
     """Return how every named candidate fares under every variation.
 
@@ -163,25 +104,60 @@ def stress_effects(
     ----------
     build : callable(Variation) -> Rows
         Rows with the columns of the chosen candidates, in their order.
-    variations : sequence
+    variations : mapping of what is done to Variation
     noise : ARNoise
     chosen : sequence of Candidate
     values : sequence of float
         First parameter of each candidate, for its sign.
-    rng : numpy.random.Generator
     """
     out: list[list[Survival]] = [[] for _ in chosen]
-    local, at = [], 0
-    for c in chosen:
-        local.append(replace(c, columns=tuple(range(at, at + len(c.columns)))))
-        at += len(c.columns)
-    for variation in variations:
-        white = Bench.of(build(variation), noise, 0, rng).whiten()
+    # Columns in these rows; a sign that cannot be is said, not scored.
+    ends = np.cumsum([len(c.columns) for c in chosen]).tolist()
+    local = [
+        replace(c, columns=tuple(range(end - len(c.columns), end)), positive=False)
+        for c, end in zip(chosen, ends, strict=True)
+    ]
+    for name, variation in variations.items():
+        rows = build(variation)
+        white = Bench(rows, noise, np.empty((*rows.tau.shape, 0))).whiten()
         for k, c in enumerate(local):
-            rest = white.columns([o for o in local if o is not c])
-            free = replace(c, positive=False)
-            score = float(score_candidates(white, rest, [free], null=False).fit[0])
-            value = solve_values(white, np.column_stack([rest, white.D[:, list(c.columns)]]))[0]
-            sign = np.sign(value[rest.shape[1]]) == np.sign(values[k]) or len(c.columns) > 1
-            out[k].append(Survival(variation.name, score, bool(sign)))
+            others = [o for o in local if o is not c]
+            score = score_candidates(white, white.columns(others), [c], null=False).fit[0]
+            value = solve_chosen(white, [*others, c])[-1][0]
+            same_sign = np.sign(value[0]) == np.sign(values[k]) or len(value) > 1
+            out[k].append(Survival(name, float(score), bool(same_sign)))
     return out
+
+
+def stress_named(
+    material: Material,
+    naming: Naming,
+    logs: Sequence[Recording],
+    preparation: Preparation | None,
+    rng: np.random.Generator,
+) -> Naming:
+    """Make the motion of the fitted logs anew; return what survives, and how each of it fares."""
+    if not naming.chosen:
+        return naming
+    structure, train = material.setting.structure, material.setting.samples
+    how, d = preparation or Preparation(), train[0].decimation
+    computed = d is not None and "dq" not in logs[0].channels
+    factor = None if d is None else d.factor
+
+    def prepare(log: Recording, limit: float | None, change: Callable[[Log], Log]) -> Samples:
+        changed = how if limit is None else replace(how, cutoff=limit)
+        return prepare_thin(structure.robot, log, replace(changed, decimate=factor), change)
+
+    def build(variation: Variation) -> Rows:
+        changed = [variation(log, s) for log, s in zip(logs, train, strict=True)]
+        return build_rows(structure, naming.chosen, changed, material.setting.fixed)
+
+    variations = list_variations(train[0].cutoff if computed else None, prepare, rng)
+    firsts = [value[0] for value, _ in solve_chosen(material.white, naming.chosen)]
+    fares = stress_effects(build, variations, material.noise, naming.chosen, firsts)
+    refuted = [
+        c for c, each in zip(naming.chosen, fares, strict=True) if any(s.refutes for s in each)
+    ]
+    stress = {c.slot: tuple(each) for c, each in zip(naming.chosen, fares, strict=True)}
+    why = "it does not survive another preparation of the motion"
+    return keep_surviving(replace(naming, stress=stress), refuted, structure.model.names, why)

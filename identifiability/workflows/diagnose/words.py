@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from identifiability.effects import find_family
 from identifiability.foundation.values import frozen
-
-if TYPE_CHECKING:
-    from identifiability.workflows.diagnose.findings import Findings
-    from identifiability.workflows.diagnose.named_effect import NamedEffect
+from identifiability.workflows.diagnose.findings import Findings, NamedEffect
+from identifiability.workflows.diagnose.motion import join
 
 #: An error below this share of the torque is rounding.
 ROUNDING = 1e-9
 
 #: Similarity from which on a name is said to be hard to tell from another.
 NOTEWORTHY = 0.6
+#: What a residual looks like that depends on one of these; a function of any other.
+LOOKS = {
+    "time": "a drift over time",
+    "log": "a difference between the logs",
+    "load": "something that goes with the load",
+}
 #: Share of the residual from which on its dependence on something is said.
 VISIBLE = 0.05
 
@@ -30,11 +31,6 @@ class Remark:
     title: str
     text: str
     good: bool = False
-
-
-def join(names: Sequence[str]) -> str:
-    """Return ``a, b and c``."""
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def state(d: Findings) -> str:
@@ -77,17 +73,14 @@ def _state_untried(d: Findings) -> str:
 def _state_refused(d: Findings) -> str:
     """Return what stood out from the noise and was refused all the same."""
     known = [e.name for e in d.refuted]
-    out = [
-        s for s in d.steps
-        if s.p_value <= d.rules.level and not s.accepted and s.best[0] not in known
-    ]  # fmt: skip
-    if not out:
-        return ""
-    name, place = out[0].best
-    return (
-        f" {name.replace('_', ' ').capitalize()} in {place} stands out from the noise (p = "
-        f"{out[0].p_value:.2g}) but is refused: {out[0].reason}."
-    )
+    for s in d.steps:
+        if s.p_value <= d.rules.level and not s.accepted and s.best[0] not in known:
+            name, place = s.best
+            return (
+                f" {name.replace('_', ' ').capitalize()} in {place} stands out from the noise (p = "
+                f"{s.p_value:.2g}) but is refused: {s.reason}."
+            )
+    return ""
 
 
 def remarks(d: Findings) -> list[Remark]:
@@ -133,9 +126,8 @@ def _state_rivals(e: NamedEffect) -> str:
 
 def _caveats(e: NamedEffect) -> list[Remark]:
     title, out = e.title[0].upper() + e.title[1:], []
-    close = [(n, s) for n, s in e.similar.items() if s > NOTEWORTHY and n not in e.alternatives]
-    if close and not e.alternatives:
-        name, similarity = close[0]
+    name, similarity = next(iter(e.similar.items()), ("", 0.0))  # the most similar
+    if similarity > NOTEWORTHY and not e.alternatives:
         text = (
             f"{title} resembles {name.replace('_', ' ')} in this motion (similarity "
             f"{similarity:.2f}); the data prefer the former."
@@ -170,27 +162,23 @@ def state_remainder(d: Findings) -> str:
         f"at most {_percent(r.smooth_limit, 2)} of the remaining variance is a smooth function of "
         "position and velocity"
     )
-    looks = _looks(d)
-    text = "; ".join(parts) + "."
-    return text[0].upper() + text[1:] + (f" What is left looks like {looks}." if looks else "")
+    text = "; ".join(parts)
+    return f"{text[0].upper()}{text[1:]}. What is left looks like {_looks(d)}."
 
 
 def _looks(d: Findings) -> str:
-    best, where, joint = 0.0, "", ""
-    for x in d.discrepancies_after:
-        for name, share in x.explained.items():
-            if share > best:
-                best, where, joint = share, name, x.joint
+    """Return what the residual depends on most, in words."""
+    best, where, joint = max(
+        (
+            (share, name, x.joint)
+            for x in d.discrepancies_after
+            for name, share in x.explained.items()
+        ),
+        key=lambda found: found[0],
+    )
     if best < VISIBLE:
         return "noise: it depends on none of velocity, position, acceleration, load or time"
-    kind = {
-        "time": "a drift over time",
-        "log": "a difference between the logs",
-        "load": "something that goes with the load",
-        "velocity": "a function of velocity",
-        "position": "a function of position",
-        "acceleration": "a function of acceleration",
-    }[where]
+    kind = LOOKS.get(where, f"a function of {where}")
     return f"{kind} in {joint} ({_percent(best, 2)} of its variance)"
 
 

@@ -11,20 +11,18 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.effects import stated_effects
 from identifiability.foundation.options import Names, Seed, at_least, checked
-from identifiability.logs import Log, checks, signals
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.reduction import ModelLike, choose_model, free_again, unused_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.diagnose.conclude import conclude, stress_named
-from identifiability.workflows.diagnose.forward import simulate_forward
+from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.material import DRAWS, gather
+from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows
 from identifiability.workflows.diagnose.naming import name_effects
+from identifiability.workflows.diagnose.physical import simulate_forward
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.roles import assign_roles
-from identifiability.workflows.diagnose.rules import Rules
-from identifiability.workflows.diagnose.thinning import prepare_thin
+from identifiability.workflows.diagnose.rules import Rules, Setting
+from identifiability.workflows.diagnose.stress import stress_named
 from identifiability.workflows.opening import (
     Logs,
     Progress,
@@ -97,53 +95,55 @@ def diagnose(
     IdentifiabilityError
     """
     say = progress or (lambda what, share: None)
-    rules = rules or Rules()
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     with threadpool_limits(1):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         say("reading logs", 0.0)
         given = read_recordings(logs, validate)
         roles = assign_roles(given.fitted, given.held)
-        structure = Structure.of(robot, choose_model(model, usual_effects(robot)))
         opening = open_logs(
-            structure,
+            Structure.of(robot, choose_model(model, usual_effects(robot))),
             Recordings(roles.fit, (*roles.choose, *roles.verify), given.hints),
             partial(prepare_rows, robot, how=preparation),
             "diagnosed",
         )
-        train, held = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
+        fit, held = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
         choose, verify = held[: len(roles.choose)], held[len(roles.choose) :]
         require_signal(verify, "verified")
         say("building columns", 0.1)
-        material = gather(
-            structure, train, choose, streams[0], effects=effects, fixed=fixed, rules=rules,
-            verify=verify, draws=max(draws // 2, FEWEST) if quick else draws,
-        )  # fmt: skip
+        setting = Setting(
+            structure=opening.structure,
+            samples=tuple(fit),
+            validation=tuple(verify),
+            fixed=fixed,
+            rules=rules or Rules(),
+            seed=seed,
+            chosen_by=roles.chosen_by,
+            verified_on=roles.verified_on,
+        )
+        simulated = max(draws // 2, FEWEST) if quick else draws
+        material = gather(setting, choose, streams[0], effects, simulated)
         say("naming effects", 0.4)
+        present = setting.structure.model.names
         naming = name_effects(
-            material.bench,
-            material.candidates,
-            material.held,
-            rules,
-            material.structure.model.names,
-            say,
+            material.bench, material.candidates, material.held, setting.rules, present, say
         )
         say("changing the preparation", 0.8)
-        naming, stress = stress_named(
-            material, naming, roles.fit, train, preparation, fixed, streams[1]
-        )
+        naming = stress_named(material, naming, roles.fit, preparation, streams[1])
         say("verifying", 0.9)
-        found = conclude(
-            material, naming, stress, train, verify, roles, rules, fixed, seed, streams[2]
-        )
+        found = conclude(material, naming, streams[2])
         options = {
-            "effects": "all" if effects is None else list(effects), "fixed": fixed, "rules": rules,
-            "draws": draws, "quick": quick, "preparation": preparation or Preparation(),
-        }  # fmt: skip
+            "effects": "all" if effects is None else list(effects),
+            "fixed": fixed,
+            "rules": setting.rules,
+            "draws": draws,
+            "quick": quick,
+            "preparation": preparation or Preparation(),
+        }
         found = replace(
             found,
             hints=(*opening.hints, *free_again(model), *unused_ladder(robot, model)),
-            provenance=state_provenance(robot, [*train, *held], seed, None, options),
+            provenance=state_provenance(robot, [*fit, *held], seed, None, options),
         )
         if not (forward and found.effects):
             return found
@@ -154,21 +154,3 @@ def diagnose(
 def usual_effects(robot: Robot) -> tuple[str, ...]:
     """Return the effects of the model that is diagnosed when none is given."""
     return (*BASE_EFFECTS, *stated_effects(robot))
-
-
-def prepare_rows(robot: Robot, log: Log | LogFile, how: Preparation | None) -> Samples:
-    """Return a log ready for a diagnosis: decimated to its band, thinned if it is very long.
-
-    Measured derivatives do not need a filter, but questions need few rows: torque and columns are
-    low-passed alike to ten times the band of the motion.
-    """
-    windows = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
-    step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
-    even = log.clock.longest.length < 1.5 * step  # no filter reaches across a gap
-    if how is None and even and {"dq", "ddq"} <= set(log.channels):
-        factor = int(0.5 / (signals.cutoff_of_windows([w.q for w in windows], step) * step))
-        # Of a short part of a log enough must be left.
-        while factor > 1 and signals.Decimation(factor).outputs(len(log)) < checks.FEWEST:
-            factor -= 1
-        how = Preparation(decimate=max(factor, 1))
-    return prepare_thin(robot, log, how or Preparation())

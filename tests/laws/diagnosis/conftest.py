@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,17 +32,17 @@ def make_candidate(name, place, *columns, shape=float("nan"), kinds=(), positive
     )  # fmt: skip
 
 
-def make_rows(tau, X, D, log=None, series=None, **motion):
+def make_rows(tau, X, D, log=None, **motion):
     """Rows of torque (N, n), model (N, n, b) and dictionary (N, n, c)."""
     tau = np.asarray(tau, float)
     n = len(tau)
     zero = np.zeros_like(tau)
     log = np.zeros(n, int) if log is None else np.asarray(log)
+    edges = [0, *(np.flatnonzero(np.diff(log)) + 1).tolist(), n]
     given = {"q": zero, "dq": zero, "ddq": zero, "measured": tau, **motion}
     return Rows(
-        tau=tau, X=X, D=D, t=0.01 * np.arange(n), log=log,
-        series=log if series is None else np.asarray(series), **given,
-    )  # fmt: skip
+        tau=tau, X=X, D=D, t=0.01 * np.arange(n), log=log, runs=list(pairwise(edges)), **given
+    )
 
 
 def white(*sigma, left=None):

@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from identifiability.workflows.diagnose.confusable import Rival
+from identifiability.workflows.diagnose.findings import NamedEffect, Placement
 from identifiability.workflows.diagnose.gates import (
+    Survival,
     add_places,
     keep_possible,
     keep_useful,
     list_units,
 )
 from identifiability.workflows.diagnose.held_out import Gain
-from identifiability.workflows.diagnose.named_effect import NamedEffect, Placement
+from identifiability.workflows.diagnose.lookalikes import Rival
 from identifiability.workflows.diagnose.rules import Rules
-from identifiability.workflows.diagnose.stress import Survival
 
 
 @dataclass

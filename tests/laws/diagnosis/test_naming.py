@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from identifiability.workflows.diagnose.gates import Naming, Step, Survival, keep_surviving
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.naming import (
-    Naming,
-    Option,
     best_by_group,
-    keep_surviving,
     list_options,
     name_effects,
+    price,
     signature,
 )
-from identifiability.workflows.diagnose.rules import Rules, Step
+from identifiability.workflows.diagnose.rules import Rules
 
 
 def run(world, torque, columns, candidates, draws=199, present=(), **rules):
@@ -155,9 +154,9 @@ def test_a_family_in_all_its_places_costs_as_much_as_in_one(candidate):
     assert [o.group for o in options] == [
         ("a", "j"), ("a", "l"), ("a", "m"), ("b", "j"), ("a", "all joints"),
     ]  # fmt: skip
-    assert options[-1].scored.columns == (0, 1, 2)
+    assert options[-1].columns == (0, 1, 2)
     assert options[-1].members == tuple(places)
-    assert [o.price for o in options] == [1.5, 1.5, 1.5, 2.0, 1.5]
+    assert [price(o) for o in options] == [1.5, 1.5, 1.5, 2.0, 1.5]
 
 
 def test_all_places_of_a_family_have_one_shape_together(candidate):
@@ -167,7 +166,7 @@ def test_all_places_of_a_family_have_one_shape_together(candidate):
         for s in range(2)
     ]
     together = [o for o in list_options(grid) if len(o.members) > 1]
-    assert [o.scored.columns for o in together] == [(0, 2), (1, 3)]
+    assert [o.columns for o in together] == [(0, 2), (1, 3)]
     assert [{c.shape for c in o.members} for o in together] == [{0.0}, {1.0}]
 
 
@@ -337,13 +336,13 @@ def test_the_gain_of_a_step_is_the_relative_fall_of_the_held_out_error(world, ca
 
 
 def test_evidence_is_the_best_over_shapes(candidate):
-    options = [Option((c,), c) for c in (
+    options = [
         candidate("a", "j", 0, shape=1.0), candidate("a", "j", 1, shape=2.0),
         candidate("b", "j", 2),
-    )]  # fmt: skip
+    ]  # fmt: skip
     found = best_by_group(options, np.array([1.0, 3.0, -np.inf]))
     assert found == {("a", "j"): 3.0, ("b", "j"): 0.0}
-    assert signature([options[0].scored]) == signature([options[1].scored])
+    assert signature(options[:1]) == signature(options[1:2])
 
 
 def test_a_name_that_is_refuted_takes_its_refinements_with_it(candidate):
@@ -356,9 +355,11 @@ def test_a_name_that_is_refuted_takes_its_refinements_with_it(candidate):
              reason="named")
         for best in (("coulomb", "all joints"), ("stribeck", "j"))
     )  # fmt: skip
-    naming = Naming(chosen=(base, there, *fine), p_values={}, steps=steps)
+    stress = {base.slot: (Survival(variation="any", score=1.0, same_sign=True),)}
+    naming = Naming(chosen=(base, there, *fine), p_values={}, steps=steps, stress=stress)
     left = keep_surviving(naming, [base], (), "the reason")
     assert named(left) == [("coulomb", "l"), ("stribeck", "l")]
+    assert left.stress == stress
     assert [s.accepted for s in left.steps] == [True, True]  # both families still have a place
     gone = keep_surviving(naming, [base, there], (), "the reason")
     assert gone.chosen == ()

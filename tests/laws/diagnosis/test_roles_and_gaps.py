@@ -10,10 +10,9 @@ from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import Decimation
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.diagnose.false_names import FalseNames
-from identifiability.workflows.diagnose.forward_gap import ForwardGap
+from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.material import family_blocks
-from identifiability.workflows.diagnose.roles import assign_roles, divide
-from identifiability.workflows.diagnose.thinning import thin
+from identifiability.workflows.diagnose.motion import assign_roles, divide, thin
 
 
 def log(name="log", n=1000):

@@ -7,15 +7,16 @@ import pytest
 from scipy import stats
 
 from identifiability.logs import Log
-from identifiability.workflows.diagnose.aliases import find_aliases
-from identifiability.workflows.diagnose.confusable import find_rivals
 from identifiability.workflows.diagnose.evidence import Bench
-from identifiability.workflows.diagnose.find import explained_share, find_discrepancies
-from identifiability.workflows.diagnose.remainder import smallest_sizes, smooth_share
+from identifiability.workflows.diagnose.gates import CLOCK, Survival
+from identifiability.workflows.diagnose.lookalikes import find_aliases, find_rivals
+from identifiability.workflows.diagnose.residual import (
+    explained_share,
+    find_discrepancies,
+    smallest_sizes,
+    smooth_share,
+)
 from identifiability.workflows.diagnose.stress import (
-    CLOCK,
-    Survival,
-    Variation,
     blur_motion,
     list_variations,
     shift_torque,
@@ -56,17 +57,17 @@ def test_the_clock_the_noise_and_the_filter_are_varied(rng):
     log = Log(name="log", joints=("j",), t=np.arange(30) * 0.01, q=np.ones((30, 1)),
               tau=np.ones((30, 1)), dq=None, ddq=None, sha256="")  # fmt: skip
     found = list_variations(10.0, prepare, rng)
-    assert [v.name for v in found] == [
+    assert list(found) == [
         *CLOCK, "twice the noise in the motion", "filter 20 % lower", "filter 20 % higher",
     ]  # fmt: skip
     from identifiability.logs.prepare import Samples
 
     samples = Samples("log", None, tau, None, (), "")
-    early, late = (v.build(log, samples).tau.ravel().tolist() for v in found[:2])
+    early, late = (found[name](log, samples).tau.ravel().tolist() for name in CLOCK)
     assert early == [1, 2, 3, 4, 5, 5]  # what was recorded later belongs here
     assert late == [0, 0, 1, 2, 3, 4]
-    for v in found[2:]:
-        assert v.build(log, samples) == "made"
+    for vary in list(found.values())[2:]:
+        assert vary(log, samples) == "made"
     assert [cutoff for _, cutoff, _ in asked] == [None, 8.0, 12.0]
     assert [change(log) is log for *_, change in asked[1:]] == [True, True]
     assert asked[0][2](log) is not log
@@ -106,8 +107,7 @@ def test_a_named_effect_is_scored_anew_beside_the_other_names(
     torque = level * e[:, 0] + 50 * other
     rows = world.make(torque, [e[:, 0], other])
     (fares, rest) = stress_effects(
-        lambda v: rows, [Variation(name="any", build=None)], white_noise(1.0), chosen,
-        [12.0, 50.0], np.random.default_rng(0),
+        lambda v: rows, {"any": None}, white_noise(1.0), chosen, [12.0, 50.0],
     )  # fmt: skip
     (s,) = fares
     # Beside the other one, half of whose square is this one, only 1/√2 of the level is left.
@@ -123,8 +123,7 @@ def test_several_columns_have_no_sign(world, candidate, white_noise):
     e = world.basis
     rows = world.make(-40 * e[:, 0], [e[:, 0], e[:, 1]])
     ((s,),) = stress_effects(
-        lambda v: rows, [Variation(name="any", build=None)], white_noise(1.0),
-        [candidate("ripple", "j", 0, 1)], [+3.0], np.random.default_rng(0),
+        lambda v: rows, {"any": None}, white_noise(1.0), [candidate("ripple", "j", 0, 1)], [+3.0],
     )  # fmt: skip
     assert s.survived
 

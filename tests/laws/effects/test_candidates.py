@@ -129,7 +129,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
         rows.dq[:, 1], np.concatenate([m.actuated_v for m in parts])[:, 1]
     )
     assert rows.log.tolist() == [0] * 120 + [1] * 180
-    assert rows.runs() == [(0, 120), (120, 300)]
+    assert rows.runs == [(0, 120), (120, 300)]
     # With the values of the robot file the model's torque is taken off, and no column is left.
     fixed = build_rows(structure, candidates, logs, fixed=True)
     np.testing.assert_allclose(fixed.tau, rows.tau - W @ structure.nominal_base, atol=1e-9)
@@ -146,8 +146,8 @@ def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
     model = Model.of("viscous_friction")
     structure = Structure.of(polar, model)
     rows = build_rows(structure, [], [log, log])
-    assert len(rows.runs()) == 4
-    for a, b in rows.runs():
+    assert len(rows.runs) == 4
+    for a, b in rows.runs:
         np.testing.assert_allclose(np.diff(rows.t[a:b]), 0.01 * factor)
     np.testing.assert_allclose(rows.t, np.tile(log.output_times(), 2))
-    assert len(set(rows.log[: rows.runs()[1][1]])) == 1
+    assert len(set(rows.log[: rows.runs[1][1]])) == 1

@@ -1,0 +1,156 @@
+"""What looks like what: effects that this motion can never name, and rivals of what it names.
+
+Before any test every candidate is projected on the base model. What leaves almost nothing looks,
+along this motion, exactly like parameters that the model has already. Of what is named, others
+may be told by neither motion nor data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.workflows.diagnose.evidence import (
+    NEGLIGIBLE,
+    Whitened,
+    orthonormal,
+    project_out,
+    score_candidates,
+    unit_columns,
+)
+from identifiability.workflows.diagnose.rows import Candidate, Rows
+
+#: Logarithm of the likelihood ratio that decides between two similar names: about 50 to 1.
+DECISIVE = 4.0
+
+
+@frozen
+class Alias:
+    """How much of a candidate the base model does not contain.
+
+    Attributes
+    ----------
+    family, place : str
+    remaining : float
+        Root mean square of what is left, as a share of the candidate's own.
+    behind : tuple of str
+        Parameters that make up what is not left, the largest first.
+    structural : bool
+        Whether it can never be named from this motion.
+    """
+
+    family: str
+    place: str
+    remaining: float
+    behind: tuple[str, ...]
+    structural: bool
+
+
+def find_aliases(
+    rows: Rows, candidates: Sequence[Candidate], names: Sequence[str], share: float
+) -> list[Alias]:
+    """Return one entry for every family and place, that of its most visible shape.
+
+    Parameters
+    ----------
+    rows : Rows
+    candidates : sequence of Candidate
+    names : sequence of str
+        Of the base columns.
+    share : float
+        Remaining share below which a candidate is structurally aliased.
+    """
+    n, b = rows.joints, rows.X.shape[2]
+    scale = np.sqrt(np.mean(rows.tau**2, axis=0))
+    weight = 1.0 / np.where(scale > 0, scale, 1.0)
+    X = (rows.X * weight[:, None]).reshape(len(rows) * n, b)
+    D = (rows.D * weight[:, None]).reshape(len(rows) * n, -1)
+    X, D = unit_columns(X), unit_columns(D)
+    value = np.linalg.lstsq(X, D, rcond=1e-8)[0] if b else np.zeros((0, D.shape[1]))
+    left = np.linalg.norm(D - X @ value, axis=0)
+    out: dict[tuple[str, str], Alias] = {}
+    for c in candidates:
+        at = c.columns[int(np.argmax(left[list(c.columns)]))]
+        remaining = float(left[at])
+        if c.group in out and out[c.group].remaining >= remaining:
+            continue
+        size = np.abs(value[:, at])
+        order = [k for k in np.argsort(-size)[:3] if size[k] > 0.1 * size.max(initial=0.0)]
+        behind = tuple(names[k] for k in order)
+        out[c.group] = Alias(*c.group, remaining, behind, remaining < share)
+    return list(out.values())
+
+
+@frozen
+class Rival:
+    """Another name for the same rows.
+
+    Attributes
+    ----------
+    family, place : str
+    similarity : float
+        Largest canonical correlation with what was named, beside the rest of the model.
+    undecided : bool
+        Whether neither motion nor data tell the two apart.
+    """
+
+    family: str
+    place: str
+    similarity: float
+    undecided: bool
+
+
+def find_rivals(
+    white: Whitened,
+    named: Candidate,
+    rest: Sequence[Candidate],
+    candidates: Sequence[Candidate],
+    similar: float,
+) -> list[Rival]:
+    """Return the rivals of a named candidate, one for each family and place, most similar first.
+
+    Parameters
+    ----------
+    white : Whitened
+    named : Candidate
+    rest : sequence of Candidate
+        The other named ones.
+    candidates : sequence of Candidate
+        All that are not structurally aliased.
+    similar : float
+        Similarity above which two names may be undecided.
+    """
+    model = white.columns(rest)
+    Q = orthonormal(model)
+    own = _directions(Q, white, named)
+    taken = {c.group for c in rest} | {named.group}
+    # What refines the named effect is no rival: it comes on top of it.
+    others = [
+        c for c in candidates if c.group not in taken and (c.family.needs, c.place) != named.group
+    ]
+    if not others:
+        return []
+    score = float(score_candidates(white, model, [named], null=False).fit[0])
+    scores = score_candidates(white, model, others, null=False).fit
+    out: dict[tuple[str, str], Rival] = {}
+    for c, s in zip(others, scores, strict=True):
+        directions = _directions(Q, white, c)
+        if not directions.shape[1] or not own.shape[1]:
+            continue
+        similarity = float(np.linalg.norm(own.T @ directions, 2))
+        undecided = similarity > similar and s > score - DECISIVE
+        before = out.get(c.group, Rival(*c.group, 0.0, False))
+        similarity = min(max(similarity, before.similarity), 1.0)
+        out[c.group] = Rival(*c.group, similarity, bool(undecided or before.undecided))
+    return sorted(out.values(), key=lambda r: -r.similarity)
+
+
+def _directions(Q: Array, white: Whitened, c: Candidate) -> Array:
+    """Return an orthonormal basis of what a candidate adds to the span of Q."""
+    U = project_out(Q, unit_columns(white.D[:, list(c.columns)]))
+    vectors, s, _ = np.linalg.svd(U, full_matrices=False)
+    basis: Array = vectors[:, s > NEGLIGIBLE]
+    return basis

@@ -1,0 +1,190 @@
+"""The residual: where it sits, and what is left of it after the named effects.
+
+Of a residual it is told at which joint, reversals, position, load, time and log it sits; of the
+last one also the smallest effect that could have been named, and a bound on smooth structure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial import legendre
+from scipy import stats
+
+from identifiability.estimation.noise.ar_noise import ARNoise
+from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.workflows.diagnose.evidence import (
+    NEGLIGIBLE,
+    Whitened,
+    orthonormal,
+    project_out,
+)
+from identifiability.workflows.diagnose.rows import Candidate, Rows
+
+#: Bins in which the residual is averaged.
+BINS = 12
+#: A joint is near a reversal below this share of its rms speed.
+NEAR = 0.15
+#: Quantile of the normal distribution for a power of 80 %.
+POWER = 0.8416
+#: Degree of the polynomial in position and velocity.
+DEGREE = 3
+
+
+@frozen
+class Discrepancy:
+    """Where the residual of a joint sits.
+
+    Attributes
+    ----------
+    joint : str
+    rms : float [N·m or N]
+    share : float
+        Of the measured torque's rms.
+    reversals : float
+        Mean square near reversals over that elsewhere.
+    explained : mapping
+        Share of the residual's variance that its averages over bins of velocity, position,
+        acceleration, load, time and log explain, beyond what white noise would.
+    memory : float [samples]
+        Integrated autocorrelation time.
+    """
+
+    joint: str
+    rms: float
+    share: float
+    reversals: float
+    explained: dict[str, float]
+    memory: float
+
+
+def find_discrepancies(rows: Rows, residual: Array, joints: Sequence[str]) -> list[Discrepancy]:
+    """Return where the residual (N, n) of each joint sits."""
+    memory = autocorrelation_time(residual)
+    out = []
+    for j, joint in enumerate(joints):
+        r, v, square = residual[:, j], rows.dq[:, j], residual[:, j] ** 2
+        near = np.abs(v) < NEAR * (float(np.sqrt(np.mean(v**2))) or 1.0)
+        far = float(square[~near].mean()) if (~near).any() else 0.0
+        ratio = float(square[near].mean()) / far if near.any() and far > 0 else float("nan")
+        explained = {name: explained_share(x, r) for name, x in rows.along(j).items()}
+        size = float(np.sqrt(square.mean()))
+        whole = float(np.sqrt(np.mean(rows.measured[:, j] ** 2))) or 1.0
+        out.append(Discrepancy(joint, size, size / whole, ratio, explained, float(memory[j])))
+    return out
+
+
+def explained_share(x: Array, r: Array) -> float:
+    """Return the share of the variance of r that its means over bins of x explain, adjusted."""
+    values = np.unique(x)
+    if len(values) <= BINS:
+        index = np.searchsorted(values, x)
+    else:
+        index = np.empty(len(x), int)
+        index[np.argsort(x, kind="stable")] = np.arange(len(x)) * BINS // len(x)
+    counts = np.bincount(index).astype(float)
+    means = np.bincount(index, r) / np.maximum(counts, 1)
+    between = float((counts * (means - r.mean()) ** 2).sum())
+    total = float(((r - r.mean()) ** 2).sum())
+    k = int((counts > 0).sum())
+    if total <= 0 or len(r) <= k or k < 2:
+        return 0.0
+    adjusted = 1 - (1 - between / total) * (len(r) - 1) / (len(r) - k)
+    return float(np.clip(adjusted, 0.0, 1.0))
+
+
+@frozen
+class Remainder:
+    """What no effect explains.
+
+    Attributes
+    ----------
+    rms : (n,) [N·m or N]
+        Residual of each joint.
+    detectable : mapping of family to float
+        Smallest effect that is named in four of five logs, its rms as a share of the residual's,
+        at the place where it is seen best.
+    smooth, smooth_limit : float
+        Share of the residual's variance that is a smooth function of position and velocity,
+        beyond what noise gives; and its 95 % upper bound.
+    """
+
+    rms: Array
+    detectable: dict[str, float]
+    smooth: float
+    smooth_limit: float
+
+
+def smallest_sizes(
+    rows: Rows,
+    white: Whitened,
+    chosen: Sequence[Candidate],
+    candidates: Sequence[Candidate],
+    critical: float,
+    rms: Array,
+) -> dict[str, float]:
+    """Return the smallest nameable effect of each family as a share of the residual."""
+    Q = orthonormal(white.columns(chosen))
+    reach = float(stats.norm.isf(np.exp(-critical))) + POWER
+    taken = {c.group for c in chosen}
+    out: dict[str, float] = {}
+    for c in candidates:
+        if c.group in taken:
+            continue
+        at = list(c.columns)
+        left = np.linalg.norm(project_out(Q, white.D[:, at]), axis=0)
+        size = np.sqrt(np.mean(rows.D[:, :, at] ** 2, axis=0))
+        for k, joint in enumerate(np.argmax(size, axis=0)):
+            if left[k] > NEGLIGIBLE * float(np.linalg.norm(white.D[:, at[k]])):
+                share = float(reach / left[k] * size[joint, k] / rms[joint])
+                out[c.family.name] = min(out.get(c.family.name, np.inf), share)
+    return out
+
+
+def smooth_share(
+    rows: Rows,
+    residual: Array,
+    noise: ARNoise,
+    chosen: Sequence[Candidate],
+    rng: np.random.Generator,
+    draws: int = 200,
+) -> tuple[float, float]:
+    """Return the share of the residual that is smooth in (q, q̇), and its 95 % upper bound."""
+    weight = 1.0 / np.sqrt(np.mean(residual**2, axis=0))
+    model = rows.columns(chosen) * weight[:, None]
+    Q = orthonormal(model.reshape(residual.size, model.shape[2]))
+    U = orthonormal(project_out(Q, smooth_basis(rows)))
+    simulated = noise.simulate(len(rows), draws, rng, rows.runs) * weight[:, None]
+    free = project_out(Q, simulated.reshape(-1, draws))
+    # Shares, not sizes: the fitted noise may be larger than what is left here.
+    null = ((U.T @ free) ** 2).sum(0) / (free**2).sum(0)
+    y = project_out(Q, (residual * weight).reshape(-1))
+    found = float(((U.T @ y) ** 2).sum()) / (float(y @ y) or 1.0)
+    share, limit = (
+        (found - level) / max(1.0 - level, 1e-12)
+        for level in (float(null.mean()), float(np.quantile(null, 0.05)))
+    )
+    return float(np.clip(share, 0, 1)), float(np.clip(limit, 0, 1))
+
+
+def smooth_basis(rows: Rows) -> Array:
+    """Return polynomials of position and velocity of each joint, also times sign(q̇), (N·n, k)."""
+    out = []
+    for j in range(rows.joints):
+        q, v = rows.q[:, j], rows.dq[:, j]
+        V = legendre.legvander2d(_scaled(q), _scaled(v), [DEGREE, DEGREE])[:, 1:]
+        V = np.column_stack([V, np.sign(v)[:, None] * V[:, : DEGREE + 1]])
+        whole = np.zeros((len(rows), rows.joints, V.shape[1]))
+        whole[:, j] = V
+        out.append(whole.reshape(-1, V.shape[1]))
+    return np.concatenate(out, axis=1)
+
+
+def _scaled(x: Array) -> Array:
+    """Return x (N,) mapped onto −1 … 1."""
+    low, high = float(x.min()), float(x.max())
+    scaled: Array = 2 * (x - low) / ((high - low) or 1.0) - 1
+    return scaled
