@@ -1,7 +1,7 @@
 """`Findings`: where model and data disagree, and what is missing."""
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, field
+from dataclasses import field
 from functools import cached_property
 
 from identifiability.effects import Effect, title_of
@@ -184,7 +184,7 @@ class Verified:
     real_after: float
 
 
-@frozen
+@frozen(kw_only=True)
 class Findings(Setting, Verified):
     """Where model and data disagree, what is missing, and what adding it does.
 
@@ -208,7 +208,6 @@ class Findings(Setting, Verified):
         What seems to be wrong with robot file and logs, for the user to check.
     """
 
-    _: KW_ONLY
     refuted: tuple[NamedEffect, ...]
     interval: tuple[float, float]
     discrepancies: tuple[Discrepancy, ...]
