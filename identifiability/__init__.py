@@ -39,38 +39,30 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
+#: Where each public name stands.
 _HOMES = {
-    "Analysis": "workflows.analyze",
-    "BaseParameters": "regression.base_parameters",
-    "Calibration": "workflows.calibrate.calibration",
-    "Diagnosis": "workflows.diagnose",
-    "Estimate": "estimation.estimator",
-    "Excitation": "workflows.excite",
-    "Exported": "workflows.export",
-    "IdentifiabilityError": "foundation.errors",
-    "Information": "regression.information",
-    "Ladder": "workflows.prune",
-    "Log": "logs",
-    "Model": "regression.regression",
-    "Motion": "robot",
-    "Noise": "simulation",
-    "Preparation": "logs.prepare",
-    "Regression": "regression.regression",
-    "Robot": "robot",
-    "Samples": "logs.prepare",
-    "Trajectory": "simulation",
-    "Verdict": "estimation.verdict",
-    "analyze": "workflows.analyze",
-    "calibrate": "workflows.calibrate.calibration",
-    "diagnose": "workflows.diagnose",
-    "estimate": "estimation.estimate",
-    "excite": "workflows.excite",
-    "export": "workflows.export",
-    "find_base_parameters": "regression.base_parameters",
-    "gather_information": "regression.gather",
-    "prepare_samples": "logs.prepare",
-    "prune": "workflows.prune",
-    "simulate": "simulation",
+    name: home
+    for home, names in {
+        "estimation.estimate": ("estimate",),
+        "estimation.estimator": ("Estimate",),
+        "estimation.verdict": ("Verdict",),
+        "foundation.errors": ("IdentifiabilityError",),
+        "logs": ("Log",),
+        "logs.prepare": ("Preparation", "Samples", "prepare_samples"),
+        "regression.base_parameters": ("BaseParameters", "find_base_parameters"),
+        "regression.gather": ("gather_information",),
+        "regression.information": ("Information",),
+        "regression.regression": ("Model", "Regression"),
+        "robot": ("Motion", "Robot"),
+        "simulation": ("Noise", "Trajectory", "simulate"),
+        "workflows.analyze": ("Analysis", "analyze"),
+        "workflows.calibrate.calibration": ("Calibration", "calibrate"),
+        "workflows.diagnose": ("Diagnosis", "diagnose"),
+        "workflows.excite": ("Excitation", "excite"),
+        "workflows.export": ("Exported", "export"),
+        "workflows.prune": ("Ladder", "prune"),
+    }.items()
+    for name in names
 }
 
 __all__ = [

@@ -9,15 +9,12 @@ import numpy as np
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array
 from identifiability.workflows.analyze.assessment import RungResult
-from identifiability.workflows.analyze.belief import Belief, StandardBelief, Summary
+from identifiability.workflows.analyze.belief import Belief
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
 Which = Literal["physical", "signs"]
-
-#: Dimensions and values by name, as xarray takes them.
-Variables = dict[str, tuple[tuple[str, ...], Array]]
 
 PARAMETER, STANDARD = "parameter", "standard_parameter"
 
@@ -56,78 +53,42 @@ def build_datatree(
         raise ModelError(
             "A posterior for ArviZ needs the extra 'arviz': pip install 'identifiability[arviz]'."
         ) from None
-    summary = _choose(belief, which)
-    standard = belief.standard if belief is not None and which == "physical" else None
-    names = _names(result, standard)
-    tree = DataTree.from_dict(
-        {
-            "posterior": Dataset(
-                _draws(summary, standard), names | _chains(summary) | {"unit": _units(result)}
-            ),
-            "constant_data": Dataset(_constants(result, standard), names),
-        }
-    )
-    tree.attrs = {**(attributes or {}), **_describe(result, summary, which)}
-    return tree
-
-
-def _choose(belief: Belief | None, which: Which) -> Summary:
     if belief is None:
         raise ModelError("The result has no posterior; ask for it with analyze(…, posterior=True).")
     summary = belief.physical if which == "physical" else belief.signs
     if summary is None:
         raise ModelError(f"The result has no posterior '{which}': {belief.note}.")
-    return summary
-
-
-def _draws(summary: Summary, standard: StandardBelief | None) -> Variables:
-    """Walkers of all ensembles as chains: (E, K, N, m) → (E K, N, m)."""
-    given = {"phi": (summary.chains, PARAMETER)}
-    if standard is not None:
-        given["standard"] = (standard.chains, STANDARD)
-    return {
-        name: (("chain", "draw", of), chains.reshape(-1, *chains.shape[2:]))
-        for name, (chains, of) in given.items()
+    estimate, standard = result.estimate, belief.standard
+    draws = {"phi": _walkers(summary.chains, PARAMETER)}
+    constants = {"estimate": (PARAMETER, estimate.value), "sigma": (PARAMETER, estimate.sigma)}
+    names = {PARAMETER: list(result.rung.columns)}
+    if which == "physical" and standard is not None:
+        draws["standard"] = _walkers(standard.chains, STANDARD)
+        constants["prior_mean"] = (STANDARD, standard.prior_mean)
+        constants["prior_sd"] = (STANDARD, standard.prior_sd)
+        names[STANDARD] = list(standard.names)
+    ensembles, walkers, length = summary.chains.shape[:3]
+    along = {
+        "chain": np.arange(ensembles * walkers),
+        "draw": np.arange(length),
+        "ensemble": ("chain", np.repeat(np.arange(ensembles), walkers)),
+        "unit": (PARAMETER, [v.unit for v in result.verdicts]),
     }
-
-
-def _constants(result: RungResult, standard: StandardBelief | None) -> Variables:
-    estimate = result.estimate
-    constants: Variables = {
-        "estimate": ((PARAMETER,), estimate.value),
-        "sigma": ((PARAMETER,), estimate.sigma),
+    groups = {
+        "posterior": Dataset(draws, names | along),
+        "constant_data": Dataset(constants, names),
     }
-    if standard is not None:
-        constants["prior_mean"] = ((STANDARD,), standard.prior_mean)
-        constants["prior_sd"] = ((STANDARD,), standard.prior_sd)
-    return constants
-
-
-def _names(result: RungResult, standard: StandardBelief | None) -> Variables:
-    names: Variables = {PARAMETER: ((PARAMETER,), np.array(result.rung.columns))}
-    if standard is not None:
-        names[STANDARD] = ((STANDARD,), np.array(standard.names))
-    return names
-
-
-def _chains(summary: Summary) -> Variables:
-    ensembles, walkers, draws = summary.chains.shape[:3]
-    return {
-        "chain": (("chain",), np.arange(ensembles * walkers)),
-        "draw": (("draw",), np.arange(draws)),
-        "ensemble": (("chain",), np.repeat(np.arange(ensembles), walkers)),
-    }
-
-
-def _units(result: RungResult) -> tuple[tuple[str, ...], Array]:
-    return (PARAMETER,), np.array([v.unit for v in result.verdicts])
-
-
-def _describe(result: RungResult, summary: Summary, which: Which) -> dict[str, str | int]:
-    """Attributes that NetCDF can hold: strings and numbers."""
-    return {
+    tree = DataTree.from_dict(groups)
+    tree.attrs = {  # strings and numbers, which NetCDF can hold
+        **(attributes or {}),
         "model": result.name,
         "posterior": which,
         "trustworthy": int(summary.trustworthy),
         "reasons": " ".join(summary.convergence.reasons),
     }
+    return tree
+
+
+def _walkers(chains: Array, of: str) -> tuple[tuple[str, ...], Array]:
+    """Walkers of all ensembles as chains: (E, K, N, m) → (E K, N, m)."""
+    return ("chain", "draw", of), chains.reshape(-1, *chains.shape[2:])

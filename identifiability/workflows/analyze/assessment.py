@@ -16,14 +16,14 @@ from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verd
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasibility import PhysicalResult
+from identifiability.physical.feasibility import FittedModel, PhysicalResult
 from identifiability.physical.mass import real_robot_dict
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.robot import Robot
 
 
-@frozen
+@frozen(kw_only=True)
 class RungResult:
     """One model of the ladder, fitted.
 
@@ -136,75 +136,66 @@ class RungResult:
 
 
 def assess_ladder(
-    rungs: Sequence[Rung],
-    fits: Sequence[Estimate],
-    information: Information,
+    models: Sequence[FittedModel],
     physical: Sequence[PhysicalResult],
     fitted: Prediction,
     held_out: Prediction,
-    nominal: Array,
     thresholds: Thresholds,
     rng: np.random.Generator,
     replicates: int,
 ) -> tuple[RungResult, ...]:
-    """Return the results of all models.
+    """Return the results of all m models.
 
     Parameters
     ----------
-    rungs, fits : sequences
-        Models and their estimates.
-    information : Information
-        About all base parameters.
+    models : sequence of FittedModel
     physical : sequence of PhysicalResult
         Of each model.
     fitted, held_out : Prediction
         By all estimates, then by all nearest real robots, on the logs they were fitted to and on
         others; of the former also by what robot files hold of the latter.
-    nominal : (b,)
-        Base parameters that the robot file states.
     thresholds : Thresholds
     rng : numpy.random.Generator
     replicates : int
         Of the bootstrap.
     """
+    m = len(models)
     error, held_error = fitted.relative_error(), held_out.relative_error()
-    ladder = held_error[: len(rungs)]
-    best = int(np.nanargmin(ladder)) if np.isfinite(ladder).any() else 0
+    best = int(np.nanargmin(held_error[:m])) if np.isfinite(held_error[:m]).any() else 0
     spread = held_out.standard_error(best)
+    torque = float(np.sqrt(np.mean(fitted.rms**2)))
     results = []
-    for k, (rung, fit) in enumerate(zip(rungs, fits, strict=True)):
+    for k, (model, real) in enumerate(zip(models, physical, strict=True)):
+        rung, reduced, fit = model.rung, model.information, model.estimate
         residual = fitted.residual[:, :, k]
-        reduced = rung.reduce(information)
         uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
-        torque = float(np.sqrt(np.mean(fitted.rms**2)))
-        stated = np.linalg.lstsq(rung.M, nominal - rung.held, rcond=None)[0]
+        nominal = model.structure.nominal_base - rung.held
+        stated = np.linalg.lstsq(rung.M, nominal, rcond=None)[0]
         aliases = _aliases(reduced, fit, rung)
-        verdicts = judge_rung(rung, reduced, fit, uncertainty, torque, aliases, thresholds, stated)
-        results.append(
-            RungResult(
-                rung,
-                fit,
-                uncertainty,
-                verdicts,
-                float(error[k]),
-                float(held_error[k]),
-                float(spread[k]),
-                float(held_error[len(rungs) + k]),
-                float(error[len(rungs) + k]),
-                float(error[2 * len(rungs) + k]),
-                forbidden_signs(rung, reduced, fit),
-                physical[k],
-            )
+        result = RungResult(
+            rung=rung,
+            estimate=fit,
+            uncertainty=uncertainty,
+            verdicts=judge_rung(
+                rung, reduced, fit, uncertainty, torque, aliases, thresholds, stated
+            ),
+            error_ra=float(error[k]),
+            error_ra_validation=float(held_error[k]),
+            error_se=float(spread[k]),
+            error_ra_physical=float(held_error[m + k]),
+            error_ra_real=float(error[m + k]),
+            error_ra_file=float(error[2 * m + k]),
+            infeasible=forbidden_signs(rung, reduced, fit),
+            physical=real,
         )
+        results.append(result)
     return tuple(results)
 
 
 def physical_dict(robot: Robot, result: RungResult, shapes: Mapping[str, float]) -> dict[str, Any]:
     """Return the nearest real robot of a model as plain values, as `export` reads them."""
-    return real_robot_dict(
-        robot, result.physical.parameters(), (result.error_ra_real, result.error_ra_file), shapes,
-        result.physical.cad_weight,
-    )  # fmt: skip
+    real, errors = result.physical, (result.error_ra_real, result.error_ra_file)
+    return real_robot_dict(robot, real.parameters(), errors, shapes, real.cad_weight)
 
 
 def judge_rung(

@@ -13,15 +13,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import REACH
-from identifiability.logs import Log
-from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.repeats import Recording
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.workflows.analyze.assessment import RungResult
@@ -44,15 +43,22 @@ NAMED = 3
 
 
 def check_cutoff(
-    opening: Opening,
-    recordings: Recordings,
-    result: RungResult,
-    estimator: Estimator,
-    how: Preparation | None,
+    opening: Opening, recordings: Recordings, result: RungResult, how: Preparation | None
 ) -> tuple[str, ...]:
-    """Return the hints of `compare_bands`, on all logs, and of `vary_cutoff`."""
+    """Return what to say of the cut-offs: of all logs together, and of what follows them.
+
+    Parameters
+    ----------
+    opening : Opening
+    recordings : Recordings
+        What its samples were prepared from.
+    result : RungResult
+        The model whose values are looked at.
+    how
+        As in `analyze`.
+    """
     bands = compare_bands((*opening.samples, *opening.validation))
-    varied = vary_cutoff(opening.regression, recordings.fitted, result, estimator, how)
+    varied = vary_cutoff(opening.regression, recordings.fitted, result, how or Preparation())
     return tuple(filter(None, (bands, varied)))
 
 
@@ -71,26 +77,9 @@ def compare_bands(samples: Sequence[Prepared]) -> str:
 
 
 def vary_cutoff(
-    regression: Regression,
-    logs: Sequence[Log | LogFile],
-    result: RungResult,
-    estimator: Estimator,
-    how: Preparation | None,
+    regression: Regression, logs: Sequence[Recording], result: RungResult, how: Preparation
 ) -> str:
-    """Return one sentence on identifiable values that follow the cut-off, or nothing.
-
-    Parameters
-    ----------
-    regression : Regression
-        The unpruned model on the logs.
-    logs : sequence of Log
-        What its samples were prepared from.
-    result : RungResult
-        The model whose values are looked at.
-    estimator : Estimator
-    how
-        As in `analyze`.
-    """
+    """Return one sentence on identifiable values that follow the cut-off, or nothing."""
     known = np.array([v.verdict is Class.IDENTIFIABLE for v in result.verdicts])
     cutoffs = [s.cutoff for s in regression.samples]
     if not known.any() or None in cutoffs:
@@ -98,15 +87,16 @@ def vary_cutoff(
     windows = _windows([len(log) for log in logs])
 
     def refit(factor: float) -> Estimate | None:
-        samples = []
-        for k, a, b in windows:
-            at = replace(how or Preparation(), cutoff=factor * (cutoffs[k] or np.inf))
-            try:
-                samples.append(prepare_samples(regression.robot, logs[k].rows(a, b), at))
-            except IdentifiabilityError:  # nothing is left of it at such a cut-off
-                return None
-        again = replace(regression, samples=tuple(samples))
-        return estimator.fit(result.rung.reduce(gather_information(again, 1)))
+        cut = [replace(how, cutoff=factor * (cutoffs[k] or np.inf)) for k, _, _ in windows]
+        try:
+            samples = tuple(
+                prepare_samples(regression.robot, logs[k].rows(a, b), at)
+                for (k, a, b), at in zip(windows, cut, strict=True)
+            )
+        except IdentifiabilityError:  # nothing is left of one at such a cut-off
+            return None
+        again = gather_information(replace(regression, samples=samples), 1)
+        return result.estimate.estimator.fit(result.rung.reduce(again))
 
     whole = sum(b - a for _, a, b in windows) == sum(len(log) for log in logs)
     base = result.estimate if whole else refit(1.0)
@@ -121,11 +111,9 @@ def vary_cutoff(
         at = np.flatnonzero(known & (np.abs(moved) > 0))
         if len(at):
             band = " … ".join(sorted({f"{factor * (c or 0.0):.3g}" for c in cutoffs}, key=float))
-            names = listing(
-                (f"{result.rung.columns[k]} by {moved[k]:.2g} σ"
-                 for k in at[np.argsort(-moved[at])]), NAMED,
-            )  # fmt: skip
-            found.append(f"{names} at {band} Hz")
+            order = at[np.argsort(-moved[at])]
+            names = (f"{result.rung.columns[k]} by {moved[k]:.2g} σ" for k in order)
+            found.append(f"{listing(names, NAMED)} at {band} Hz")
     if not found:
         return ""
     now = " … ".join(sorted({f"{c:.3g}" for c in cutoffs if c is not None}, key=float))

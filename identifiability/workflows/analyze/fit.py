@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.least_squares import leave_open
 from identifiability.estimation.prediction import Task, leave_out, take_turns
 from identifiability.estimation.torque_errors import choose_folds
@@ -20,7 +20,6 @@ from identifiability.physical.feasibility import (
 )
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
-from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 
 
@@ -29,46 +28,38 @@ def fit_ladder(
     rungs: Sequence[Rung],
     information: Information,
     estimator: Estimator,
-    cad_weight: float = 0.0,
-    silence: str = "",
-) -> tuple[list[Estimate], list[PhysicalResult], Array]:
-    """Return the estimates, the nearest real robots, and the base parameters of both, (b, 2 m).
+    cad_weight: float,
+    silence: str,
+) -> tuple[list[FittedModel], list[PhysicalResult]]:
+    """Return the models fitted, and what physics says of each.
 
     With `silence`, which says why there is nothing to explain, nothing is fitted.
     """
-    fits, physical = [], []
-    for rung in rungs:
-        if silence:
-            fits.append(leave_open(rung.reduce(information), estimator))
-            physical.append(leave_undecided(structure, rung, silence))
-            continue
-        fitted = FittedModel.of(structure, rung, information, estimator)
-        fits.append(fitted.estimate)
-        physical.append(assess_feasibility(fitted, cad_weight))
-    return fits, physical, _base_values(rungs, fits, physical)
+    if silence:
+        parts = [rung.reduce(information) for rung in rungs]
+        open_ = [
+            FittedModel(structure, rung, information, part, leave_open(part, estimator))
+            for rung, part in zip(rungs, parts, strict=True)
+        ]
+        return open_, [leave_undecided(structure, rung, silence) for rung in rungs]
+    models = [FittedModel.of(structure, rung, information, estimator) for rung in rungs]
+    return models, [assess_feasibility(model, cad_weight) for model in models]
 
 
 def plan_cross_validation(
-    regression: Regression,
-    structure: Structure,
-    information: Information,
-    rungs: Sequence[Rung],
-    estimator: Estimator,
+    structure: Structure, rungs: Sequence[Rung], information: Information, estimator: Estimator
 ) -> Task:
     """Return how every stretch of the logs is predicted by models fitted to the others."""
     folds = choose_folds(information.log)
     values = []
     for fold in range(int(folds.max()) + 1):
         rest = leave_out(information, folds, fold)
-        fitted = [FittedModel.of(structure, rung, rest, estimator) for rung in rungs]
-        real = [find_nearest(model) for model in fitted]
-        values.append(_base_values(rungs, [model.estimate for model in fitted], real))
+        models = [FittedModel.of(structure, rung, rest, estimator) for rung in rungs]
+        values.append(base_values(models, [find_nearest(model) for model in models]))
     return Task(np.stack(values), take_turns(information, folds))
 
 
-def _base_values(
-    rungs: Sequence[Rung], fits: Sequence[Estimate], physical: Sequence[PhysicalResult]
-) -> Array:
+def base_values(models: Sequence[FittedModel], physical: Sequence[PhysicalResult]) -> Array:
     """Return the base parameters of all fits, then of all nearest real robots, (b, 2 m)."""
-    values = [r.expand(e.value) for r, e in zip(rungs, fits, strict=True)]
+    values = [model.rung.expand(model.estimate.value) for model in models]
     return np.stack([*values, *(p.base for p in physical)], 1)

@@ -150,10 +150,8 @@ def _sample_signs(
     low = rung.nonnegative & (start <= 0)
     start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
     # The start must lie inside; a step of 1 % of σ off the edge is nothing to the sampler.
-    posterior = sample_posterior(
-        target, start, rng, draws=effort.draws, walkers=max(32, effort.walkers),
-        warmup=effort.warmup,
-    )  # fmt: skip
+    many = replace(effort, walkers=max(32, effort.walkers))
+    posterior = sample_posterior(target, start, rng, **vars(many))
     return _summarise(posterior.draws, rung, rng, diagnose_convergence(posterior, rung.columns))
 
 
@@ -170,10 +168,7 @@ def _sample_physical(
     data = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
     target = Target(data, prior, region, max(iact, 1.0))
     start = project(data, region, margin=START_MARGIN, reference=structure.nominal).phi
-    posterior = sample_posterior(
-        target, start, rng, draws=effort.draws, walkers=effort.walkers, warmup=effort.warmup,
-        progress=progress,
-    )  # fmt: skip
+    posterior = sample_posterior(target, start, rng, progress=progress, **vars(effort))
     convergence = diagnose_convergence(posterior, region.columns)
     summary = _summarise(posterior.draws @ model.to_x.T, model.rung, rng, convergence)
     return summary, _look_at_standard(structure, target, posterior)
@@ -189,20 +184,23 @@ def _look_at_standard(structure: Structure, target: Target, posterior: Posterior
     flat = posterior.flat()
     sd = flat.std(0, ddof=1)
     idle = ~np.any(structure.G, axis=0)
-    sources = []
-    for k in range(len(sd)):
-        if idle[k]:
-            sources.append(Source.STRUCTURE)
-        elif data_sd[k] < LEARNED * proper.sd[k]:
-            sources.append(Source.DATA)
-        elif sd[k] < LEARNED * proper.sd[k]:
-            sources.append(Source.CONSTRAINT)
-        else:
-            sources.append(Source.PRIOR)
+    enough = LEARNED * proper.sd
+    sources = np.select(
+        [idle, data_sd < enough, sd < enough],
+        [Source.STRUCTURE, Source.DATA, Source.CONSTRAINT],
+        Source.PRIOR,
+    )
     return StandardBelief(
-        structure.columns, np.array(proper.mean), np.array(proper.sd),
-        data_sd, flat.mean(0), sd, tuple(sources), posterior.draws, spread,
-    )  # fmt: skip
+        names=structure.columns,
+        prior_mean=np.array(proper.mean),
+        prior_sd=np.array(proper.sd),
+        data_sd=data_sd,
+        mean=flat.mean(0),
+        sd=sd,
+        source=tuple(map(Source, sources.tolist())),
+        chains=posterior.draws,
+        root=spread,
+    )
 
 
 def _summarise(
@@ -213,4 +211,12 @@ def _summarise(
     width = interval[:, 1] - interval[:, 0]
     edge = np.where(rung.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
     shown = draws[rng.permutation(len(draws))[:SHOWN]]
-    return Summary(draws.mean(0), draws.std(0, ddof=1), interval, shown, chains, edge, convergence)
+    return Summary(
+        mean=draws.mean(0),
+        sd=draws.std(0, ddof=1),
+        interval=interval,
+        draws=shown,
+        chains=chains,
+        at_edge=edge,
+        convergence=convergence,
+    )

@@ -26,7 +26,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.fit import fit_ladder, plan_cross_validation
+from identifiability.workflows.analyze.fit import base_values, fit_ladder, plan_cross_validation
 from identifiability.workflows.analyze.form_belief import believe
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.words import doubt
@@ -111,34 +111,28 @@ def analyze(
             information = gather_information(regression, engine=runner, progress=building)
             mixed = "" if silence else find_mix_up(regression, structure.base.nonnegative)
             say("fitting models", 0.6)
-            fits, physical, values = fit_ladder(
+            models, physical = fit_ladder(
                 structure, rungs, information, estimator, cad_weight, silence
             )
-            in_file = np.stack([p.in_file for p in physical], 1)
-            tasks = [Task(np.hstack([values, in_file])[None])]
+            values = base_values(models, physical)
+            tasks = [Task(np.column_stack([values, *(p.in_file for p in physical)])[None])]
             if not opening.validation and not silence:
-                tasks.append(
-                    plan_cross_validation(regression, structure, information, rungs, estimator)
-                )
+                tasks.append(plan_cross_validation(structure, rungs, information, estimator))
             predicting = share(say, "predicting torque", 0.65, 0.9)
             fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
-            crossed = [fitted] if silence else crossed
             if opening.validation:
                 held = structure.regression(opening.validation)
                 crossed = [predict(held, values, engine=runner)]
         say("judging parameters", 0.9)
-        thresholds = Thresholds()
-        out = crossed[0]
-        results = assess_ladder(
-            rungs, fits, information, physical, fitted, out, structure.nominal_base,
-            thresholds, streams[1], replicates,
-        )  # fmt: skip
+        thresholds, (out,) = Thresholds(), crossed or (fitted,)
+        results = assess_ladder(models, physical, fitted, out, thresholds, streams[1], replicates)
         at = select_model(results)
         results, nothing = doubt(silence, results, at, out)
-        bands = check_cutoff(opening, recordings, results[at], estimator, preparation)
+        bands = check_cutoff(opening, recordings, results[at], preparation)
         belief = None
         if posterior:
             results, belief = believe(structure, information, results, at, streams[2], say, silence)
+        settings = {"replicates": replicates, "posterior": posterior, "cad_weight": cad_weight}
         return Analysis(
             structure=structure,
             samples=opening.samples,
@@ -154,11 +148,6 @@ def analyze(
             belief=belief,
             thresholds=thresholds,
             source=source,
-            settings={
-                "replicates": replicates,
-                "posterior": posterior,
-                "cad_weight": cad_weight,
-                "preparation": preparation or Preparation(),
-            },
+            settings={**settings, "preparation": preparation or Preparation()},
             nothing=nothing,
         )

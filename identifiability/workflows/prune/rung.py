@@ -228,11 +228,9 @@ def measure_rungs(
         held = opening.structure.regression(opening.validation)
         outside, own_held = predict_all(held, [every, two], engine=engine)
         error_held = outside.relative_error()
-    use = models[chosen]
     (result,) = assess_ladder(
-        [use.rung], [use.estimate], question.information, [physical], own, own_held,
-        opening.structure.nominal_base, Thresholds(), rng, replicates,
-    )  # fmt: skip
+        [models[chosen]], [physical], own, own_held, Thresholds(), rng, replicates
+    )
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
     error_se = standard_error(unseen.sums, float(spread.times.mean()), chosen)
@@ -255,7 +253,7 @@ def measure_rungs(
     )
     if not opening.validation:
         result = replace(result, error_ra_validation=rungs[chosen].error_ra_unseen)
-    nothing = "" if len(use.rung) and error_unseen[chosen] < unseen.constant_error() else WORSE
+    nothing = "" if len(result.rung) and error_unseen[chosen] < unseen.constant_error() else WORSE
     if nothing:
         rungs = tuple(replace(r, verdicts=withdraw(r.verdicts, nothing)) for r in rungs)
         result = result.withdraw(nothing)

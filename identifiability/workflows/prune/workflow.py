@@ -173,7 +173,7 @@ def prune(
             progress=share(say, "resampling", 0.7, 1.0),
             engine=engine,
         )
-        bands = check_cutoff(opening, recordings, measured.result, estimator, preparation)
+        bands = check_cutoff(opening, recordings, measured.result, preparation)
         part, full = start.reduce(information), measured.rungs[0].estimate
         return Ladder(
             structure=structure,

@@ -1,14 +1,16 @@
 """Which model is used: the smallest within one standard error, possible ones first."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from identifiability.estimation.bootstrap import merge_blocks
-from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Thresholds
+from identifiability.physical.feasibility import FittedModel
 from identifiability.regression.reduction import Rung
 from identifiability.workflows.analyze.assessment import (
     assess_ladder,
@@ -83,6 +85,12 @@ def rung(name, kept, names, nonnegative=()):
     )  # fmt: skip
 
 
+def fitted_model(model, every, nominal):
+    """Return a model fitted to information about all four columns, of which a file states some."""
+    structure = SimpleNamespace(nominal_base=np.array(nominal))
+    return FittedModel.of(structure, model, every, find_estimator("wls"))
+
+
 @dataclass
 class Physics:
     """What an assessment asks of physics."""
@@ -103,7 +111,8 @@ def ladder():
     names = ("a", "b", "c", "d")
     every = gather(W, tau, columns=names)
     rungs = [rung("full", [0, 1, 2, 3], names, [1, 2, 3]), rung("small", [0], names)]
-    fits = [estimate(r.reduce(every)) for r in rungs]
+    models = [fitted_model(r, every, [1.0, 2.0, 3.0, 4.0]) for r in rungs]
+    fits = [m.estimate for m in models]
     values = np.stack([r.expand(f.value) for r, f in zip(rungs, fits, strict=True)], 1)
     # "The nearest real robots", and "what files hold of them".
     values = np.concatenate([values, 0.9 * values, 0.8 * values], axis=1)
@@ -113,9 +122,8 @@ def ladder():
     ]
     made[1] = made[1].first(4)
     results = assess_ladder(
-        rungs, fits, every, [Physics(0.1), Physics(-0.1)], *made, np.array([1.0, 2.0, 3.0, 4.0]),
-        Thresholds(), np.random.default_rng(0), 50,
-    )  # fmt: skip
+        models, [Physics(0.1), Physics(-0.1)], *made, Thresholds(), np.random.default_rng(0), 50
+    )
     return W, tau, every, fits, made, results
 
 
@@ -170,8 +178,8 @@ def test_a_column_that_never_acts_says_so(ladder):
     every = gather(W, tau, columns=names)
     full = rung("full", [0, 1, 2, 3], names)
     (result,) = assess_ladder(
-        [full], [estimate(every)], every, [Physics(0.1)], made[0], made[1], np.zeros(4),
-        Thresholds(), np.random.default_rng(0), 0,
+        [fitted_model(full, every, np.zeros(4))], [Physics(0.1)], *made, Thresholds(),
+        np.random.default_rng(0), 0,
     )  # fmt: skip
     assert result.verdicts[3].reason.startswith("This motion never makes it act on the torque.")
 
