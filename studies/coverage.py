@@ -18,10 +18,8 @@ import pandas as pd
 
 from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import prepare_samples
-from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Rung
-from identifiability.regression.regression import Regression
 from identifiability.report import Check, Picture, Prose, Section, frame_table, write_page
 from identifiability.report.calibration_report import label
 from identifiability.report.figures.calibration import draw_coverage, draw_wrong
@@ -29,8 +27,7 @@ from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.calibrate.calibration import calibrate
-from identifiability.workflows.calibrate.outcome import Cell, Outcome, count_outcomes, judge_outcome
-from identifiability.workflows.calibrate.replicates import Experiment
+from identifiability.workflows.calibrate.outcome import Cell, Experiment, Outcome, count_outcomes
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]
@@ -95,24 +92,11 @@ def judge_log(
     clean: Analysis, rungs: Sequence[Rung], level: float, rng: np.random.Generator
 ) -> list[Outcome]:
     """Return a new log of the robot, fitted and judged by every model."""
-    robot, base = clean.robot, clean.base
-    samples = prepare_samples(robot, simulate_log(robot, level, rng))
+    samples = prepare_samples(clean.robot, simulate_log(clean.robot, level, rng))
     regression = clean.structure.regression([samples])
     information = gather_information(regression)
-    tau = np.concatenate([part for *_, part in regression.chunks()])
-    return [
-        judge_outcome(
-            rung, Experiment.of(regression, rung.M, rung.columns), rung.reduce(information),
-            tau - held_torque(regression, base, rung), rng,
-        )
-        for rung in rungs
-    ]  # fmt: skip
-
-
-def held_torque(regression: Regression, base: BaseParameters, rung: Rung) -> np.ndarray:
-    """Return the torque of parameters that a model holds at a value, (N, n)."""
-    whole = Experiment.of(regression, np.eye(len(base)), base.names)
-    return whole.W @ rung.held
+    experiments = [Experiment.of(regression, rung) for rung in rungs]
+    return [e.judge(e.rung.reduce(information), e.tau, rng) for e in experiments]
 
 
 def coverage_section(method: str, cells: Sequence[Cell]) -> Section:

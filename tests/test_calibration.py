@@ -20,10 +20,9 @@ from identifiability.foundation.options import OptionError
 from identifiability.foundation.shares import clustered_share, exact_share
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.regression import Model, Regression
-from identifiability.workflows.calibrate.calibration import Calibration, _regression, calibrate
-from identifiability.workflows.calibrate.outcome import Outcome, count_outcomes
+from identifiability.workflows.calibrate.calibration import Calibration, calibrate
+from identifiability.workflows.calibrate.outcome import Experiment, Outcome, count_outcomes
 from identifiability.workflows.calibrate.ranks import RankCheck, build_target, check_ranks
-from identifiability.workflows.calibrate.replicates import Experiment
 
 from .laws.numbers.made import ar1
 
@@ -62,12 +61,22 @@ def test_an_outcome_without_noise_gives_the_truth_back(analysis):
         analysis.robot, Model.of(*analysis.effects), analysis.samples, analysis.base.kept
     )
     rung = analysis.models[3].rung
-    experiment = Experiment.of(regression, rung.M, rung.columns)
+    experiment = Experiment.of(regression, rung)
     truth = np.arange(1.0, 13.0)
     information, tau = experiment.outcome(truth, np.zeros((750, 3)))
     np.testing.assert_allclose(estimate(information, "ols").value, truth, rtol=1e-9)
     np.testing.assert_allclose(tau, experiment.W @ truth)
     assert find_base_parameters(analysis.robot, Model.of(*analysis.effects)).rank == 37
+
+
+def test_what_a_model_holds_is_no_part_of_its_noise(analysis):
+    rung = analysis.models[3].rung
+    held = np.linspace(1.0, 2.0, len(rung.held))
+    free, fixed = (
+        Experiment.of(analysis.regression, r) for r in (rung, replace(rung, held=held))
+    )  # fmt: skip
+    W = np.concatenate([columns for _, _, columns, _ in analysis.regression.chunks()])
+    np.testing.assert_allclose(free.tau - fixed.tau, W @ held, rtol=1e-9, atol=1e-9)
 
 
 def test_the_command_writes_a_report(simulated_session, tmp_path):
@@ -201,8 +210,7 @@ def test_shares_of_events_that_come_together_allow_for_it():
 
 def test_noise_is_seen_through_what_the_fit_swallows(analysis):
     """Of ρ = 0.97 the residual of 37 parameters shows 0.75; likelihood beside them shows it."""
-    regression = _regression(analysis)
-    W = Experiment.of(regression, analysis.full.rung.M, analysis.full.rung.columns).W
+    W = Experiment.of(analysis.regression, analysis.full.rung).W
     rho, naive, seen, sizes = 0.97, [], [], []
     for seed in range(4):
         noise = 50.0 * ar1(np.random.default_rng(seed), rho, len(W), 3)

@@ -8,9 +8,9 @@ values, noise has the size and the correlation of the residual, of any order at 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -35,20 +35,22 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.calibrate.outcome import Cell, count_outcomes
-from identifiability.workflows.calibrate.ranks import RankCheck, check_ranks
-from identifiability.workflows.calibrate.repetitions import (
-    Judged,
-    Repetitions,
-    batches,
-    judge_repetitions,
+from identifiability.workflows.calibrate.outcome import (
+    Cell,
+    Experiment,
+    count_outcomes,
+    repeat,
+    spawn_seeds,
 )
-from identifiability.workflows.calibrate.replicates import Experiment, spawn_seeds
+from identifiability.workflows.calibrate.ranks import RankCheck, check_ranks
 from identifiability.workflows.diagnose import FalseNames, measure_false_names
-from identifiability.workflows.opening import Logs, Progress, in_memory, require_signal
+from identifiability.workflows.opening import Logs, Progress, in_memory, require_signal, share
 
 #: How many times more repetitions the first cell has, by which single parameters are judged.
 FIRST = 4
+
+#: Repetitions that one item of an engine does, some tenths of a second.
+BATCH = 10
 
 
 @frozen
@@ -230,49 +232,36 @@ def calibrate(
     """
     require_signal(analysis.samples, "calibrated")
     result = analysis.models[analysis.find_model(model or analysis.first)]
-    samples = in_memory(analysis.samples, Samples)
-    regression = analysis.structure.regression(analysis.samples)
-    experiment = Experiment.of(regression, result.rung.M, result.rung.columns)
+    runs = find_runs(in_memory(analysis.samples, Samples))
+    experiment = replace(
+        Experiment.of(analysis.regression, result.rung),
+        method=result.estimate.estimator,
+        thresholds=analysis.thresholds,
+        replicates=replicates,
+    )
     truth = result.estimate.value
-    tau = np.concatenate([t for *_, t in regression.chunks()])
-    runs = find_runs(samples)
-    own = fit_residual_noise(tau, experiment.W, runs)
+    own = fit_residual_noise(experiment.tau, experiment.W, runs)
     pairs = [(level, r) for r in rho for level in noise]
     *streams, last = np.random.default_rng(seed).spawn(len(pairs) + 1)
-    judged = Judged(
-        experiment,
-        runs,
-        result.rung,
-        truth,
-        replicates,
-        result.estimate.estimator,
-        analysis.thresholds,
-    )
-    noises = [own if np.isnan(r) else ResidualNoise.first_order(own.sd, r) for _, r in pairs]
     counts = [FIRST * trials, *[trials] * (len(pairs) - 1)]
-    items = [
-        Repetitions(like.scaled(level), part)
-        for (level, _), like, count, rng in zip(pairs, noises, counts, streams, strict=True)
-        for part in batches(spawn_seeds(rng, count))
-    ]
+    items = []
+    for (level, r), count, rng in zip(pairs, counts, streams, strict=True):
+        like = own if np.isnan(r) else ResidualNoise.first_order(own.sd, r)
+        seeds = spawn_seeds(rng, count)
+        items += [(like.scaled(level), seeds[k : k + BATCH]) for k in range(0, count, BATCH)]
     runner, say = engine or Serial(), progress or (lambda _text, _share: None)
-    found = runner.map(
-        partial(judge_repetitions, judged), items,
-        progress=lambda done, total: say("simulating repetitions", 0.9 * done / total),
-    )  # fmt: skip
-    outcomes = iter([outcome for part in found for outcome in part])
-    cells = [
-        count_outcomes(list(islice(outcomes, count)), experiment.columns, truth, *pair)
+    simulating = share(say, "simulating repetitions", 0.0, 0.9)
+    found = runner.map(partial(repeat, experiment, truth, runs), items, progress=simulating)
+    outcomes = chain.from_iterable(list(found))
+    cells = tuple(
+        count_outcomes(list(islice(outcomes, count)), result.rung.columns, truth, *pair)
         for count, pair in zip(counts, pairs, strict=True)
-    ]
-    ranks = None
+    )
+    ranks, named, unmeasured = None, None, ""
     if sbc:
-        information = result.rung.reduce(analysis.information)
-        ranks = check_ranks(
-            result, information, last, replicates=sbc, engine=runner,
-            progress=lambda done, total: say("ranking planted values", 0.9 + 0.1 * done / total),
-        )  # fmt: skip
-    named, reason = None, ""
+        ranking = share(say, "ranking planted values", 0.9, 1.0)
+        part = result.rung.reduce(analysis.information)
+        ranks = check_ranks(result, part, last, replicates=sbc, engine=runner, progress=ranking)
     if diagnoses:
         try:
             named = measure_false_names(
@@ -280,16 +269,24 @@ def calibrate(
                 progress=progress, engine=runner,
             )  # fmt: skip
         except LogError as error:  # too short a log has no part to verify names on
-            reason = f"How often a name is false was not measured: {error}"
+            unmeasured = f"How often a name is false was not measured: {error}"
+    asked = {
+        "seed": seed, "trials": trials, "replicates": replicates, "sbc": sbc, "diagnoses": diagnoses
+    }  # fmt: skip
     return Calibration(
-        analysis.robot.name, result.name, len(truth), tuple(cells), seed, ranks,
-        analysis.robot.joints, own, named, reason,
-        {
-            **analysis.provenance, "seed": str(seed), "trials": str(trials),
-            "replicates": str(replicates), "sbc": str(sbc), "diagnoses": str(diagnoses),
-        },
-        analysis.hints,
-    )  # fmt: skip
+        robot=analysis.robot.name,
+        model=result.name,
+        parameters=len(truth),
+        cells=cells,
+        seed=seed,
+        ranks=ranks,
+        joints=analysis.robot.joints,
+        own=own,
+        false_names=named,
+        unmeasured=unmeasured,
+        provenance={**analysis.provenance, **{name: str(v) for name, v in asked.items()}},
+        hints=analysis.hints,
+    )
 
 
 def _noise_words(cell: Cell) -> str:

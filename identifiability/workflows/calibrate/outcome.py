@@ -1,4 +1,8 @@
-"""One simulated experiment with known truth, fitted and judged; and what many of them come to."""
+"""Simulated experiments with known truth, fitted and judged; and what many of them come to.
+
+Operating characteristics (coverage, false verdicts) are properties of a motion; they are measured
+on the motion itself, the user's own regressor, with planted parameters and noise that we made.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
+from identifiability.estimation.noise.autoregression import Runs
+from identifiability.estimation.noise.residual_noise import ResidualNoise
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.names import Array
@@ -15,14 +21,143 @@ from identifiability.foundation.shares import LEVEL, REACH, Share, clustered_sha
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
+from identifiability.regression.regression import Regression
 from identifiability.workflows.analyze.assessment import judge_rung
-from identifiability.workflows.calibrate.replicates import Experiment
 
 #: A parameter is wrong if it is off by more than this share of its true value.
 WRONG = 0.5
 
+#: Blocks of the information about an experiment.
+BLOCKS = 256
+
+#: What an item of an engine carries of its randomness, so that any worker can do it.
+Seeds = Sequence[np.random.SeedSequence]
+
 
 @frozen
+class Outcome:
+    """One simulated experiment, fitted and judged as `analyze` would: arrays over k parameters.
+
+    Small on purpose: thousands of them come back from other processes.
+    """
+
+    value: Array
+    white: Array
+    robust: Array
+    identifiable: np.ndarray
+    paper: np.ndarray
+    judged: bool = True
+
+
+@frozen(kw_only=True)
+class Experiment:
+    """A motion under one model, held in memory, and how its outcomes are judged.
+
+    Attributes
+    ----------
+    rung : Rung
+        The model, of k parameters.
+    W : (N, n, k)
+        Its columns.
+    tau : (N, n) [N·m or N]
+        The measured torque less what the model holds.
+    log : (N,) int
+    block : int
+        Samples a block of the information.
+    method, thresholds, replicates
+        As in `analyze`.
+    """
+
+    rung: Rung
+    W: Array
+    tau: Array
+    log: np.ndarray
+    block: int
+    method: Method = "wls"
+    thresholds: Thresholds = Thresholds()
+    replicates: int = 200
+
+    @staticmethod
+    def of(regression: Regression, rung: Rung) -> Experiment:
+        """Return the experiment of a regression under a model."""
+        log, W, tau = [], [], []
+        for which, _, columns, measured in regression.chunks():
+            log.append(np.full(len(columns), which))
+            W.append(columns @ rung.M)
+            tau.append(measured - columns @ rung.held)
+        return Experiment(
+            rung=rung,
+            W=np.concatenate(W),
+            tau=np.concatenate(tau),
+            log=np.concatenate(log),
+            block=max(1, -(-sum(map(len, W)) // BLOCKS)),
+        )
+
+    def outcome(self, truth: Array, noise: Array) -> tuple[Information, Array]:
+        """Return the information of one outcome, and its torque (N, n).
+
+        Parameters
+        ----------
+        truth : (k,)
+        noise : (N, n) [N·m or N]
+        """
+        tau = self.W @ truth + noise
+        return Information.of_rows(self.rung.columns, self.W, tau, self.log, self.block), tau
+
+    def judge(self, information: Information, tau: Array, rng: np.random.Generator) -> Outcome:
+        """Fit and judge one outcome.
+
+        Parameters
+        ----------
+        information : Information
+            About the columns and the torque.
+        tau : (N, n) [N·m or N]
+        rng : numpy.random.Generator
+        """
+        fit = estimate(information, self.method)
+        residual, rules = tau - self.W @ fit.value, self.thresholds
+        spread = assess_uncertainty(information, fit, residual, self.log, rng, self.replicates)
+        torque, aliases = float(np.sqrt(np.mean(tau**2))), ("",) * len(self.rung)
+        verdicts = judge_rung(self.rung, information, fit, spread, torque, aliases, rules)
+        return Outcome(
+            value=fit.value,
+            white=spread.white,
+            robust=spread.robust,
+            identifiable=np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts]),
+            paper=fit.paper_rule,
+            judged=not spread.why_unjudged(len(fit.kept), rules),
+        )
+
+
+def spawn_seeds(rng: np.random.Generator, count: int) -> Seeds:
+    """Return independent seeds."""
+    return list(rng.bit_generator.seed_seq.spawn(count))  # type: ignore[attr-defined]
+
+
+def repeat(
+    experiment: Experiment, truth: Array, runs: Runs, item: tuple[ResidualNoise, Seeds]
+) -> list[Outcome]:
+    """Simulate and judge some repetitions.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    truth : (k,)
+        The planted parameters.
+    runs : Runs
+        Stretches of time without gaps, between which noise remembers nothing.
+    item : (ResidualNoise, sequence of SeedSequence)
+        The noise, and the seed of each repetition.
+    """
+    noise, seeds = item
+    outcomes = []
+    for rng in map(np.random.default_rng, seeds):
+        information, tau = experiment.outcome(truth, noise.simulate(runs, rng))
+        outcomes.append(experiment.judge(information, tau, rng))
+    return outcomes
+
+
+@frozen(kw_only=True)
 class Cell:
     """What was counted at one noise level and correlation.
 
@@ -95,57 +230,6 @@ class Cell:
         return self.to_row() | {"each": each, "below": list(self.below)}
 
 
-@frozen
-class Outcome:
-    """One simulated experiment, fitted and judged as `analyze` would: arrays over k parameters.
-
-    Small on purpose: thousands of them come back from other processes.
-    """
-
-    value: Array
-    white: Array
-    robust: Array
-    identifiable: np.ndarray
-    paper: np.ndarray
-    judged: bool = True
-
-
-def judge_outcome(
-    rung: Rung,
-    experiment: Experiment,
-    information: Information,
-    tau: Array,
-    rng: np.random.Generator,
-    *,
-    method: Method = "wls",
-    thresholds: Thresholds | None = None,
-    replicates: int = 200,
-) -> Outcome:
-    """Fit and judge one outcome of an experiment.
-
-    Parameters
-    ----------
-    rung : Rung
-    experiment : Experiment
-        Of the rung's columns.
-    information : Information
-        About them and the torque.
-    tau : (N, n)
-    rng : numpy.random.Generator
-    method, thresholds, replicates
-        As in `analyze`.
-    """
-    rules = thresholds or Thresholds()
-    fit = estimate(information, method)
-    residual = tau - experiment.W @ fit.value
-    spread = assess_uncertainty(information, fit, residual, experiment.log, rng, replicates)
-    torque = float(np.sqrt(np.mean(tau**2)))
-    verdicts = judge_rung(rung, information, fit, spread, torque, ("",) * len(rung), rules)
-    called = np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts])
-    judged = not spread.why_unjudged(len(fit.kept), rules)
-    return Outcome(fit.value, spread.white, spread.robust, called, fit.paper_rule, judged)
-
-
 def count_outcomes(
     trials: Sequence[Outcome], names: Sequence[str], truth: Array, noise: float, rho: float
 ) -> Cell:
@@ -168,22 +252,22 @@ def count_outcomes(
     called = np.array([t.identifiable for t in trials])
     paper = np.array([t.paper for t in trials])
     return Cell(
-        noise,
-        rho,
-        len(trials),
-        float(white.mean()),
-        float(robust.mean()),
-        _error(robust),
-        float(called.sum(1).mean()),
-        _share(wrong, called),
-        float(paper.sum(1).mean()),
-        _share(wrong, paper),
-        _error(white),
-        clustered_share(wrong, called, ~robust).high,
-        clustered_share(wrong, paper, ~robust).high,
-        tuple(names),
-        each_share(robust),
-        float(np.mean([not t.judged for t in trials])),
+        noise=noise,
+        rho=rho,
+        trials=len(trials),
+        coverage_white=float(white.mean()),
+        coverage_robust=float(robust.mean()),
+        coverage_se=_error(robust),
+        called=float(called.sum(1).mean()),
+        wrong=_share(wrong, called),
+        paper_called=float(paper.sum(1).mean()),
+        paper_wrong=_share(wrong, paper),
+        coverage_white_se=_error(white),
+        wrong_high=clustered_share(wrong, called, ~robust).high,
+        paper_wrong_high=clustered_share(wrong, paper, ~robust).high,
+        names=tuple(names),
+        each=each_share(robust),
+        not_judged=float(np.mean([not t.judged for t in trials])),
     )
 
 

@@ -25,7 +25,7 @@ from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
 from identifiability.regression.information import Information
 from identifiability.workflows.analyze.assessment import RungResult
-from identifiability.workflows.calibrate.replicates import spawn_seeds
+from identifiability.workflows.calibrate.outcome import spawn_seeds
 
 #: Width of the prior in robust σ: data and prior both matter, and so do signs near zero.
 PRIOR_WIDTH = 3.0
@@ -84,26 +84,21 @@ class RankCheck:
     def statement(self) -> str:
         """The answer in plain words."""
         least = f"smallest adjusted p-value {self.adjusted.min():.2g}, {self.names[self.worst]}"
-        if self.uniform:
-            return (
-                f"The posterior is calibrated on this motion: over {self.replicates} simulated "
-                f"experiments planted values rank uniformly among its draws ({least})."
-            )
+        verdict, ranked = ("is", "rank") if self.uniform else ("is not", "do not rank")
         return (
-            f"The posterior is not calibrated on this motion: over {self.replicates} simulated "
-            f"experiments planted values do not rank uniformly among its draws ({least})."
+            f"The posterior {verdict} calibrated on this motion: over {self.replicates} simulated "
+            f"experiments planted values {ranked} uniformly among its draws ({least})."
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
+        columns = zip(self.names, self.p_values, self.adjusted, self.counts, strict=True)
         return {
             "replicates": self.replicates,
             "uniform": self.uniform,
             "parameters": [
-                {"name": n, "p_value": float(p), "adjusted": float(a), "counts": c.tolist()}
-                for n, p, a, c in zip(
-                    self.names, self.p_values, self.adjusted, self.counts.astype(int), strict=True
-                )
+                {"name": n, "p_value": float(p), "adjusted": float(a), "counts": [*map(int, c)]}
+                for n, p, a, c in columns
             ],
         }
 

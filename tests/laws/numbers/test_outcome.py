@@ -11,8 +11,7 @@ from identifiability.foundation.shares import (
     exact_share,
 )
 from identifiability.regression.reduction import Rung
-from identifiability.workflows.calibrate.outcome import Outcome, count_outcomes, judge_outcome
-from identifiability.workflows.calibrate.replicates import Experiment
+from identifiability.workflows.calibrate.outcome import Experiment, Outcome, count_outcomes
 
 
 def outcome(value, white=1.0, robust=1.0, called=(), paper=()):
@@ -116,21 +115,21 @@ def test_intervals_of_several_shares_are_right_together():
 def made(samples):
     """Return an outcome of which one parameter is known well and one is not, and its estimate."""
     rng = np.random.default_rng(0)
-    experiment = Experiment(
-        W=rng.normal(size=(samples, 2, 2)),
-        log=np.zeros(samples, int),
-        columns=("p0", "p1"),
-        block=max(1, samples // 120),
-    )
-    noise = 0.3 * rng.normal(size=(samples, 2))
-    information, tau = experiment.outcome(np.array([1.0, 0.01]), noise)
     rung = Rung(
         name="m", description="", columns=("p0", "p1"), labels=("p0", "p1"), units=("kg", "kg"),
         M=np.eye(2), held=np.zeros(2), nonnegative=np.zeros(2, bool),
     )  # fmt: skip
-    found = judge_outcome(
-        rung, experiment, information, tau, np.random.default_rng(0), replicates=50
+    experiment = Experiment(
+        rung=rung,
+        W=rng.normal(size=(samples, 2, 2)),
+        tau=np.zeros((samples, 2)),
+        log=np.zeros(samples, int),
+        block=max(1, samples // 120),
+        replicates=50,
     )
+    noise = 0.3 * rng.normal(size=(samples, 2))
+    information, tau = experiment.outcome(np.array([1.0, 0.01]), noise)
+    found = experiment.judge(information, tau, np.random.default_rng(0))
     return found, estimate(information)
 
 
