@@ -5,7 +5,7 @@ What to use when:
 - `target.Target` states the posterior: data, `prior.Prior`, physical set, autocorrelation;
 - `ensemble.sample_posterior` draws from it with emcee, and `diagnostics.diagnose_convergence` says
   whether the draws may be shown;
-- `exact.sample_exact` draws without emcee;
+- `exact.ExactSampler` walks without emcee;
 - `calibration.calibrate_posterior` checks the sampler by simulation.
 
 The samplers need a start inside the set: ``physical.project.project(..., margin=1e-3).phi``.

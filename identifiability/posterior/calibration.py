@@ -38,6 +38,11 @@ class Calibration:
     ranks: np.ndarray
     draws: int
 
+    def counts(self, bins: int) -> Array:
+        """Ranks in each of so many equal bins, (p, bins)."""
+        edges = np.linspace(0, self.draws + 1, bins + 1)
+        return np.array([np.histogram(column, edges)[0] for column in self.ranks.T], float)
+
     def p_values(self, bins: int = 16) -> Array:
         """Chi-square test that the ranks are uniform, a p-value a parameter.
 
@@ -52,8 +57,8 @@ class Calibration:
         """
         edges = np.linspace(0, self.draws + 1, bins + 1)
         inside = np.histogram(np.arange(self.draws + 1), edges)[0] / (self.draws + 1)
-        found = np.array([np.histogram(column, edges)[0] for column in self.ranks.T])
-        return np.asarray(stats.chisquare(found, inside * len(self.ranks), axis=1).pvalue)
+        expected = inside * len(self.ranks)
+        return np.asarray(stats.chisquare(self.counts(bins), expected, axis=1).pvalue)
 
 
 def calibrate_posterior(

@@ -1,15 +1,14 @@
 """Exact draws from a posterior: noise variance and parameters in turn, many chains at once.
 
-What to use when: `ExactSampler` alone is the fastest way to a posterior whose model is the one of
-`target`, and to many replicates of an experiment at once (calibration). `ensemble` runs it inside
-emcee, where other likelihoods and priors may be multiplied in, and where independent ensembles give
-the diagnostics.
+What to use when: `ExactSampler.step` alone is the fastest way to a posterior whose model is the one
+of `target`, and to many replicates of an experiment at once (calibration). `ensemble` runs it
+inside emcee, where other likelihoods and priors may be multiplied in, and where independent
+ensembles give the diagnostics.
 """
 
 from collections.abc import Callable
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -91,48 +90,6 @@ def build_sampler(target: Target) -> ExactSampler:
     both = np.vstack([target.region.rows, entries])
     region = Cone(both @ target.basis, both @ origin, len(target.region.rows))
     return ExactSampler(target.diagonal, region)
-
-
-def sample_exact(
-    target: Target,
-    start: Array,
-    draws: int,
-    rng: np.random.Generator,
-    *,
-    chains: int = 64,
-    warmup: int = 20,
-) -> Array:
-    """Draw from a posterior with the exact sampler alone.
-
-    Parameters
-    ----------
-    target : Target
-    start : (p,)
-        Inside the physical set and near the data: the projection with a margin
-        (`physical.project`).
-    draws : int
-        Draws a chain.
-    rng : numpy.random.Generator
-    chains, warmup : int
-
-    Returns
-    -------
-    (chains, draws, p)
-
-    Raises
-    ------
-    ValueError
-        When `start` is not inside the physical set.
-    """
-    sampler = build_sampler(target)
-    eta = np.repeat(interior(target, sampler, start)[None], chains, axis=0)
-    kept = np.empty((draws, chains, target.size))
-    with threadpool_limits(1):
-        for i in range(-warmup, draws):
-            eta = sampler.step(eta, rng)
-            if i >= 0:
-                kept[i] = target.to_phi(eta)
-    return kept.transpose(1, 0, 2)
 
 
 def interior(target: Target, sampler: ExactSampler, start: Array) -> Array:

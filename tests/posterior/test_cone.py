@@ -5,8 +5,10 @@ from scipy.special import ndtr, ndtri
 
 from identifiability.physical.pseudo_inertia import margin, to_matrix
 from identifiability.posterior.cone import Circles, Cone, positive
-from identifiability.posterior.exact import build_sampler, sample_exact
+from identifiability.posterior.exact import build_sampler
 from identifiability.posterior.truncated import _State
+
+from .exactly import sample_exact
 
 
 def rejection(target, count, rng):

@@ -10,7 +10,9 @@ from arviz_stats.base import array_stats
 import identifiability.posterior
 from identifiability.posterior import ensemble
 from identifiability.posterior.ensemble import Posterior, sample_posterior
-from identifiability.posterior.exact import build_sampler, sample_exact
+from identifiability.posterior.exact import build_sampler
+
+from .exactly import sample_exact
 
 
 def chains(posterior):

@@ -6,9 +6,10 @@ from scipy import stats
 
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
-from identifiability.posterior.exact import sample_exact
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
+
+from .exactly import sample_exact
 
 
 def free_target(rng, size=5, dof=12.0, **options):

@@ -4,8 +4,10 @@ from scipy import stats
 from scipy.special import ndtr, ndtri
 
 from identifiability.posterior.cone import Circles, Cone, exit_through_rows
-from identifiability.posterior.exact import build_sampler, sample_exact
+from identifiability.posterior.exact import build_sampler
 from identifiability.posterior.truncated import _State, travel
+
+from .exactly import sample_exact
 
 
 def gibbs(mean, precision, signs, chains, sweeps, rng):

@@ -132,10 +132,8 @@ def check_ranks(
     items = list(zip(sizes, spawn_seeds(rng, len(sizes)), strict=True))
     parts = (engine or Serial()).map(partial(_rank, target, start), items, progress=progress)
     found = Calibration(np.concatenate(list(parts)), DRAWS)
-    edges = np.linspace(0, DRAWS + 1, BINS + 1)
-    counts = np.array([np.histogram(column, edges)[0] for column in found.ranks.T])
     names = result.rung.columns
-    return RankCheck(names, counts.astype(float), found.p_values(BINS), replicates)
+    return RankCheck(names, found.counts(BINS), found.p_values(BINS), replicates)
 
 
 def _rank(
