@@ -13,14 +13,14 @@ from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot
 from identifiability.robot.parts import name_numbers
-from identifiability.robot.write import file_joints, joint_numbers
+from identifiability.robot.write import joint_numbers
 
 
 def _stated(robot: Robot) -> Iterator[Parameter]:
     """Yield the parameters that the file of a robot can state."""
     places = {
         **dict.fromkeys(robot.bodies, INERTIAL_KINDS),
-        **dict.fromkeys(file_joints(robot), joint_numbers(robot)),
+        **dict.fromkeys(robot.tree.single, joint_numbers(robot)),
     }
     for family in FAMILIES.values():
         for parameter in family.effect.parameters(robot):
@@ -40,7 +40,7 @@ def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
     """
     held = {p.name for p in _stated(robot)}
     out = {name: value if name in held else 0.0 for name, value in values.items()}
-    for joint in file_joints(robot):
+    for joint in robot.tree.single:
         ways = [f"{joint}.{kind}" for kind in ("Fc+", "Fc-") if f"{joint}.{kind}" in values]
         out |= dict.fromkeys(ways, 0.5 * sum(values[name] for name in ways))
     return out
@@ -72,7 +72,7 @@ def complete_values(
 
 def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """Return what a file states of each joint that has some parameters: attributes by joint."""
-    out = {joint: dict.fromkeys(joint_numbers(robot), 0.0) for joint in file_joints(robot)}
+    out = {joint: dict.fromkeys(joint_numbers(robot), 0.0) for joint in robot.tree.single}
     for p in {p.name: p for p in _stated(robot) if p.owner in out}.values():
         out[p.owner][p.stated_as] += values.get(p.name, 0.0)
     return out

@@ -4,12 +4,13 @@ Where every mass is refitted a payload is part of the last body and cannot be to
 it matters for the simulation with the file's own values.
 """
 
-import numpy as np
+from dataclasses import replace
 
 from identifiability.effects.effect import Effect
+from identifiability.effects.placed import Part, Placed
 from identifiability.effects.registry import declare
 from identifiability.effects.rigid_body import RigidBody, last_bodies
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
+from identifiability.foundation.names import Array, Parameter
 from identifiability.robot import Motion, Robot
 
 
@@ -34,23 +35,15 @@ class Payload(Effect):
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the ten inertial parameters of the payload on every last body."""
         return tuple(
-            Parameter(
-                body,
-                f"payload_{kind}",
-                inertial_unit(kind),
-                self.name,
-                robot.body_symbols[body],
-                stated_as=kind,
-            )
-            for body in last_bodies(robot)
-            for kind in INERTIAL_KINDS
+            replace(p, kind=f"payload_{p.kind}", group=self.name, nonnegative=False)
+            for p in _on_last_bodies(robot).parameters(robot)
         )
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write the rigid-body columns of the last bodies."""
-        rigid = RigidBody()
-        names = [p.name for p in rigid.parameters(robot)]
-        W = np.zeros((len(motion), out.shape[1], len(names)))
-        rigid.fill(robot, motion, W)
-        wanted = [names.index(f"{b}.{kind}") for b in last_bodies(robot) for kind in INERTIAL_KINDS]
-        out[:] = W[:, :, wanted]
+        _on_last_bodies(robot).fill(robot, motion, out)
+
+
+def _on_last_bodies(robot: Robot) -> Placed:
+    rigid = RigidBody()
+    return Placed([Part(rigid, body) for body in last_bodies(robot)])

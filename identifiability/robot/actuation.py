@@ -14,7 +14,6 @@ from identifiability.foundation.errors import ClosureError, RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.robot import closure
 from identifiability.robot.description import Description
-from identifiability.robot.kinematics import Joint
 from identifiability.robot.loop_equations import loop_jacobian
 from identifiability.robot.newton import ACCEPTED, newton
 from identifiability.robot.parts import Stated
@@ -43,7 +42,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             f"{robot.path}: the actuator '{stated.undriven}' drives no single joint; name the "
             'joints whose torque is measured in the sidecar: actuated = ["joint1", …].'
         )
-    names = [*_single(robot)] if names is None else names
+    names = [*robot.tree.single] if names is None else names
     index = np.array([_driven_dof(robot, n) for n in names], int)
     if len(set(names)) != len(names) or not names:
         raise RobotError(f"{robot.path}: the actuated joints are {names}; name each one once.")
@@ -71,11 +70,6 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     return robot
 
 
-def _single(robot: Description) -> dict[str, Joint]:
-    """Return the joints with one degree of freedom by name."""
-    return {j.dofs[0]: j for j in robot.tree.joints if j.nv == 1}
-
-
 def _driven_dof(robot: Description, name: str) -> int:
     """Return the index in ``v`` of an actuated joint; only hinges and slides can be."""
     for j in robot.tree.joints:
@@ -90,7 +84,7 @@ def _driven_dof(robot: Description, name: str) -> int:
 
 def _set_home(robot: Description, extra: Sidecar) -> Array:
     """Return the file's home with the positions that the sidecar states."""
-    home, single = np.array(robot.home), _single(robot)
+    home, single = np.array(robot.home), robot.tree.single
     for name, value in extra.home.items():
         if name not in single:
             dof = robot.dof_index(name)
@@ -104,7 +98,7 @@ def _set_home(robot: Description, extra: Sidecar) -> Array:
 
 def _follow_couplings(robot: Description) -> Array:
     """Return the home at which coupled passive joints are where the others put them, (nq,)."""
-    home, single = np.array(robot.home), _single(robot)
+    home, single = np.array(robot.home), robot.tree.single
     passive = set(robot.passive)
     for c in robot.couplings * len(robot.couplings):  # each may follow another
         poly = np.polynomial.Polynomial(c.polynomial)
@@ -171,7 +165,7 @@ def _nearest_closed(robot: Description) -> str:
     if len(robot.loop_rows) != len(robot.dependent):
         return ""
     closed = newton(robot, robot.home[None])
-    single = [name for name in robot.passive if name in _single(robot)]
+    single = [name for name in robot.passive if name in robot.tree.single]
     if not closed.error[0] < ACCEPTED or len(single) < len(robot.passive):
         return ""
     values = [f"{n} = {robot.dof_position(closed.q, n)[0]:.4f}" for n in single]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,17 +15,10 @@ from identifiability.robot.actuation import choose_joints
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Point, Tree
 from identifiability.robot.parts import Coupling, Loop, Stated, Transmission, name_numbers
-from identifiability.robot.sidecar import Sidecar
+from identifiability.robot.sidecar import LimitEntry, LoopEntry, Sidecar
 
 
-def assemble(
-    path: Path,
-    sidecar: Path | None,
-    extra: Sidecar,
-    stated: Stated,
-    tree: Tree,
-    last: Mapping[int, int],
-) -> Description:
+def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -> Description:
     """Put the parts together and check that they determine the motion.
 
     Parameters
@@ -34,76 +26,53 @@ def assemble(
     path, sidecar : Path
     extra : Sidecar
     stated : Stated
-    tree : Tree
-    last : mapping
-        Where each Pinocchio joint ends in the tree.
 
     Raises
     ------
     RobotError
     """
-    model, couplings = stated.model, stated.couplings
-    _check_sidecar(path, extra, _body_names(model), tree)
+    model, bodies = stated.model, _body_names(stated.model)
+    _check_sidecar(path, extra, bodies, stated.tree)
+    loops, couplings = stated.loops, stated.couplings
     if extra.loops is not None:
-        closed = [_sidecar_loop(path, entry, model, last) for entry in extra.loops]
-    else:
-        closed = [
-            replace(loop, first=_on_tree(loop.first, last), second=_on_tree(loop.second, last))
-            for loop in stated.loops
-        ]
+        loops = [_sidecar_loop(path, entry, stated) for entry in extra.loops]
     if extra.couplings:
         couplings = [
             Coupling(c.name or c.joint, c.joint, c.of, tuple(c.polynomial)) for c in extra.couplings
         ]
-    robot = _shell(path, sidecar, extra, stated, tree)
-    robot = replace(robot, loops=tuple(closed), couplings=tuple(couplings))
-    robot = choose_joints(robot, extra, stated)
-    robot = replace(
-        robot,
-        nominal=_nominal(robot, extra, stated),
-        limits=_limits(robot, extra),
-        speed_limits=_rate_limits(robot, extra, "v"),
-        acceleration_limits=_rate_limits(robot, extra, "a"),
-    )
-    return replace(robot, transmission=_transmission(robot, extra))
-
-
-def _shell(
-    path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated, tree: Tree
-) -> Description:
-    """Return the robot before its joints are split and its values are read."""
-    model = stated.model
-    bodies = _body_names(model)
     named = tuple(extra.base_parameters.bodies)
     name = path.parent.name if path.stem == "robot" else path.stem
-    return Description(
+    robot = Description(
         name=name,
         title=extra.name or model.name or name,
         path=path,
         sidecar=sidecar,
         model=model,
-        tree=tree,
+        tree=stated.tree,
         bodies=bodies,
         body_symbols={b: extra.symbols.get(b, b) for b in bodies},
         joint_symbols=dict(extra.symbols),
-        actuated=np.empty(0, int),
-        dependent=np.empty(0, int),
-        loops=(),
-        couplings=(),
-        loop_rows=np.empty(0, int),
+        loops=tuple(loops),
+        couplings=tuple(couplings),
         home=np.array(pin.neutral(model)) if stated.home is None else stated.home,
-        nominal={},
         rest={name: relaxed for name, (_, relaxed) in stated.springs.items()},
         body_order=named + tuple(b for b in bodies if b not in named),
-        limits=np.empty((0, 2)),
-        speed_limits=np.empty(0),
-        acceleration_limits=np.empty(0),
         inertia_parts=tuple(extra.inertia_parts),
         prior_relative=extra.prior_relative,
         prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
         ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
         shapes=extra.shapes,
         reference=extra.reference,
+    )
+    robot = choose_joints(robot, extra, stated)
+    limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
+    return replace(
+        robot,
+        nominal=_nominal(robot, extra, stated),
+        limits=_position_limits(robot, limits),
+        speed_limits=np.array([np.inf if limit.v is None else limit.v for limit in limits]),
+        acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
+        transmission=_transmission(robot, extra),
     )
 
 
@@ -115,16 +84,9 @@ def _check_sidecar(path: Path, extra: Sidecar, bodies: tuple[str, ...], tree: Tr
     _check_known(path, "base_parameters.bodies", extra.base_parameters.bodies, bodies)
     _check_known(path, "limits", extra.limits, dofs)
     tied = [name for s in extra.symmetry for members in s.tie.values() for name in members]
-    for key, names in (
-        ("nominal", extra.nominal), ("symmetry", tied), ("prior", extra.prior),
-        ("shapes", extra.shapes), ("reference", extra.reference),
-    ):  # fmt: skip
+    tables = {key: getattr(extra, key) for key in ("nominal", "prior", "shapes", "reference")}
+    for key, names in {"symmetry": tied, **tables}.items():
         _check_known(path, key, (name.rpartition(".")[0] for name in names), (*known, BASE))
-
-
-def _on_tree(point: Point, last: Mapping[int, int]) -> Point:
-    """Move a point's joint from Pinocchio's numbering (less one) to the tree's."""
-    return Point(last[point.joint + 1], point.position)
 
 
 def _check_known(path: Path, key: str, given: Any, known: tuple[str, ...]) -> None:
@@ -148,9 +110,10 @@ def _body_names(model: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _sidecar_loop(path: Path, entry: Any, model: Any, last: Mapping[int, int]) -> Loop:
-    ends = []
-    for body, point in ((entry.body1, entry.point1), (entry.body2, entry.point2)):
+def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
+    model, ends = stated.model, []
+    places = ((entry.body1, entry.point1), (entry.body2, entry.point2))
+    for body, point in places:
         frames = [f for f in model.frames if f.name == body and f.type == pin.FrameType.BODY]
         if not frames:
             known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
@@ -160,10 +123,10 @@ def _sidecar_loop(path: Path, entry: Any, model: Any, last: Mapping[int, int]) -
             )
         place = frames[0].placement
         position = np.array(place.rotation) @ np.array(point) + np.array(place.translation)
-        ends.append(Point(last[frames[0].parentJoint], position))
+        ends.append(Point(stated.last[frames[0].parentJoint], position))
     axes = tuple("xyz".index(a) for a in entry.axes)
-    stated = ((entry.body1, entry.point1), (entry.body2, entry.point2))
-    return Loop(entry.name or f"{entry.body1}-{entry.body2}", ends[0], ends[1], axes, stated)
+    name = entry.name or f"{entry.body1}-{entry.body2}"
+    return Loop(name, ends[0], ends[1], axes, places)
 
 
 def _nominal(robot: Description, extra: Sidecar, stated: Stated) -> dict[str, float]:
@@ -172,9 +135,7 @@ def _nominal(robot: Description, extra: Sidecar, stated: Stated) -> dict[str, fl
     values: dict[str, float] = {}
     for k, body in enumerate(robot.bodies):
         pi = model.inertias[k + 1].toDynamicParameters()
-        values.update(
-            {f"{body}.{kind}": float(v) for kind, v in zip(INERTIAL_KINDS, pi, strict=True)}
-        )
+        values |= {f"{body}.{kind}": float(v) for kind, v in zip(INERTIAL_KINDS, pi, strict=True)}
     friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
     parts = robot.inertia_parts
     for dof, name in enumerate(robot.dofs):
@@ -186,26 +147,18 @@ def _nominal(robot: Description, extra: Sidecar, stated: Stated) -> dict[str, fl
     return values
 
 
-def _limits(robot: Description, extra: Sidecar) -> Array:
+def _position_limits(robot: Description, given: list[LimitEntry]) -> Array:
     """Return the position limits of the actuated joints, (n, 2)."""
     out = np.tile([-np.inf, np.inf], (len(robot.actuated), 1))
-    for row, (name, dof) in enumerate(zip(robot.joints, robot.actuated, strict=True)):
-        joint = next(j for j in robot.tree.joints if j.iv == dof)
-        lower = float(robot.model.lowerPositionLimit[joint.iq])
-        upper = float(robot.model.upperPositionLimit[joint.iq])
+    for row, (name, limit) in enumerate(zip(robot.joints, given, strict=True)):
+        iq = robot.tree.single[name].iq
+        lower = float(robot.model.lowerPositionLimit[iq])
+        upper = float(robot.model.upperPositionLimit[iq])
         if lower < upper and max(abs(lower), abs(upper)) < 1e6:
             out[row] = lower, upper
-        given = extra.limits.get(name)
-        if given is not None and given.q is not None:
-            out[row] = given.q
+        if limit.q is not None:
+            out[row] = limit.q
     return out
-
-
-def _rate_limits(robot: Description, extra: Sidecar, kind: Literal["v", "a"]) -> Array:
-    """Return velocity or acceleration limits of the actuated joints, (n,)."""
-    given = [extra.limits.get(name) for name in robot.joints]
-    values = [None if g is None else getattr(g, kind) for g in given]
-    return np.array([np.inf if v is None else v for v in values], float)
 
 
 def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:

@@ -9,7 +9,7 @@ Which of its assemblies a closed chain has, and how its loops are closed, is in 
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 from scipy.linalg import qr
@@ -74,12 +74,9 @@ class Motion:
 
     def __getitem__(self, rows: slice | np.ndarray) -> Motion:
         """Return the motion at some samples."""
+        each = ("t", "q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "kept")
         X = None if self.X is None else self.X[rows]
-        return Motion(
-            self.t[rows], self.q[rows], self.v[rows], self.a[rows],
-            self.actuated_q[rows], self.actuated_v[rows], self.actuated_a[rows],
-            X, self.kept[rows], self.dropped, self.condition, self.near_singular,
-        )  # fmt: skip
+        return replace(self, X=X, **{name: getattr(self, name)[rows] for name in each})
 
 
 def complete_motion(robot: Description, t: Array, q: Array, dq: Array, ddq: Array) -> Motion:
@@ -133,10 +130,20 @@ def complete_motion(robot: Description, t: Array, q: Array, dq: Array, ddq: Arra
     sign = np.linalg.slogdet(A[:, :, robot.dependent])[0]
     near = condition > SINGULAR
     near[1:] |= sign[1:] != sign[:-1]
-    dropped = np.setdiff1d(np.arange(n), rows)
     return Motion(
-        t[rows], full, v, a, q, dq, ddq, X, rows, dropped, float(condition.max()), rows[near]
-    )  # fmt: skip
+        t=t[rows],
+        q=full,
+        v=v,
+        a=a,
+        actuated_q=q,
+        actuated_v=dq,
+        actuated_a=ddq,
+        X=X,
+        kept=rows,
+        dropped=np.setdiff1d(np.arange(n), rows),
+        condition=float(condition.max()),
+        near_singular=rows[near],
+    )
 
 
 def loop_error(robot: Description, q: Array) -> Array:

@@ -6,6 +6,7 @@ regressor stays Pinocchio's and the simulator MuJoCo's.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
+from identifiability.robot.joints import read_tree
 from identifiability.robot.kinematics import Point
 from identifiability.robot.parts import Coupling, Loop, Stated
 from identifiability.robot.passive_forces import find_drives, read_forces
@@ -43,6 +45,7 @@ def state_robot(path: Path, m: Any) -> Stated:
         If it has a part that neither the regressor nor the nominal values can hold.
     """
     model, places, names = _build_tree(m)
+    tree, last = read_tree(path, model, names)
     off = int(m.opt.disableflags)
     bits = mujoco.mjtDisableBit
     still = off & int(bits.mjDSBL_GRAVITY)
@@ -59,7 +62,7 @@ def state_robot(path: Path, m: Any) -> Stated:
             break
         kind = int(m.eq_type[k])
         if kind == int(mujoco.mjtEq.mjEQ_CONNECT):
-            loops.append(_read_connect(m, int(k), places, len(loops)))
+            loops.append(_read_connect(m, int(k), places, last, len(loops)))
         elif kind == int(mujoco.mjtEq.mjEQ_JOINT):
             couplings.append(_read_coupling(m, int(k)))
         else:
@@ -70,8 +73,16 @@ def state_robot(path: Path, m: Any) -> Stated:
             )
     actuated, other = find_drives(m)
     return Stated(
-        model, loops, couplings, actuated, names, _home(m), forces.springs, other
-    )  # fmt: skip
+        model=model,
+        tree=tree,
+        last=last,
+        loops=loops,
+        couplings=couplings,
+        actuated=actuated,
+        home=_home(m),
+        springs=forces.springs,
+        undriven=other,
+    )
 
 
 def _build_tree(m: Any) -> tuple[Any, list[Place], dict[int, tuple[str, ...]]]:
@@ -154,7 +165,7 @@ def _home(m: Any) -> Array:
     return q
 
 
-def _read_connect(m: Any, k: int, places: list[Place], count: int) -> Loop:
+def _read_connect(m: Any, k: int, places: list[Place], last: Mapping[int, int], count: int) -> Loop:
     ends: list[Point] = []
     for end, index in enumerate((int(m.eq_obj1id[k]), int(m.eq_obj2id[k]))):
         if int(m.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE):
@@ -162,7 +173,7 @@ def _read_connect(m: Any, k: int, places: list[Place], count: int) -> Loop:
         else:
             body, position = index, np.array(m.eq_data[k, 3 * end : 3 * end + 3])
         joint, place = places[body]
-        ends.append(Point(joint - 1, place.act(position)))
+        ends.append(Point(last[joint], place.act(position)))
     return Loop(m.equality(k).name or f"closure{count + 1}", ends[0], ends[1])
 
 

@@ -19,6 +19,10 @@ from identifiability.robot.mjcf import weighing_files
 from identifiability.robot.parts import Axis, Coupling, Loop, Transmission
 
 
+def _none() -> np.ndarray:
+    return np.empty(0, int)
+
+
 @frozen
 class Description:
     """What is known of a robot; read from a file it is a `Robot`.
@@ -71,22 +75,22 @@ class Description:
     bodies: tuple[str, ...]
     body_symbols: Mapping[str, str]
     joint_symbols: Mapping[str, str]
-    actuated: np.ndarray
-    dependent: np.ndarray
     loops: tuple[Loop, ...]
     couplings: tuple[Coupling, ...]
-    loop_rows: np.ndarray
     home: Array
-    nominal: Mapping[str, float]
     body_order: tuple[str, ...]
-    limits: Array
-    speed_limits: Array
-    acceleration_limits: Array
+    actuated: np.ndarray = field(default_factory=_none)
+    dependent: np.ndarray = field(default_factory=_none)
+    loop_rows: np.ndarray = field(default_factory=_none)
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    limits: Array = field(default_factory=_none)
+    speed_limits: Array = field(default_factory=_none)
+    acceleration_limits: Array = field(default_factory=_none)
     transmission: Transmission | None = None
     inertia_parts: tuple[str, ...] = ("Ia",)
     prior_relative: float = 1.0
     prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    ties: tuple[Mapping[str, tuple[str, ...]], ...] = field(default=())
+    ties: tuple[Mapping[str, tuple[str, ...]], ...] = ()
     rest: Mapping[str, float] = field(default_factory=dict)
     shapes: Mapping[str, float] = field(default_factory=dict)
     reference: Mapping[str, float] = field(default_factory=dict)
@@ -155,11 +159,10 @@ class Description:
 
     def dof_position(self, q: Array, name: str) -> Array:
         """Return the coordinate of a one-dof joint at configurations (N, nq), (N,)."""
-        dof = self.dof_index(name)
-        for j in self.tree.joints:
-            if j.iv == dof and j.nv == 1:
-                return q[:, j.iq]
-        raise RobotError(f"Joint '{name}' of {self.path.name} has no scalar position.")
+        self.dof_index(name)
+        if name not in self.tree.single:
+            raise RobotError(f"Joint '{name}' of {self.path.name} has no scalar position.")
+        return q[:, self.tree.single[name].iq]
 
     def actuated_positions(self, q: Array) -> Array:
         """Return the coordinates of the actuated joints at configurations (N, nq), (N, n)."""
@@ -168,9 +171,7 @@ class Description:
     def configuration(self, q: Array) -> Array:
         """Return full configurations (N, nq) with actuated positions `q`, the rest at home."""
         full = np.repeat(self.home[None], len(q), 0)
-        by_dof = {j.iv: j for j in self.tree.joints}
-        for column, dof in enumerate(self.actuated):
-            full[:, by_dof[int(dof)].iq] = q[:, column]
+        full[:, [self.tree.single[name].iq for name in self.joints]] = q
         return full
 
     def describe_home(self) -> str:
@@ -181,30 +182,23 @@ class Description:
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
         """Every actuated joint, then every motor whose coordinate mixes joints."""
-        n = len(self.actuated)
-        unit = np.eye(n)
-        axes = [
-            Axis(name, self.joint_symbols.get(name, name), unit[k], -1, self.is_prismatic(dof))
-            for k, (name, dof) in enumerate(zip(self.joints, self.actuated, strict=True))
-        ]
+        rows = list(zip(self.joints, np.eye(len(self.actuated)), strict=True))
         if self.transmission is not None:
-            rows = zip(self.transmission.motors, self.transmission.coupling, strict=True)
-            for motor, row in rows:
-                if np.count_nonzero(row) > 1:
-                    mixed = [axes[k].prismatic for k in np.flatnonzero(row)]
-                    axes.append(
-                        Axis(motor, self.joint_symbols.get(motor, motor), row, -1, all(mixed))
-                    )
-        return tuple(axes)
+            motors = zip(self.transmission.motors, self.transmission.coupling, strict=True)
+            rows += [(motor, row) for motor, row in motors if np.count_nonzero(row) > 1]
+        slides = np.array([self.is_prismatic(dof) for dof in self.actuated], bool)
+        return tuple(
+            Axis(name, self.joint_symbols.get(name, name), row, -1, bool(slides[row != 0].all()))
+            for name, row in rows
+        )
 
     @cached_property
     def passive_axes(self) -> tuple[Axis, ...]:
         """Every passive one-dof joint; balls are left out (no friction law with one axis)."""
-        single = {j.iv for j in self.tree.joints if j.nv == 1}
         return tuple(
             Axis(d, self.joint_symbols.get(d, d), None, int(k), self.is_prismatic(k))
             for k, d in zip(self.dependent, self.passive, strict=True)
-            if int(k) in single
+            if d in self.tree.single
         )
 
     def column_preference(self, names: tuple[str, ...]) -> list[int]:

@@ -82,8 +82,7 @@ def read_robot(source: str | Path, sidecar: str | Path | None = None) -> Descrip
         stated = _read_urdf(path, root)
     if stated.model.njoints < 2:
         raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
-    tree, last = read_tree(path, stated.model, stated.names)
-    return assemble(path, chosen, extra, stated, tree, last)
+    return assemble(path, chosen, extra, stated)
 
 
 def _read_urdf(path: Path, root: ET.Element) -> Stated:
@@ -113,7 +112,8 @@ def _read_urdf(path: Path, root: ET.Element) -> Stated:
     ]
     coupled = {c.joint for c in couplings}
     driven = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
-    return Stated(model, [], couplings, [name for name in driven if name not in coupled])
+    actuated = [name for name in driven if name not in coupled]
+    return Stated(model, *read_tree(path, model, {}), [], couplings, actuated)
 
 
 def _with_angles(root: ET.Element) -> str:

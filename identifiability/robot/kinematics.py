@@ -126,6 +126,11 @@ class Tree:
         return sum(j.nv for j in self.joints)
 
     @cached_property
+    def single(self) -> dict[str, Joint]:
+        """The joints of one degree of freedom, by name."""
+        return {j.dofs[0]: j for j in self.joints if j.nv == 1}
+
+    @cached_property
     def _aligned(self) -> tuple[_Aligned, ...]:
         out: list[_Aligned] = []
         for j in self.joints:

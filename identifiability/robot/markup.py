@@ -18,8 +18,8 @@ _ENDLESS = ("nan", "inf", "infinity")
 _SOFT = "only rigid bodies are supported; take it out of the file"
 _REFUSED = {
     "attach": "let MuJoCo write the file out in full (mujoco.mj_saveLastXML)",
-    "composite": _SOFT, "flexcomp": _SOFT, "flex": _SOFT,
-}  # fmt: skip
+    **dict.fromkeys(("composite", "flexcomp", "flex"), _SOFT),
+}
 
 
 def read_markup(path: Path) -> ET.Element:
@@ -143,20 +143,16 @@ def _check_mjcf(path: Path, root: ET.Element) -> None:
                 )
 
 
-def _check_kind(path: Path, joint: ET.Element, known: tuple[str, ...]) -> None:
-    kind = joint.get("type")
-    if joint.tag == "joint" and kind is not None and kind not in known:
-        raise RobotError(
-            f"{path}: joint '{joint.get('name', '')}' is of the unknown type "
-            f"'{kind}'{near_match(kind, known)} The types are {', '.join(known)}."
-        )
-
-
 def _check_urdf(path: Path, root: ET.Element) -> None:
     links = [e.get("name", "") for e in root.findall("link")]
     children = set()
     for joint in root.findall("joint"):
-        _check_kind(path, joint, _URDF_JOINTS)
+        kind = joint.get("type")
+        if kind is not None and kind not in _URDF_JOINTS:
+            raise RobotError(
+                f"{path}: joint '{joint.get('name', '')}' is of the unknown type "
+                f"'{kind}'{near_match(kind, _URDF_JOINTS)} The types are {', '.join(_URDF_JOINTS)}."
+            )
         for end in ("parent", "child"):
             element = joint.find(end)
             link = "" if element is None else element.get("link", "")

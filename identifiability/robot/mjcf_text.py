@@ -11,16 +11,17 @@ from identifiability.foundation.names import Array
 #: Rounding of a flat body's moments of inertia, relative to the largest.
 FLAT = 1e-13
 
-#: Attributes of <compiler> by which MuJoCo changes masses and inertias that the file states.
-_CHANGES = ("settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiafromgeom",
-            "inertiagrouprange")  # fmt: skip
-
-#: What tendons and actuators add to joints; it is part of the joints' own values.
-_ADDED = ("stiffness", "damping", "frictionloss", "armature", "springlength")
-_TENDONS = ("tendon", "fixed", "spatial")
-_ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder",
-              "muscle", "adhesion", "dcmotor")  # fmt: skip
-_FLAGS = ("passive", "spring", "damper", "frictionloss")
+#: What would change the written values in compiling, or add to them: elements and attributes. The
+#: compiler changes masses; what tendons and actuators add to joints is part of the joints' values.
+_GONE = (
+    ("compiler", "settotalmass boundmass boundinertia balanceinertia"),
+    ("compiler", "inertiafromgeom inertiagrouprange"),
+    ("flag", "passive spring damper frictionloss"),
+    ("joint", "springdamper"),
+    ("tendon fixed spatial", "stiffness damping frictionloss armature springlength"),
+    ("general motor position velocity intvelocity damper", "armature damping"),
+    ("cylinder muscle adhesion dcmotor", "armature damping"),
+)
 
 
 def numbers(values: Array) -> str:
@@ -36,21 +37,10 @@ def in_radians(top: ET.Element) -> bool:
 
 def clear_mjcf(top: ET.Element) -> None:
     """Take away what would change the written values, or add to them, in compiling."""
-    for element in top.iter():
-        if element.tag == "compiler":
-            gone: tuple[str, ...] = _CHANGES
-        elif element.tag == "flag":
-            gone = _FLAGS
-        elif element.tag in _TENDONS:
-            gone = _ADDED
-        elif element.tag in _ACTUATORS:
-            gone = ("armature", "damping")
-        elif element.tag == "joint":
-            gone = ("springdamper",)
-        else:
-            continue
-        for key in gone:
-            element.attrib.pop(key, None)
+    for tags, keys in _GONE:
+        for element in (e for tag in tags.split() for e in top.iter(tag)):
+            for key in keys.split():
+                element.attrib.pop(key, None)
 
 
 def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inertia: Array) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot.kinematics import Point
+from identifiability.robot.kinematics import Point, Tree
 
 
 @frozen
@@ -100,12 +100,12 @@ class Stated:
     Attributes
     ----------
     model : pinocchio.Model
+    tree : Tree
+    last : mapping
+        Where each Pinocchio joint ends in the tree.
     loops, couplings : list
-        Points of loops are in Pinocchio's numbering of joints, less one.
     actuated : list of str or None
         None where the file names no actuator.
-    names : mapping
-        The file's names of the joints in each Pinocchio joint, where they are not its own.
     home : (nq,) or None
         None is the zero configuration.
     springs : mapping
@@ -115,10 +115,11 @@ class Stated:
     """
 
     model: Any
+    tree: Tree
+    last: Mapping[int, int]
     loops: list[Loop]
     couplings: list[Coupling]
     actuated: list[str] | None
-    names: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
     home: Array | None = None
     springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     undriven: str = ""

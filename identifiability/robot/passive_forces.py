@@ -86,8 +86,8 @@ def find_drives(m: Any) -> tuple[list[str] | None, str]:
     count = len(m.actuator_trntype)
     joints = [_driven(m, a) for a in range(count)]
     names = [m.joint(j).name for j in joints if j is not None]
-    other = next((m.actuator(a).name or f"number {a + 1}" for a in range(count)
-                  if joints[a] is None and int(m.actuator_trntype[a]) != _ON_BODY), "")  # fmt: skip
+    idle = [a for a in range(count) if joints[a] is None and m.actuator_trntype[a] != _ON_BODY]
+    other = (m.actuator(idle[0]).name or f"number {idle[0] + 1}") if idle else ""
     return list(dict.fromkeys(names)) if names or other else None, other
 
 
@@ -164,10 +164,7 @@ def _add_tendon(path: Path, m: Any, t: int, forces: Forces, stiffness: Array, pu
 
 def _add_actuator(path: Path, m: Any, a: int, forces: Forces) -> None:
     """Add the rotor and the damping that an actuator brings along."""
-    rotor, damping = (
-        float(_extra(m, "actuator_armature", a)),
-        float(_extra(m, "actuator_damping", a)),
-    )
+    rotor, damping = (float(_extra(m, f"actuator_{k}", a)) for k in ("armature", "damping"))
     bent = np.any(_extra(m, "actuator_dampingpoly", a))
     if not (rotor or damping or bent):
         return

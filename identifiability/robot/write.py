@@ -30,11 +30,6 @@ def joint_numbers(robot: Description) -> tuple[str, ...]:
     return every if robot.mjcf else every[:2]
 
 
-def file_joints(robot: Description) -> tuple[str, ...]:
-    """Return the joints of one degree of freedom, for which it can."""
-    return tuple(j.dofs[0] for j in robot.tree.joints if j.nv == 1)
-
-
 def write_robot(
     robot: Description,
     path: str | Path,
@@ -71,9 +66,8 @@ def write_robot(
     """
     path = Path(path)
     top = _template(robot)
-    given, wanted = ("MJCF", ".xml"), ("URDF", ".urdf")
     if (path.suffix.lower() == ".urdf") == robot.mjcf:
-        (own, suffix), (other, _) = (given, wanted) if robot.mjcf else (wanted, given)
+        other, own, suffix = ("URDF", "MJCF", ".xml") if robot.mjcf else ("MJCF", "URDF", ".urdf")
         raise RobotError(
             f"'{path}' asks for {other}, but {robot.path} is {own}; give a file name ending in "
             f"{suffix}."
@@ -108,9 +102,11 @@ def _template(robot: Description) -> ET.Element:
             "parameters to; write them out as bodies."
         )
     named = {e.get("name") for e in top.iter() if e.tag in ("joint", "freejoint")}
-    single = {d for j in robot.tree.joints if j.nv == 1 for d in j.dofs}
     bodies = {e.get("name") for e in top.iter() if e.tag in ("body", "link")}
-    for what, missing in (("joint", single - named), ("body", set(robot.bodies) - bodies)):
+    for what, missing in (
+        ("joint", set(robot.tree.single) - named),
+        ("body", set(robot.bodies) - bodies),
+    ):
         if missing:
             raise RobotError(
                 f"{robot.path} has a {what} without a name, so parameters cannot be written to it; "
@@ -146,28 +142,28 @@ def _write_urdf_inertial(
     top: ET.Element, robot: Description, index: int, mass: float, centre: Array, inertia: Array
 ) -> None:
     body = robot.bodies[index]
-    element = next(link for link in top.findall("link") if link.get("name") == body)
-    for old in element.findall("inertial"):
-        element.remove(old)
+    links = top.findall("link")
+    element = next(link for link in links if link.get("name") == body)
+    _remove_all(element, "inertial")
     new = ET.SubElement(element, "inertial")
     ET.SubElement(new, "origin", xyz=numbers(centre), rpy="0 0 0")
     ET.SubElement(new, "mass", value=f"{mass:.17g}")
-    names = {
-        "ixx": (0, 0),
-        "ixy": (0, 1),
-        "ixz": (0, 2),
-        "iyy": (1, 1),
-        "iyz": (1, 2),
-        "izz": (2, 2),
+    entries = {f"i{'xyz'[i]}{'xyz'[j]}": inertia[i, j] for i in range(3) for j in range(i, 3)}
+    ET.SubElement(new, "inertia", {name: f"{value:.17g}" for name, value in entries.items()})
+    # Links that are fixed to this one are part of it now.
+    attached = {
+        frame.name
+        for frame in robot.model.frames
+        if frame.type == pin.FrameType.BODY and frame.parentJoint == index + 1
     }
-    ET.SubElement(new, "inertia", {n: f"{inertia[i, j]:.17g}" for n, (i, j) in names.items()})
-    for frame in robot.model.frames:  # links that are fixed to this one are part of it now
-        attached = frame.type == pin.FrameType.BODY and frame.parentJoint == index + 1
-        if attached and frame.name != body:
-            for link in top.findall("link"):
-                if link.get("name") == frame.name:
-                    for old in link.findall("inertial"):
-                        link.remove(old)
+    for link in links:
+        if link.get("name") in attached - {body}:
+            _remove_all(link, "inertial")
+
+
+def _remove_all(element: ET.Element, tag: str) -> None:
+    for old in element.findall(tag):
+        element.remove(old)
 
 
 def _write_joint(
@@ -181,8 +177,7 @@ def _write_joint(
     """Write friction, rotor and spring of a joint."""
     texts = {word: f"{value:.17g}" for word, value in stated.items()}
     if not robot.mjcf:
-        for old in joint.findall("dynamics"):
-            joint.remove(old)
+        _remove_all(joint, "dynamics")
         ET.SubElement(joint, "dynamics", damping=texts["damping"], friction=texts["frictionloss"])
         return
     stiffness = texts.pop("stiffness")

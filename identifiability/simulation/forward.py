@@ -20,7 +20,7 @@ from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
-from identifiability.robot.write import file_joints, write_robot
+from identifiability.robot.write import write_robot
 from identifiability.simulation.forces import JointTerms, both_directions
 from identifiability.simulation.mujoco_robot import MujocoRobot, bare_urdf, reason_of
 
@@ -68,7 +68,7 @@ class ForwardRobot:
         self.robot = robot
         values = {**robot.nominal, **both_directions(parameters)}
         parts = robot.inertia_parts
-        terms = {n: JointTerms.of(values, n, parts) for n in file_joints(robot)}
+        terms = {n: JointTerms.of(values, n, parts) for n in robot.tree.single}
         joints = {name: _stated_numbers(of) for name, of in terms.items()}
         self._kinematics = MujocoRobot(robot, _compile(robot, values, joints))
         self.model = self._kinematics.model

@@ -19,7 +19,7 @@ from identifiability.foundation.values import frozen
 from identifiability.physical.mass import state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot, RobotLike
-from identifiability.robot.write import file_joints, write_robot
+from identifiability.robot.write import write_robot
 
 
 class _Entry(BaseModel):
@@ -166,7 +166,7 @@ def write_parameters(
     bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
     sidecar = write_robot(robot, path, bodies, stated_numbers(robot, values), tables)
     parts = robot.inertia_parts if robot.mjcf else ()
-    summed = {f"{joint}.{part}" for joint in file_joints(robot) for part in parts}
+    summed = {f"{joint}.{part}" for joint in robot.tree.single for part in parts}
     lost = tuple(name for name in nominal if name not in summed)  # the file has a rotor's sum
     return Written(Path(path), sidecar, lost)
 
