@@ -19,7 +19,7 @@ from typer import Argument, Option
 from identifiability.cli.common import sentences
 
 if TYPE_CHECKING:
-    from identifiability.foundation.engines.local import OpenEngine
+    from identifiability.foundation.engines.local import Engine
     from identifiability.robot import Robot
 
 _derived = partial(Option, rich_help_panel="Velocity and acceleration")
@@ -195,7 +195,7 @@ class Place:
         ),
     ] = None
 
-    def running(self) -> OpenEngine:
+    def running(self) -> Engine:
         """Return the engine; its processes end with it."""
         from identifiability.foundation.engines.local import choose_engine  # noqa: PLC0415
 

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from identifiability.foundation.engines.local import Engine, OpenEngine
+from identifiability.foundation.engines.local import Engine
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Visit:
         return self.end != self.end
 
 
-class Watched(OpenEngine):
+class Watched(Engine):
     """An engine on this machine whose visits are noted in a file.
 
     Parameters

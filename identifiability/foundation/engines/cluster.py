@@ -26,8 +26,8 @@ from identifiability.foundation.engines.fingerprint import root_module, source_d
 from identifiability.foundation.engines.mapping import (
     AHEAD,
     LARGE,
+    Engine,
     Item,
-    OpenEngine,
     Result,
     in_order,
     run_limited,
@@ -49,7 +49,7 @@ _INSTALL = (
 )
 
 
-class Dask(OpenEngine):
+class Dask(Engine):
     """Runs items on the workers of a Dask cluster.
 
     Parameters
@@ -104,14 +104,14 @@ class Dask(OpenEngine):
             ) from None
 
     def _submitter(self, function: Callable[[Item], Result]) -> Callable[[Item], Any]:
-        if len(cloudpickle.dumps(function)) <= LARGE:
-            return partial(self.client.submit, run_limited, function, pure=False)
-        # A regressor in a partial is sent once. Small functions go with each item, because the
-        # scheduler prefers workers that have what an item needs, and a new worker has nothing.
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
-            stored = self.client.submit(_keep, function, pure=False)
-        return partial(self.client.submit, run_limited, stored, pure=False)
+        sent: Any = function
+        if len(cloudpickle.dumps(function)) > LARGE:
+            # A regressor in a partial is sent once. Small functions go with each item, because the
+            # scheduler prefers workers that have what an item needs, and a new worker has nothing.
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
+                sent = self.client.submit(_keep, function, pure=False)
+        return partial(self.client.submit, run_limited, sent, pure=False)
 
     @contextlib.contextmanager
     def _reached(self, *lost: type[Exception]) -> Iterator[None]:
@@ -158,9 +158,8 @@ class Dask(OpenEngine):
             return
         with tempfile.TemporaryDirectory() as folder:
             if path.name == "__init__.py":
-                root = path.parent
-                base = Path(folder, name)
-                path = Path(shutil.make_archive(str(base), "zip", root.parent, root.name))
+                whole = (path.parent.parent, path.parent.name)
+                path = Path(shutil.make_archive(str(Path(folder, name)), "zip", *whole))
             self.client.upload_file(str(path))
 
     def close(self) -> None:

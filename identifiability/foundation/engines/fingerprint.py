@@ -25,8 +25,8 @@ def fingerprint(function: Callable[..., Any]) -> str:
         parts.append(str(joblib.hash((function.args, function.keywords), "sha1")))
         function = function.func
     module, name = _module(function), getattr(function, "__qualname__", "")
-    root, _ = root_module(function)
-    text = source_digest(root) or source_digest(module)  # of a folder without __init__, the file
+    # Of a folder without __init__, the file.
+    text = source_digest(module.partition(".")[0]) or source_digest(module)
     parts += [module, name, text, source_digest("identifiability")]
     if module == "__main__" or getattr(sys.modules.get(module), name, None) is not function:
         # A notebook's, a lambda's or an object's text and values are in no file.
@@ -54,13 +54,11 @@ def source_digest(name: str) -> str:
     file = getattr(sys.modules.get(name), "__file__", None)
     if file is None and name not in sys.modules:
         with suppress(ImportError, ValueError):
-            spec = util.find_spec(name)
-            file = None if spec is None else spec.origin
+            file = getattr(util.find_spec(name), "origin", None)
     if file is None:
         return ""
     path = Path(file)
-    whole = path.name == "__init__.py"
-    files = sorted(path.parent.rglob("*.py")) if whole else [path]
+    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
     found = hashlib.sha256()
     try:
         for f in files:

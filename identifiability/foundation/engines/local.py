@@ -16,7 +16,6 @@ from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from functools import lru_cache, partial
 from pathlib import Path
-from types import FrameType
 from typing import Annotated, Any, Literal
 
 import cloudpickle
@@ -25,11 +24,10 @@ from joblib.externals.loky import ProcessPoolExecutor
 
 from identifiability.foundation.engines.mapping import (
     AHEAD,
-    LARGE,
     Engine,
     Item,
-    OpenEngine,
     Result,
+    Serial,
     in_order,
     run_limited,
 )
@@ -37,7 +35,7 @@ from identifiability.foundation.engines.resume import Resumed
 from identifiability.foundation.errors import EngineError
 from identifiability.foundation.options import FilePath, at_least, checked
 
-__all__ = ["Engine", "OpenEngine", "Processes", "Resumed", "Serial", "choose_engine"]
+__all__ = ["Engine", "Processes", "Resumed", "Serial", "choose_engine"]
 
 Name = Literal["serial", "processes", "dask"]
 
@@ -52,14 +50,7 @@ _ONE_THREAD = dict.fromkeys(
 )
 
 
-class Serial(OpenEngine):
-    """Runs everything here, one item after the other."""
-
-    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-        return (run_limited(function, item) for item in items)
-
-
-class Processes(OpenEngine):
+class Processes(Engine):
     """Runs items in processes of this machine, each with one BLAS thread.
 
     They start with the first item, stay for the next `map`, and end with this object or on leaving
@@ -78,30 +69,27 @@ class Processes(OpenEngine):
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         if self.workers == 1 or len(items) < 2:
-            yield from Serial()._run(function, items)
+            yield from Serial().map(function, items)
             return
-        blob = cloudpickle.dumps(function)
         with tempfile.TemporaryDirectory(prefix="identifiability-") as folder:
-            if len(blob) > LARGE:
-                path = Path(folder, "function")
-                path.write_bytes(blob)
-                sent: Callable[[Item], Result] = partial(_run_stored, str(path))
-            else:
-                sent = partial(run_limited, function)
-            yield from self._restarted(sent, items)
+            path = Path(folder, "function")
+            path.write_bytes(cloudpickle.dumps(function))
+            yield from self._restarted(partial(_run_stored, str(path)), items)
 
     def _restarted(
         self, function: Callable[[Item], Result], items: Sequence[Item]
     ) -> Iterator[Result]:
         """Yield results; after a lost worker, go on behind the last one that was fetched."""
-        done = losses = 0
+        window, done, losses = AHEAD * self.workers, 0, 0
         while done < len(items):
             before = done
             try:
-                for result in self._fetch(function, items[done:]):
+                submit = partial(self._started().submit, function)
+                for result in in_order(submit, items[done:], window, lambda _: self.close()):
                     yield result
                     done += 1
             except BrokenExecutor:
+                self.close()
                 losses = losses + 1 if done == before else 1
                 if losses > RESTARTS:
                     raise EngineError(
@@ -109,23 +97,14 @@ class Processes(OpenEngine):
                         f"of memory; give fewer than {self.workers} workers, or the serial engine."
                     ) from None
 
-    def _fetch(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    def _started(self) -> Any:
+        """Return the pool of workers."""
         if self._pool is None:
+            own = {"initializer": _start_worker, "initargs": (os.getpid(),), "env": _ONE_THREAD}
             with _uninterrupted():
-                self._pool = ProcessPoolExecutor(
-                    self.workers, initializer=_start_worker, initargs=(os.getpid(),),
-                    env=_ONE_THREAD,
-                )  # fmt: skip
+                self._pool = ProcessPoolExecutor(self.workers, **own)
                 self._pool.submit(os.getpid)  # the processes start now
-        submit = partial(self._pool.submit, function)
-        try:
-            yield from in_order(submit, items, AHEAD * self.workers, self._abandon)
-        except BrokenExecutor:
-            self.close()
-            raise
-
-    def _abandon(self, _waiting: object) -> None:
-        self.close()
+        return self._pool
 
     def close(self) -> None:
         """End the worker processes at once, whatever they do."""
@@ -145,8 +124,8 @@ def _uninterrupted() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    held: list[tuple[int, FrameType | None]] = []
-    usual = signal.signal(signal.SIGINT, lambda number, frame: held.append((number, frame)))
+    held: list[Any] = []
+    usual = signal.signal(signal.SIGINT, lambda *what: held.append(what))
     try:
         yield
     finally:
@@ -183,7 +162,7 @@ def choose_engine(
     workers: Annotated[int, at_least(1)] | None = None,
     scheduler: str | None = None,
     resume: FilePath | None = None,
-) -> OpenEngine:
+) -> Engine:
     """Return the engine that some options ask for.
 
     Parameters
@@ -210,15 +189,9 @@ def choose_engine(
             f"The cluster at '{scheduler}' has its own workers; leave out their number, or the "
             "scheduler to start them here."
         )
-    engine = _build_engine(name, workers, scheduler)
+    engine: Engine = Serial() if name == "serial" else Processes(workers)
+    if name == "dask":
+        from identifiability.foundation.engines.cluster import Dask  # noqa: PLC0415 - an extra
+
+        engine = Dask(scheduler, workers)
     return engine if resume is None else Resumed(engine, resume)
-
-
-def _build_engine(name: str, workers: int | None, scheduler: str | None) -> OpenEngine:
-    if name == "serial":
-        return Serial()
-    if name == "processes":
-        return Processes(workers)
-    from identifiability.foundation.engines.cluster import Dask  # noqa: PLC0415 - an extra
-
-    return Dask(scheduler, workers)

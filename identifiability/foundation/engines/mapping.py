@@ -5,14 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from types import TracebackType
-from typing import Protocol, Self, TypeVar, runtime_checkable
+from typing import Any, Self, TypeVar
 
 from threadpoolctl import threadpool_limits
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-Result_co = TypeVar("Result_co", covariant=True)
 
 #: Called with the number of items done and to do.
 Steps = Callable[[int, int], None]
@@ -24,22 +22,53 @@ AHEAD = 4
 LARGE = 100_000
 
 
-class Pending(Protocol[Result_co]):
-    """A result that is being worked on; those of every executor and cluster are alike."""
+def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
+    """Call a function with one BLAS thread.
 
-    def result(self) -> Result_co:
-        """Wait for the result."""
+    Threads fight over the small matrices of this project, and sums over several threads differ in
+    the last bits from sums over one.
+    """
+    with threadpool_limits(1, "blas"):
+        return function(item)
 
-    def done(self) -> bool:
-        """Return whether it is there, or never will be."""
+
+def in_order(
+    submit: Callable[[Item], Any],
+    items: Sequence[Item],
+    window: int,
+    abandon: Callable[[Sequence[Any]], None],
+) -> Iterator[Any]:
+    """Yield results in the order of the items; at most `window` are under way or unfetched.
+
+    Parameters
+    ----------
+    submit : callable
+        Starts the work on one item and returns its future.
+    items : sequence
+    window : int
+    abandon : callable
+        Called with work that nobody will fetch, some of it under way: after Ctrl-C or an error, or
+        when the caller wants no more.
+    """
+    waiting: deque[Any] = deque()
+    try:
+        for k, item in enumerate(items, 1):
+            waiting.append(submit(item))
+            while waiting and (len(waiting) >= window or k == len(items)):
+                result = waiting[0].result()  # stays in the queue while we wait for it
+                waiting.popleft()
+                yield result
+    finally:
+        if not all(f.done() for f in waiting):
+            abandon(list(waiting))
 
 
-@runtime_checkable
-class Engine(Protocol):
+class Engine(ABC):
     """Runs a function over items: here, in other processes or on a cluster.
 
     Results do not depend on the engine, to the last bit: every call has one BLAS thread, and what
-    is random must come from the item (a seed), never from the process that happens to run it.
+    is random must come from the item (a seed), never from the process that happens to run it. It
+    may hold processes or a connection, until `close` or the end of ``with``.
     """
 
     def map(
@@ -67,60 +96,6 @@ class Engine(Protocol):
         EngineError
             If workers are lost again and again.
         """
-
-
-def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
-    """Call a function with one BLAS thread.
-
-    Threads fight over the small matrices of this project, and sums over several threads differ in
-    the last bits from sums over one.
-    """
-    with threadpool_limits(1, "blas"):
-        return function(item)
-
-
-def in_order(
-    submit: Callable[[Item], Pending[Result]],
-    items: Sequence[Item],
-    window: int,
-    abandon: Callable[[list[Pending[Result]]], None],
-) -> Iterator[Result]:
-    """Yield results in the order of the items; at most `window` are under way or unfetched.
-
-    Parameters
-    ----------
-    submit : callable
-        Starts the work on one item.
-    items : sequence
-    window : int
-    abandon : callable
-        Called with work that nobody will fetch, some of it under way: after Ctrl-C or an error, or
-        when the caller wants no more.
-    """
-    waiting: deque[Pending[Result]] = deque()
-    try:
-        for k, item in enumerate(items, 1):
-            waiting.append(submit(item))
-            while waiting and (len(waiting) >= window or k == len(items)):
-                result = waiting[0].result()  # stays in the queue while we wait for it
-                waiting.popleft()
-                yield result
-    finally:
-        if not all(f.done() for f in waiting):
-            abandon(list(waiting))
-
-
-class OpenEngine(ABC):
-    """An engine that may hold processes or a connection, until `close` or the end of ``with``."""
-
-    def map(
-        self,
-        function: Callable[[Item], Result],
-        items: Sequence[Item],
-        *,
-        progress: Steps | None = None,
-    ) -> Iterator[Result]:
-        """Yield ``function(item)`` for every item; see `Engine.map`."""
         for done, result in enumerate(self._run(function, items), 1):
             if progress is not None:
                 progress(done, len(items))
@@ -136,10 +111,12 @@ class OpenEngine(ABC):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
+
+
+class Serial(Engine):
+    """Runs everything here, one item after the other."""
+
+    def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+        return (run_limited(function, item) for item in items)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import stat
+from itertools import pairwise
 from pathlib import Path
 
 from identifiability.foundation.errors import OutputError
@@ -40,44 +41,40 @@ def open_private(folder: str | Path) -> Path:
 def is_private(path: Path) -> bool:
     """Return whether a path is no link, belongs to the user, and nobody else can write to it."""
     status = path.lstat()
-    if stat.S_ISLNK(status.st_mode):
-        return False
-    return not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not _others_write(status))
+    return not stat.S_ISLNK(status.st_mode) and _owns(status) and not _others_write(status)
 
 
 def _check(folder: Path, place: Path) -> None:
-    if not hasattr(os, "getuid"):
-        return
     status = place.stat()
-    if status.st_uid != os.getuid():
+    if not _owns(status):
         raise _refusal(folder, "belongs to another user", "give a folder of your own")
     if _others_write(status):
         remedy = f"run 'chmod 700 {shlex.quote(str(folder))}', or give another folder"
         raise _refusal(folder, "can be written to by others", remedy)
-    below = status
-    for parent in place.parents:
+    for below, parent in pairwise((place, *place.parents)):
         status = parent.stat()
         # In a sticky folder, such as /tmp, others cannot rename what is not theirs.
-        open_ = _others_write(status) and not (status.st_mode & stat.S_ISVTX and _trusts(below))
-        if open_ or not _trusts(status):
+        kept = status.st_mode & stat.S_ISVTX and _trusts(below.stat())
+        if not _trusts(status) or (_others_write(status) and not kept):
             what = f"can be replaced by others, who can write to '{parent}'"
             raise _refusal(folder, what, "give a folder elsewhere, such as one in your home")
-        below = status
+
+
+def _owns(status: os.stat_result) -> bool:
+    """Return whether something belongs to the user, as far as users can be told apart."""
+    return not hasattr(os, "getuid") or status.st_uid == os.getuid()
 
 
 def _trusts(status: os.stat_result) -> bool:
     """Return whether something belongs to the user or to who can do everything anyway."""
-    if not hasattr(os, "getuid"):
-        return True
-    return status.st_uid in (os.getuid(), 0, Path("/").stat().st_uid)
+    return _owns(status) or status.st_uid in (0, Path("/").stat().st_uid)
 
 
 def _others_write(status: os.stat_result) -> bool:
     if not hasattr(os, "getuid"):
         return False
-    if status.st_mode & stat.S_IWOTH:
-        return True
-    return bool(status.st_mode & stat.S_IWGRP) and not _alone_in(status.st_gid)
+    group = status.st_mode & stat.S_IWGRP and not _alone_in(status.st_gid)
+    return bool(status.st_mode & stat.S_IWOTH or group)
 
 
 def _alone_in(group: int) -> bool:

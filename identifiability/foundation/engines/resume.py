@@ -15,7 +15,7 @@ from typing import Any
 import joblib
 
 from identifiability.foundation.engines.fingerprint import fingerprint
-from identifiability.foundation.engines.mapping import Engine, Item, OpenEngine, Result
+from identifiability.foundation.engines.mapping import Engine, Item, Result
 from identifiability.foundation.engines.private_folder import is_private, open_private
 from identifiability.foundation.output import write_bytes
 
@@ -23,7 +23,7 @@ _MAGIC = b"identifiability result 1\n"
 _DIGEST = hashlib.sha256().digest_size
 
 
-class Resumed(OpenEngine):
+class Resumed(Engine):
     """An engine that keeps the results of finished items and does not do them again.
 
     Results are pickled, and a pickle can run any program: the folder must be the user's own, and
@@ -75,8 +75,7 @@ class Resumed(OpenEngine):
 
     def close(self) -> None:
         """End what the engine inside has started."""
-        if isinstance(self.engine, OpenEngine):
-            self.engine.close()
+        self.engine.close()
 
     def _path(self, program: str, item: Any) -> Path:
         key = hashlib.sha256(f"{program} {joblib.hash(item, 'sha1')}".encode()).hexdigest()
