@@ -1,10 +1,8 @@
 """Assess the models of a ladder: uncertainty, verdicts, errors, feasibility; select one."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -17,51 +15,36 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import FittedModel, PhysicalResult
-from identifiability.physical.mass import real_robot_dict
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
-from identifiability.robot import Robot
 
 
 @frozen(kw_only=True)
-class RungResult:
-    """One model of the ladder, fitted.
+class JudgedModel:
+    """A model that was fitted and judged.
 
     Attributes
     ----------
     rung : Rung
     estimate : Estimate
-    uncertainty : Uncertainty
     verdicts : tuple of Verdict
     error_ra : float
         ε_RA on the logs it was fitted to.
     error_ra_validation : float
-        ε_RA on the validation logs, or by blocked cross-validation where there are none.
+        ε_RA on the validation logs.
     error_se : float
-        Standard error of the difference of the latter to the best model's.
-    error_ra_physical : float
-        ε_RA of the nearest real robot, on the same samples as `error_ra_validation`.
-    error_ra_real, error_ra_file : float
-        ε_RA of the nearest real robot on the logs that were fitted, and of what a robot file
-        holds of it without a sidecar.
+        Standard error of the difference of its held-out ε_RA to another model's.
     infeasible : tuple of str
         Parameters with a sign that physics forbids, the paper's test.
-    physical : PhysicalResult
-        Whether a real robot has these parameters, and the nearest that has.
     """
 
     rung: Rung
     estimate: Estimate
-    uncertainty: Uncertainty
     verdicts: tuple[Verdict, ...]
     error_ra: float
     error_ra_validation: float
     error_se: float
-    error_ra_physical: float
-    error_ra_real: float
-    error_ra_file: float
     infeasible: tuple[str, ...]
-    physical: PhysicalResult
 
     @property
     def name(self) -> str:
@@ -69,14 +52,69 @@ class RungResult:
         return self.rung.name
 
     @property
-    def feasible(self) -> bool:
-        """Whether a real robot has these parameters: bodies with mass, friction that brakes."""
-        return self.physical.feasible and self.signs_possible
-
-    @property
     def signs_possible(self) -> bool:
         """Whether no parameter has a sign that physics forbids, the paper's test."""
         return not self.infeasible
+
+    @property
+    def paper_identified(self) -> int:
+        """How many parameters pass the 10× rule."""
+        return int(self.estimate.paper_rule.sum())
+
+    @property
+    def unjudged(self) -> str:
+        """Why its parameters are not judged; nothing if they are."""
+        return next((v.reason for v in self.verdicts if v.verdict is Class.NOT_JUDGED), "")
+
+    def count(self, kind: Class) -> int:
+        """Return how many parameters got a verdict."""
+        return sum(v.verdict is kind for v in self.verdicts)
+
+    def withdraw(self, why: str) -> Self:
+        """Return the model with no parameter believed, for one reason."""
+        return replace(self, verdicts=withdraw(self.verdicts, why))
+
+    def row(self) -> dict[str, Any]:
+        """Return the model as one row of the ladder."""
+        return {
+            "name": self.name,
+            "parameters": len(self.rung),
+            "paper_identified": self.paper_identified,
+            "identifiable": self.count(Class.IDENTIFIABLE),
+            "not_judged": self.count(Class.NOT_JUDGED),
+            "error_ra": self.error_ra,
+            "error_ra_validation": self.error_ra_validation,
+            "infeasible": list(self.infeasible),
+            "condition": self.estimate.condition,
+        }
+
+
+@frozen(kw_only=True)
+class RungResult(JudgedModel):
+    """One model of the ladder, fitted; held out in turns where there are no validation logs.
+
+    Attributes
+    ----------
+    uncertainty : Uncertainty
+    error_ra_physical : float
+        ε_RA of the nearest real robot, on the same samples as `error_ra_validation`.
+    error_ra_real, error_ra_file : float
+        ε_RA of the nearest real robot on the logs that were fitted, and of what a robot file
+        holds of it without a sidecar.
+    physical : PhysicalResult
+        Whether a real robot has these parameters, and the nearest that has.
+    """
+
+    uncertainty: Uncertainty
+    error_ra_physical: float
+    error_ra_real: float
+    error_ra_file: float
+    physical: PhysicalResult
+
+    @property
+    def feasible(self) -> bool:
+        """Whether a real robot has these parameters: bodies with mass, friction that brakes."""
+        return self.physical.feasible and self.signs_possible
 
     @property
     def possible(self) -> str:
@@ -92,46 +130,19 @@ class RungResult:
         return self.uncertainty.times
 
     @property
-    def paper_identified(self) -> int:
-        """How many parameters pass the 10× rule."""
-        return int(self.estimate.paper_rule.sum())
-
-    def count(self, kind: Class) -> int:
-        """Return how many parameters got a verdict."""
-        return sum(v.verdict is kind for v in self.verdicts)
-
-    def withdraw(self, why: str) -> RungResult:
-        """Return the model with no parameter believed, for one reason."""
-        return replace(self, verdicts=withdraw(self.verdicts, why))
-
-    @property
-    def unjudged(self) -> str:
-        """Why its parameters are not judged; nothing if they are."""
-        return next((v.reason for v in self.verdicts if v.verdict is Class.NOT_JUDGED), "")
-
-    @property
     def margin(self) -> float:
         """Margin of the physical certificate; negative when no real robot has the parameters."""
         return self.physical.margin
 
     def row(self) -> dict[str, Any]:
         """Return the model as one row of the ladder."""
-        return {
-            "name": self.name,
+        return super().row() | {
             "description": self.rung.description,
-            "parameters": len(self.rung),
-            "paper_identified": self.paper_identified,
-            "identifiable": self.count(Class.IDENTIFIABLE),
-            "not_judged": self.count(Class.NOT_JUDGED),
-            "error_ra": self.error_ra,
-            "error_ra_validation": self.error_ra_validation,
             "error_ra_validation_se": self.error_se,
             "feasible": self.feasible,
             "signs_possible": self.signs_possible,
-            "infeasible": list(self.infeasible),
             "physical_margin": self.margin,
             "error_ra_physical": self.error_ra_physical,
-            "condition": self.estimate.condition,
         }
 
 
@@ -192,12 +203,6 @@ def assess_ladder(
     return tuple(results)
 
 
-def physical_dict(robot: Robot, result: RungResult, shapes: Mapping[str, float]) -> dict[str, Any]:
-    """Return the nearest real robot of a model as plain values, as `export` reads them."""
-    real, errors = result.physical, (result.error_ra_real, result.error_ra_file)
-    return real_robot_dict(robot, real.parameters(), errors, shapes, real.cad_weight)
-
-
 def judge_rung(
     rung: Rung,
     information: Information,
@@ -212,16 +217,12 @@ def judge_rung(
 
     Parameters
     ----------
-    rung : Rung
     information : Information
-        About its columns.
-    fit : Estimate
-    uncertainty : Uncertainty
+        About the model's columns.
     torque : float [N·m or N]
         Root mean square of the measured torque.
     aliases : sequence of str
         What each parameter cannot be told from, where the motion leaves it open.
-    thresholds : Thresholds
     stated : (k,), optional
         Values that the robot file states.
     """
@@ -247,8 +248,8 @@ def forbidden_signs(rung: Rung, information: Information, fit: Estimate) -> tupl
 
 def column_rms(information: Information) -> Array:
     """Return the root mean square of each column over all rows, (k,)."""
-    root = information.factor()[:, :-1]
-    rms: Array = np.linalg.norm(root, axis=0) / np.sqrt(max(information.rows, 1))
+    length = np.linalg.norm(information.factor()[:, :-1], axis=0)
+    rms: Array = length / np.sqrt(max(information.rows, 1))
     return rms
 
 

@@ -1,14 +1,17 @@
-"""Errors of one model by joint and by log."""
+"""Of one model what analyze and prune tell alike: errors by joint and log, its real robot."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
 
 from identifiability.estimation.prediction import Prediction
 from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.physical.mass import real_robot_dict
+from identifiability.robot import Robot
+from identifiability.workflows.analyze.assessment import RungResult
 
 
 def tell_errors(
@@ -45,4 +48,16 @@ def errors_dict(errors: pd.DataFrame) -> dict[str, Any]:
     return {
         f"{kind}s": part.drop(columns="of").rename(columns={"name": kind}).to_dict("records")
         for kind, part in errors.groupby("of")
+    }
+
+
+def physical_dict(robot: Robot, result: RungResult, shapes: Mapping[str, float]) -> dict[str, Any]:
+    """Return the nearest real robot of a model as plain values, as `export` reads them."""
+    real, errors = result.physical, (result.error_ra_real, result.error_ra_file)
+    return {
+        "feasible": result.feasible,
+        "margin": result.margin,
+        "infeasible": list(result.infeasible),
+        "error_ra_validation": result.error_ra_physical,
+        **real_robot_dict(robot, real.parameters(), errors, shapes, real.cad_weight),
     }

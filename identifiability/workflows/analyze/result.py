@@ -16,9 +16,9 @@ from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource
 from identifiability.workflows.analyze.arviz import Which, build_datatree
-from identifiability.workflows.analyze.assessment import RungResult, physical_dict
+from identifiability.workflows.analyze.assessment import RungResult
 from identifiability.workflows.analyze.belief import Belief, belief_dict
-from identifiability.workflows.analyze.errors import errors_dict, tell_errors
+from identifiability.workflows.analyze.errors import errors_dict, physical_dict, tell_errors
 from identifiability.workflows.analyze.words import state_answer, state_physics
 from identifiability.workflows.opening import Opening
 from identifiability.workflows.provenance import state_provenance
@@ -142,11 +142,7 @@ class Analysis(Result, Opening):
             "parameters": [v.to_row() for v in self.chosen.verdicts],
             "full_parameters": [v.to_row() for v in self.full.verdicts],
             "physical": {
-                "feasible": self.chosen.feasible,
-                "margin": self.chosen.margin,
-                "infeasible": list(self.chosen.infeasible),
                 "certificate": self.chosen.physical.sentence,
-                "error_ra_validation": self.chosen.error_ra_physical,
                 **physical_dict(self.robot, self.chosen, self.shapes),
             },
             "posterior": None if self.belief is None else belief_dict(self.chosen, self.belief),

@@ -21,8 +21,7 @@ from identifiability.regression.reduction import (
     ladder_text,
     rung_entry,
 )
-from identifiability.workflows.analyze.assessment import physical_dict
-from identifiability.workflows.analyze.errors import errors_dict, tell_errors
+from identifiability.workflows.analyze.errors import errors_dict, physical_dict, tell_errors
 from identifiability.workflows.analyze.words import state_physics
 from identifiability.workflows.opening import Opening
 from identifiability.workflows.provenance import state_provenance
@@ -133,7 +132,6 @@ class Ladder(Result, Opening, Measured):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values."""
-        physical = self.result.physical
         return {
             "schema": self.schema,
             "robot": {"name": self.robot.name, "title": self.robot.title},
@@ -159,11 +157,7 @@ class Ladder(Result, Opening, Measured):
             },
             "absorption": self.absorption.to_frame().to_dict("records"),
             "physical": {
-                "feasible": self.feasible,
-                "margin": self.result.margin,
-                "infeasible": list(self.result.infeasible),
-                "sentence": physical.sentence,
-                "error_ra_validation": self.result.error_ra_physical,
+                "sentence": self.result.physical.sentence,
                 **physical_dict(self.robot, self.result, self.shapes),
             },
             "ladder": self.model_text,

@@ -5,17 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.prediction import Prediction, Task, predict_all, take_turns
 from identifiability.estimation.torque_errors import standard_error
 from identifiability.estimation.uncertainty import Uncertainty, resample
-from identifiability.estimation.verdict import Class, Thresholds, Verdict, withdraw
+from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import FittedModel, PhysicalResult
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.workflows.analyze.assessment import (
+    JudgedModel,
     RungResult,
     assess_ladder,
     forbidden_signs,
@@ -28,47 +29,26 @@ from identifiability.workflows.prune.search import Search, least_error
 
 
 @frozen(kw_only=True)
-class PrunedRung:
-    """One model on the way down.
+class PrunedRung(JudgedModel):
+    """One model on the way down, judged with the memory of the chosen rung's residual.
+
+    Without validation logs its error on these is NaN; errors are compared with the rung to use.
 
     Attributes
     ----------
     step : Step
         The move that led here, its evidence and its held-out error in squares.
-    rung : Rung
-    estimate : Estimate
-    verdicts : tuple of Verdict
-        On its parameters, with the memory of the chosen rung's residual.
-    error_ra : float
-        ε_RA on the logs it was fitted to.
-    error_ra_unseen, error_se : float
-        ε_RA on stretches (or logs) that the fits have not seen, and the standard error of its
-        difference to the rung to use.
-    error_ra_validation : float
-        ε_RA on the logs given for validation; NaN without.
+    error_ra_unseen : float
+        ε_RA on stretches (or logs) that the fits have not seen.
     error_squares, error_squares_se : float
         What the rung was chosen by: held-out squares and scatter on states not in the logs,
         relative to the unpruned model's; and the standard error of its difference to the least.
-    infeasible : tuple of str
-        Parameters with a sign that physics forbids.
     """
 
     step: Step
-    rung: Rung
-    estimate: Estimate
-    verdicts: tuple[Verdict, ...]
-    error_ra: float
     error_ra_unseen: float
-    error_se: float
-    error_ra_validation: float
     error_squares: float
     error_squares_se: float
-    infeasible: tuple[str, ...]
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-        return self.rung.name
 
     @property
     def reason(self) -> str:
@@ -83,17 +63,7 @@ class PrunedRung:
     @property
     def identifiable(self) -> int:
         """Number of identifiable parameters."""
-        return sum(v.verdict is Class.IDENTIFIABLE for v in self.verdicts)
-
-    @property
-    def unjudged(self) -> str:
-        """Why its parameters are not judged; nothing if they are."""
-        return next((v.reason for v in self.verdicts if v.verdict is Class.NOT_JUDGED), "")
-
-    @property
-    def paper_identified(self) -> int:
-        """Number of parameters within the 10× rule."""
-        return int(self.estimate.paper_rule.sum())
+        return self.count(Class.IDENTIFIABLE)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -103,7 +73,7 @@ class PrunedRung:
     @property
     def feasible(self) -> bool:
         """Whether no parameter has a sign that physics forbids."""
-        return not self.infeasible
+        return self.signs_possible
 
     def __len__(self) -> int:
         """Return the number of parameters."""
@@ -112,22 +82,13 @@ class PrunedRung:
     def row(self) -> dict[str, Any]:
         """Return the rung as one row of the ladder."""
         move, evidence = self.step.move, self.step.evidence
-        return {
-            "name": self.name,
-            "parameters": len(self),
-            "identifiable": self.identifiable,
-            "not_judged": sum(v.verdict is Class.NOT_JUDGED for v in self.verdicts),
-            "paper_identified": self.paper_identified,
-            "error_ra": self.error_ra,
+        return super().row() | {
             "error_ra_unseen": self.error_ra_unseen,
             "error_ra_unseen_se": self.error_se,
-            "error_ra_validation": self.error_ra_validation,
             "error_squares": self.error_squares,
             "error_squares_se": self.error_squares_se,
-            "condition": self.estimate.condition,
             "worst_sigma_robust_percent": self.worst_sigma_percent,
             "feasible": self.feasible,
-            "infeasible": list(self.infeasible),
             "move": move.text if move is not None else "",
             "kind": move.kind.value if move is not None else "",
             "reason": self.reason,
@@ -255,7 +216,7 @@ def measure_rungs(
         result = replace(result, error_ra_validation=rungs[chosen].error_ra_unseen)
     nothing = "" if len(result.rung) and error_unseen[chosen] < unseen.constant_error() else WORSE
     if nothing:
-        rungs = tuple(replace(r, verdicts=withdraw(r.verdicts, nothing)) for r in rungs)
+        rungs = tuple(r.withdraw(nothing) for r in rungs)
         result = result.withdraw(nothing)
     return Measured(
         rungs=rungs,
