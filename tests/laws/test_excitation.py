@@ -8,12 +8,11 @@ import pytest
 
 from identifiability.logs.prepare import Samples
 from identifiability.robot import Robot, complete_motion
+from identifiability.workflows.excite.candidates import FINENESS, OPEN, OVERSHOOT, Objective, Series
 from identifiability.workflows.excite.criteria import IDLE, Condition, LogDet, Separation, scaled
 from identifiability.workflows.excite.limits import Limits, find_limits
-from identifiability.workflows.excite.objective import OPEN, Objective
 from identifiability.workflows.excite.question import Known, gather_known, pose_question
 from identifiability.workflows.excite.search import DRAWS, search
-from identifiability.workflows.excite.series import FINENESS, OVERSHOOT, Series
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ What to use when:
   some parameters (information), or to tell two effects apart;
 - `find_limits` reads limits; `Objective` is the cost of any candidate motions, many at a time.
 
-The method, in the order of the files: what must be kept (`limits`, by construction in `series`;
-`workspace`, by a cost), what is asked (`criteria`, `question`), the cost of many candidates at once
-(`objective`), the search (`search`), and the answer (`result`).
+The method, in the order of the files: what must be kept (`limits`), what is asked (`criteria`,
+`question`), how many candidates keep and answer it, and at what cost (`candidates`), the search
+(`search`), and the answer (`result`).
 """
 
 from identifiability.workflows.excite.limits import Limits, find_limits

@@ -138,42 +138,32 @@ def find_limits(
     source, entry = _read(given)
     _check_names(source, "joint", entry.limits, robot.joints)
     _check_names(source, "body", entry.workspace, robot.bodies)
-    stated, likely = _stated(robot, entry), _likely(robot)
-    missing = {kind: ~np.isfinite(x) for kind, x in stated.items()}
-    filled = {kind: np.where(missing[kind], likely[kind], x) for kind, x in stated.items()}
-    _check_rising(robot, filled["q"])
-    assumed = tuple(
-        f"{name}.{kind}"
-        for kind in missing
-        for name, gap in zip(robot.joints, missing[kind], strict=True)
-        if np.any(gap)
-    )
-    boxes = tuple(_box(robot, body, box) for body, box in entry.workspace.items())
-    low, high = filled["q"].T
-    return Limits(robot.joints, low, high, filled["v"], filled["a"], boxes, assumed=assumed)
-
-
-def _stated(robot: Robot, entry: LimitsFile) -> dict[str, Array]:
-    """Return the robot's limits by kind, replaced where a file states them."""
-    stated = {
-        "q": robot.limits.copy(),
-        "v": robot.speed_limits.copy(),
-        "a": robot.acceleration_limits.copy(),
-    }
-    for name, limit in entry.limits.items():
-        for kind, array in stated.items():
-            value = getattr(limit, kind)
-            if value is not None:
-                array[robot.joints.index(name)] = value
-    return stated
-
-
-def _likely(robot: Robot) -> dict[str, Array]:
-    """Return what is assumed of joints that nobody limited, by kind."""
     slides = np.array([int(robot.is_prismatic(int(k))) for k in robot.actuated])
     home = robot.actuated_positions(robot.home[None])[0]
-    reach, speed, acceleration = (np.array(ASSUMED[kind])[slides] for kind in ("q", "v", "a"))
-    return {"q": np.stack([home - reach, home + reach], 1), "v": speed, "a": acceleration}
+    own = {"q": robot.limits, "v": robot.speed_limits, "a": robot.acceleration_limits}
+    filled, assumed = {}, []
+    for kind, values in own.items():
+        stated, likely = values.copy(), np.array(ASSUMED[kind])[slides]
+        for name, limit in entry.limits.items():
+            if getattr(limit, kind) is not None:
+                stated[robot.joints.index(name)] = getattr(limit, kind)
+        if kind == "q":
+            likely = np.stack([home - likely, home + likely], 1)
+        missing = ~np.isfinite(stated)
+        filled[kind] = np.where(missing, likely, stated)
+        gaps = zip(robot.joints, missing, strict=True)
+        assumed += [f"{name}.{kind}" for name, gap in gaps if np.any(gap)]
+    _check_rising(robot, filled["q"])
+    low, high = filled["q"].T
+    return Limits(
+        joints=robot.joints,
+        low=low,
+        high=high,
+        speed=filled["v"],
+        acceleration=filled["a"],
+        boxes=tuple(_box(robot, body, box) for body, box in entry.workspace.items()),
+        assumed=tuple(assumed),
+    )
 
 
 def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile]:

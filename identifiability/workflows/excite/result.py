@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
 from pathlib import Path
@@ -45,7 +45,7 @@ class Merit:
     visible: Array
 
 
-@frozen
+@frozen(kw_only=True)
 class Excitation(Result):
     """A motion within limits that makes a criterion as good as was found.
 
@@ -203,17 +203,14 @@ class Excitation(Result):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        said = {
-            "condition": self._condition, "information": self._information,
-            "separate": self._separation,
-        }[self.criterion.name]()  # fmt: skip
-        hurried = (
-            ""
-            if self.reproducible
-            else " The time limit ended the search, so the same seed may "
+        words = {"information": self._information, "separate": self._separation}
+        said = words.get(self.criterion.name, self._condition)()
+        if self.reproducible:
+            return f"{said} {self.limits_statement}"
+        return (
+            f"{said} {self.limits_statement} The time limit ended the search, so the same seed may "
             "give another motion; limit the evaluations instead."
         )
-        return f"{said} {self.limits_statement}{hurried}"
 
     @property
     def limits_statement(self) -> str:
@@ -263,7 +260,8 @@ class Excitation(Result):
             if share < VISIBLE
         ]
         if hidden:
-            return f"No motion was found that separates {first} from {second}: {_and(hidden)}."
+            why = " and ".join(hidden)
+            return f"No motion was found that separates {first} from {second}: {why}."
         text = (
             f"The similarity of {first} and {second} beside the model is "
             f"{self.after.figure:.2f} with this motion of {self.trajectory.period:g} s and "
@@ -272,10 +270,6 @@ class Excitation(Result):
         if self.after.figure > CONFUSABLE:
             text += " Within these limits a diagnosis would still give both names."
         return text
-
-
-def _and(texts: Sequence[str]) -> str:
-    return " and ".join(texts)
 
 
 def _ceil(x: float) -> str:

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.excite.objective import OPEN, Objective
+from identifiability.workflows.excite.candidates import OPEN, Objective
 
 End = Literal["converged", "evaluations", "time"]
 
@@ -86,12 +86,14 @@ class _Run:
     evaluations: int = 0
     steps: list[Step] = field(default_factory=list)
 
-    def improve(self, iterations: int) -> None:
-        """Go on for some iterations of BFGS."""
-        minimize(
-            self._gradient, self.x, jac=True, method="BFGS", callback=self._count,
-            options={"maxiter": iterations, "gtol": 1e-4},
-        )  # fmt: skip
+    def improve(self, iterations: int) -> End:
+        """Go on for some iterations of BFGS; return what ended them."""
+        how = {"jac": True, "method": "BFGS", "options": {"maxiter": iterations, "gtol": 1e-4}}
+        try:
+            minimize(self._gradient, self.x, callback=self._count, **how)
+        except _StoppedError as stop:
+            return cast(End, str(stop))
+        return "converged"
 
     def _gradient(self, x: Array) -> tuple[float, Array]:
         if time.monotonic() > self.deadline:
@@ -158,13 +160,13 @@ def search(
     ends: list[End] = []
     for run in runs:  # half of the evaluations for choosing a start
         run.allowed = 0.5 * evaluations / len(runs)
-        ends.append(_improve(run, first))
+        ends.append(run.improve(first))
     waiting = sorted(runs, key=lambda r: r.cost)
     for _ in range(ROUNDS):
         best = waiting[0]
         best.allowed = best.evaluations + evaluations - spent()
         before = best.cost
-        ends.append(_improve(best, iterations))
+        ends.append(best.improve(iterations))
         if before - best.cost < SETTLED:  # stuck at a kink: the next start may get further
             waiting = waiting[1:]
         if ends[-1] != "converged" or not waiting:
@@ -173,12 +175,3 @@ def search(
     steps = tuple(step for r in runs for step in r.steps)
     end = max(ends, key=get_args(End).index)
     return Search(found, draws, costs, steps, DRAWS + spent(), end)
-
-
-def _improve(run: _Run, iterations: int) -> End:
-    """Improve a start; return what ended it."""
-    try:
-        run.improve(iterations)
-    except _StoppedError as stop:
-        return cast(End, str(stop))
-    return "converged"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -28,14 +28,12 @@ from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.motion import MOST_SAMPLES
-from identifiability.workflows.excite.criteria import Criterion, Separation, scaled
+from identifiability.workflows.excite.candidates import OPEN, Objective, Series, Workspace
+from identifiability.workflows.excite.criteria import Separation, scaled
 from identifiability.workflows.excite.limits import Limits, find_limits
-from identifiability.workflows.excite.objective import OPEN, Objective
 from identifiability.workflows.excite.question import Question, gather_known, pose_question
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import Search, search
-from identifiability.workflows.excite.series import Series
-from identifiability.workflows.excite.workspace import Workspace
 from identifiability.workflows.opening import Logs, Progress, read_logs
 from identifiability.workflows.provenance import state_provenance
 
@@ -136,11 +134,13 @@ def excite(
         ]
         if start_from is not None and not logs:
             raise LogError("No log was given to start from; give at least one, or none at all.")
-        objective = Objective(
-            question, gather_known(question, logs, samples), Series(bounds, duration, harmonics),
-            min(samples, LOOKS * harmonics),
-        )  # fmt: skip
-        show = _teller(question.criterion, say)
+        known, series = gather_known(question, logs, samples), Series(bounds, duration, harmonics)
+        objective = Objective(question, known, series, min(samples, LOOKS * harmonics))
+        aim = question.criterion
+
+        def show(cost: float, share: float) -> None:
+            say(f"{aim.title}: {aim.figure(cost):.4g}", min(share, 0.99))
+
         found = search(
             objective,
             np.random.default_rng(seed),
@@ -151,19 +151,30 @@ def excite(
         )
         x, G, space = _best(objective, found, samples)
         before = _before(objective, found, samples)
-    options = {
-        "iterations": iterations, "evaluations": evaluations, "time_limit": time_limit,
-        "preparation": preparation or Preparation(),
-    }  # fmt: skip
+    asked = {"iterations": iterations, "evaluations": evaluations, "time_limit": time_limit}
+    options = {**asked, "preparation": preparation or Preparation()}
     return Excitation(
-        robot, objective.series.trajectory(x, samples, name), question.criterion,
-        tuple(e.name for e in question.model.effects), question.names, question.units,
-        question.chosen, objective.known.logs, _merit(question, before), _merit(question, G),
-        bounds, float(space.condition[0]), float(-space.outside[0]), found.steps, found.evaluations,
-        time.monotonic() - begin, found.end, seed,
-        (*free_again(model), *unused_ladder(robot, model)),
-        state_provenance(robot, logs, seed, None, options),
-    )  # fmt: skip
+        robot=robot,
+        trajectory=series.trajectory(x, samples, name),
+        criterion=aim,
+        effects=tuple(e.name for e in question.model.effects),
+        names=question.names,
+        units=question.units,
+        chosen=question.chosen,
+        logs=known.logs,
+        before=_merit(question, before),
+        after=_merit(question, G),
+        limits=bounds,
+        closure=float(space.condition[0]),
+        room=float(-space.outside[0]),
+        history=found.steps,
+        evaluations=found.evaluations,
+        seconds=time.monotonic() - begin,
+        end=found.end,
+        seed=seed,
+        hints=(*free_again(model), *unused_ladder(robot, model)),
+        provenance=state_provenance(robot, logs, seed, None, options),
+    )
 
 
 def _suggested(parameters: object, start_from: object, separate: object) -> str:
@@ -171,15 +182,6 @@ def _suggested(parameters: object, start_from: object, separate: object) -> str:
     if separate:
         return "separate"
     return "information" if parameters or start_from is not None else "condition"
-
-
-def _teller(
-    criterion: Criterion, say: Callable[[str, float], None]
-) -> Callable[[float, float], None]:
-    def tell(cost: float, share: float) -> None:
-        say(f"{criterion.title}: {criterion.figure(cost):.4g}", min(share, 0.99))
-
-    return tell
 
 
 def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Array, Workspace]:

@@ -1,0 +1,283 @@
+"""Candidate motions: what a series keeps by construction, what it does, and what it costs.
+
+A candidate is a vector x of 2H + 1 numbers a joint: amplitudes of velocity in shares of the speed
+limit, and where in the room that is left the motion is centred. Whatever x is, its series is
+scaled down into the limits of position, speed and acceleration, so an optimiser needs no
+constraints [Swevers 1997]. What depends on the whole robot (loops, singular configurations, boxes)
+is punished while searching and refused at the end.
+
+A closure or a regressor costs about as much for one sample as for a hundred, so gradients by
+finite differences are one batch: candidate and all its neighbours.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.foundation.errors import ClosureError
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.robot.loop_equations import loop_jacobian
+from identifiability.robot.newton import LEAP, invert
+from identifiability.simulation.motion import Trajectory
+from identifiability.workflows.excite.limits import Box, Limits
+from identifiability.workflows.excite.question import Known, Question
+
+#: Times a harmonic at which peaks are looked for. A trigonometric polynomial of degree H exceeds
+#: its values at M even points by at most 1/cos(πH/M) [Ehlich 1964]: 0.3 % here.
+FINENESS = 40
+OVERSHOOT = float(1 / np.cos(np.pi / FINENESS))
+
+#: Share of a bound from which on the search keeps away from it.
+INNER = 0.9
+
+#: Samples of a batch at most: its regressor stays in the processor's cache.
+BATCH = 2400
+#: Cost of a candidate whose loops do not close everywhere; more for each sample.
+OPEN = 50.0
+
+
+@frozen
+class Series:
+    """All finite Fourier series of one period within limits.
+
+    Attributes
+    ----------
+    limits : Limits
+    period : float [s]
+    harmonics : int
+        H.
+    """
+
+    limits: Limits
+    period: float
+    harmonics: int
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return len(self.limits.joints)
+
+    @property
+    def size(self) -> int:
+        """Numbers a candidate has, ``n (2H + 1)``."""
+        return self.joints * (2 * self.harmonics + 1)
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Return random candidates (count, size); every second one fills its limits."""
+        x = rng.standard_normal((count, self.size))
+        amplitudes = self.joints * 2 * self.harmonics
+        level = np.exp(rng.uniform(-2.0, 0.5, count))
+        level[::2] = 3.0  # beyond any limit, so scaled down to it
+        x[:, :amplitudes] *= level[:, None]
+        return x
+
+    def series(self, x: Array) -> tuple[Array, Array]:
+        """Return offsets (m, n) and velocity amplitudes (m, n, 2H) of candidates (m, size)."""
+        m, n, H = len(x), self.joints, self.harmonics
+        limits = self.limits
+        amplitude = x[:, : 2 * n * H].reshape(m, n, 2 * H) * limits.speed[:, None] / np.sqrt(H)
+        q, v, a = self._motion(np.zeros((m, n)), amplitude, FINENESS * H)
+        top, bottom = q.max(1), q.min(1)
+        half = 0.5 * OVERSHOOT * (top - bottom)
+        used = np.max(
+            [
+                half / limits.half_range,
+                OVERSHOOT * np.abs(v).max(1) / limits.speed,
+                OVERSHOOT * np.abs(a).max(1) / limits.acceleration,
+            ],
+            axis=0,
+        )
+        scale = 1.0 / np.maximum(used, 1.0)
+        room = np.maximum(limits.half_range - scale * half, 0.0)
+        centre = limits.middle + np.tanh(x[:, 2 * n * H :]) * room
+        return centre - 0.5 * scale * (top + bottom), scale[..., None] * amplitude
+
+    def motion(self, x: Array, samples: int) -> tuple[Array, Array, Array]:
+        """Return q, dq, ddq (m, samples, n) of candidates over one period."""
+        return self._motion(*self.series(np.atleast_2d(x)), samples)
+
+    def trajectory(self, x: Array, samples: int, name: str) -> Trajectory:
+        """Return the trajectory of one candidate."""
+        offset, amplitude = (part[0] for part in self.series(x[None]))
+        sin, cos = np.split(amplitude, 2, axis=1)
+        return Trajectory(name, self.period, samples, offset, sin, cos)
+
+    def _motion(self, offset: Array, amplitude: Array, samples: int) -> tuple[Array, Array, Array]:
+        m, n, H = len(offset), self.joints, self.harmonics
+        sin, cos = np.split(amplitude.reshape(m * n, 2 * H), 2, axis=1)
+        many = Trajectory("", self.period, samples, offset.reshape(-1), sin, cos)
+        q, v, a = (x.reshape(samples, m, n).transpose(1, 0, 2) for x in many.motion(many.times()))
+        return q, v, a
+
+
+@frozen
+class Workspace:
+    """What candidates do outside their joints' limits.
+
+    Attributes
+    ----------
+    open : (m,) int
+        Samples whose loops do not close.
+    condition : (m,)
+        Largest condition number of the closure; 1 for an open chain.
+    leaps : (m,) int
+        Samples before which the dependent joints jump or pass a singular configuration.
+    outside : (m,)
+        Largest distance outside a box [m]; negative: the smallest distance inside.
+    """
+
+    open: np.ndarray
+    condition: Array
+    leaps: np.ndarray
+    outside: Array
+
+    def kept(self, bound: float) -> np.ndarray:
+        """Return whether candidates stay within the workspace, (m,) bool."""
+        closed = (self.open == 0) & (self.leaps == 0) & (self.condition <= bound)
+        kept: np.ndarray = closed & (self.outside <= 0)
+        return kept
+
+    def cost(self, bound: float) -> Array:
+        """Return what is added to the cost of candidates, (m,): nothing well inside."""
+        with np.errstate(divide="ignore"):
+            near = np.maximum(np.log(np.minimum(self.condition, 1e12) / (INNER * bound)), 0.0)
+        room = np.maximum(self.outside + 1e-3, 0.0)  # a millimetre inside
+        cost: Array = 20 * near**2 + 200 * room + 5.0 * (self.leaps > 0)
+        return cost
+
+
+def survey(
+    robot: Robot, limits: Limits, motion: Motion, samples: int, count: int, step: float
+) -> Workspace:
+    """Return what candidates do, from the motion of all of them one after the other.
+
+    Parameters
+    ----------
+    robot : Robot
+    limits : Limits
+    motion : Motion
+        Of count × samples samples, less those whose loops do not close.
+    samples, count : int
+        Samples a candidate, and candidates.
+    step : float [s]
+        From sample to sample.
+    """
+    which = motion.kept // samples
+    missing = samples - np.bincount(which, minlength=count)
+    condition, leaps = np.ones(count), np.zeros(count, int)
+    if robot.closed:
+        each, sign = _closure(robot, motion, INNER * limits.closure_bound)
+        np.maximum.at(condition, which, each)
+        jump = _jumps(robot, motion, step) | (sign[1:] != sign[:-1])
+        same = which[1:] == which[:-1]
+        leaps = np.bincount(which[1:], jump & same, count).astype(int)
+    outside = np.full(count, -np.inf)
+    for box in limits.boxes:
+        np.maximum.at(outside, which, _outside(robot, motion, box))
+    return Workspace(missing, condition, leaps, outside)
+
+
+def _closure(robot: Robot, motion: Motion, enough: float) -> tuple[Array, Array]:
+    """Return condition number and sign of the determinant at each sample, (N,).
+
+    Where the whole batch is far from singular its largest condition number will do.
+    """
+    if motion.condition <= enough and not motion.singular:
+        return np.full(len(motion), motion.condition), np.ones(len(motion))
+    A = loop_jacobian(robot, motion.q)[:, :, robot.dependent]
+    return invert(A)[1], np.linalg.slogdet(A)[0]
+
+
+def _jumps(robot: Robot, motion: Motion, step: float) -> np.ndarray:
+    """Return whether each next sample is where the velocities do not lead, (N - 1,) bool."""
+    mean = 0.5 * (motion.v[1:] + motion.v[:-1])
+    led = robot.tree.integrate(motion.q[:-1], step * mean)
+    far = np.zeros(len(led), bool)
+    for j in robot.tree.joints:
+        at = slice(j.iq, j.iq + j.nq)
+        a, b = led[:, at], motion.q[1:, at]
+        if j.kind in ("ball", "free"):  # a quaternion and its negative are one rotation
+            a, b = a[:, -4:], b[:, -4:]
+            b = b * np.where(np.sum(a * b, 1, keepdims=True) < 0, -1.0, 1.0)
+        far |= np.abs(a - b).max(1) > LEAP
+    return far
+
+
+def _outside(robot: Robot, motion: Motion, box: Box) -> Array:
+    """Return how far the point of a box is outside at each sample, (N,) [m]."""
+    at = robot.tree.positions(motion.q, box.point)
+    distance: Array = np.maximum(at - box.high, box.low - at).max(1)
+    return distance
+
+
+@frozen
+class Objective:
+    """Cost of candidates of a `Series`.
+
+    Attributes
+    ----------
+    question : Question
+    known : Known
+    series : Series
+    samples : int
+        At which a candidate is evaluated.
+    """
+
+    question: Question
+    known: Known
+    series: Series
+    samples: int
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of the series."""
+        return self.series.limits
+
+    def __call__(self, x: Array) -> Array:
+        """Return the costs of candidates (m, size), (m,)."""
+        size = max(1, BATCH // self.samples)
+        parts = [self._batch(x[at : at + size]) for at in range(0, len(x), size)]
+        return np.concatenate(parts)
+
+    def gradient(self, x: Array, step: float = 1e-5) -> tuple[float, Array]:
+        """Return the cost of one candidate and its gradient by forward differences."""
+        cost = self(np.vstack([x, x + step * np.eye(len(x))]))
+        slope: Array = (cost[1:] - cost[0]) / step
+        return float(cost[0]), slope
+
+    def look(self, x: Array, samples: int) -> tuple[Array, Workspace]:
+        """Return Gram matrices of logs and candidates together (m, k, k), and the workspace."""
+        x = np.atleast_2d(x)
+        m, n = len(x), self.series.joints
+        q, v, a = (part.reshape(-1, n) for part in self.series.motion(x, samples))
+        known, robot = self.known, self.question.structure.robot
+        try:
+            motion = complete_motion(robot, np.arange(len(q), dtype=float), q, v, a)
+        except ClosureError:
+            missing = np.full(m, samples)
+            nowhere = np.full(m, np.inf)
+            G = np.repeat(known.G[None], m, 0)
+            return G, Workspace(missing, nowhere, missing, nowhere)
+        step = self.series.period / samples
+        space = survey(robot, self.limits, motion, samples, m, step)
+        W = self.question.model.regressor(robot, motion)[:, :, self.question.columns]
+        W = W * np.sqrt(known.weights * known.samples / samples)[:, None]
+        full = W if len(motion) == m * samples else _padded(W, motion.kept, m * samples)
+        rows = full.reshape(m, samples * n, -1)
+        return known.G + rows.transpose(0, 2, 1) @ rows, space
+
+    def _batch(self, x: Array) -> Array:
+        G, space = self.look(x, self.samples)
+        bad = space.open > 0
+        G[bad] = np.eye(G.shape[1])
+        cost = self.question.criterion.cost(G) + space.cost(self.limits.closure_bound)
+        closed: Array = np.where(bad, OPEN * (1 + space.open / self.samples), cost)
+        return closed
+
+
+def _padded(W: Array, kept: np.ndarray, rows: int) -> Array:
+    full = np.zeros((rows, *W.shape[1:]))
+    full[kept] = W
+    return full
