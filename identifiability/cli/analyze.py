@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from typer import Option
+from typing import TYPE_CHECKING
 
 from identifiability.cli import common, options
 
@@ -24,11 +22,9 @@ def analyze(
     place: options.Place,
     validate: options.Validate = None,
     ladder: options.Ladder = None,
-    posterior: Annotated[
-        bool, Option(help="Sample the posteriors of the selected model (some seconds).")
-    ] = True,
+    posterior: bool = True,
     seed: options.Seed = 0,
-    quick: Annotated[bool, Option(help="A tenth of the random draws, no posterior.")] = False,
+    quick: bool = False,
 ) -> None:
     """Say which parameters the logs determine, and which model of a ladder to use.
 
@@ -57,6 +53,13 @@ def analyze(
     Too few identifiable? Move faster and in other directions, log longer, or let *prune* look for
     the smaller model that these logs support. Error much above the noise? Something is missing in
     the model: *diagnose* names it.
+
+    Parameters
+    ----------
+    posterior
+        Sample the posteriors of the selected model (some seconds).
+    quick
+        A tenth of the random draws, no posterior.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.analyze import analyze as run  # noqa: PLC0415

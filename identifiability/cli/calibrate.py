@@ -17,20 +17,12 @@ def calibrate(
     outputs: options.Outputs,
     place: options.Place,
     ladder: options.Ladder = None,
-    model: Annotated[
-        str | None, Option(help="Model of the ladder; default: the unpruned one.")
-    ] = None,
-    trials: Annotated[
-        int, Option(min=4, help="Simulated repetitions a row; four times as many in the first.")
-    ] = 60,
-    sbc: Annotated[
-        bool, Option(help="Also check the posterior by simulation (some seconds).")
-    ] = True,
-    names: Annotated[
-        int, Option(min=0, help="Repetitions with nothing missing that are diagnosed; 0: none.")
-    ] = 40,
+    model: str | None = None,
+    trials: Annotated[int, Option(min=4)] = 60,
+    sbc: bool = True,
+    names: Annotated[int, Option(min=0)] = 40,
     seed: options.Seed = 0,
-    quick: Annotated[bool, Option(help="A few repetitions, a wide Monte-Carlo error.")] = False,
+    quick: bool = False,
 ) -> None:
     """Measure how far intervals and verdicts can be trusted on this robot and motion.
 
@@ -43,6 +35,19 @@ def calibrate(
     ```
     identifiability calibrate 3-rps run.csv --report calibration.html
     ```
+
+    Parameters
+    ----------
+    model
+        Model of the ladder; default: the unpruned one.
+    trials
+        Simulated repetitions a row; four times as many in the first.
+    sbc
+        Also check the posterior by simulation (some seconds).
+    names
+        Repetitions with nothing missing that are diagnosed; 0: none.
+    quick
+        A few repetitions, a wide Monte-Carlo error.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.analyze import analyze  # noqa: PLC0415

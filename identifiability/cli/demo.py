@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from typer import Option
+from typing import TYPE_CHECKING
 
 from identifiability.cli import common, options
 from identifiability.cli.analyze import print_analysis
@@ -15,17 +13,23 @@ if TYPE_CHECKING:
     from identifiability.workflows.analyze import Analysis
 
 
+@options.command
 def demo(
-    quick: Annotated[bool, Option(help="100 samples instead of 750.")] = False,
-    folder: Annotated[Path, Option(help="Where to write demo.html and demo.json.")] = Path(
-        "reports"
-    ),
+    quick: bool = False,
+    folder: Path = Path("reports"),
     seed: options.Seed = 0,
 ) -> None:
     """Run the main job on a simulated robot: the paper's 3-RPS with the paper's noise.
 
     Models 1 to 4 are fitted to one trajectory and validated on another; the report is
     reports/demo.html.
+
+    Parameters
+    ----------
+    quick
+        100 samples instead of 750.
+    folder
+        Where to write demo.html and demo.json.
     """
     with common.sentences(), common.progress() as say:
         folder.mkdir(parents=True, exist_ok=True)

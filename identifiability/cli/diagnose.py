@@ -16,16 +16,11 @@ def diagnose(
     logs: options.Logs,
     outputs: options.Outputs,
     validate: options.Validate = None,
-    effects: Annotated[
-        str | None,
-        Option(help="Families that may be named, such as stribeck_friction,time_delay."),
-    ] = None,
+    effects: str | None = None,
     model: options.Model = None,
-    fixed: Annotated[
-        bool, Option("--fixed", help="Keep the robot file's values instead of refitting.")
-    ] = False,
+    fixed: Annotated[bool, Option("--fixed")] = False,
     seed: options.Seed = 0,
-    quick: Annotated[bool, Option(help="Half the draws: coarser p-values.")] = False,
+    quick: bool = False,
 ) -> None:
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink.
 
@@ -33,6 +28,15 @@ def diagnose(
     identifiability diagnose 3-rps run1.csv run2.csv --validate run3.csv --report gap.html
     identifiability diagnose arm.urdf run.parquet --model rigid_body --json gap.json
     ```
+
+    Parameters
+    ----------
+    effects
+        Families that may be named, such as stribeck_friction,time_delay.
+    fixed
+        Keep the robot file's values instead of refitting.
+    quick
+        Half the draws: coarser p-values.
     """
     with common.sentences(), common.progress() as say:
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415

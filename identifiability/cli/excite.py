@@ -13,50 +13,19 @@ from identifiability.cli import common, options
 @options.command
 def excite(
     machine: options.Machine,
-    out: Annotated[
-        Path,
-        Option(
-            help="File to write: .json (coefficients; 'simulate ROBOT FILE.json' follows it) or "
-            ".csv (one period of t, JOINT.q, JOINT.dq, JOINT.ddq)."
-        ),
-    ],
-    harmonics: Annotated[int, Option(min=1, max=50, help="Harmonics of the Fourier series.")] = 5,
-    duration: Annotated[float, Option(help="Period of the motion [s].")] = 7.5,
-    samples: Annotated[int, Option(min=5, help="Samples a period, all checked.")] = 750,
-    limits: Annotated[
-        Path | None,
-        Option(
-            help="TOML with JOINT = {q = [low, high], v = speed, a = acceleration} and "
-            "[workspace.BODY] x, y, z = [low, high]; replaces the robot's own."
-        ),
-    ] = None,
-    criterion: Annotated[
-        Literal["condition", "information", "separate"] | None,
-        Option(
-            help="Condition number, information about parameters, or separation of two effects; "
-            "default: what the other options suggest."
-        ),
-    ] = None,
-    start_from: Annotated[
-        list[str] | None,
-        Option(help="Log that was measured already; find what to measure next. Repeatable."),
-    ] = None,
-    parameter: Annotated[
-        list[str] | None, Option(help="Base parameter that the information is about. Repeatable.")
-    ] = None,
-    separate: Annotated[
-        list[str] | None,
-        Option(help="Effect to tell from another, as NAME or NAME@JOINT; give it twice."),
-    ] = None,
+    out: Annotated[Path, Option()],
+    harmonics: Annotated[int, Option(min=1, max=50)] = 5,
+    duration: float = 7.5,
+    samples: Annotated[int, Option(min=5)] = 750,
+    limits: Path | None = None,
+    criterion: Literal["condition", "information", "separate"] | None = None,
+    start_from: list[str] | None = None,
+    parameter: list[str] | None = None,
+    separate: list[str] | None = None,
     model: options.Model = None,
-    evaluations: Annotated[
-        int, Option(min=1, help="Motions that the search looks at, at most.")
-    ] = 15_000,
-    time_limit: Annotated[
-        float | None,
-        Option(help="Stop after this time [s]; the motion then depends on the machine."),
-    ] = None,
-    report: options.Report = None,
+    evaluations: Annotated[int, Option(min=1)] = 15_000,
+    time_limit: float | None = None,
+    report: Path | None = None,
     seed: options.Seed = 0,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot.
@@ -70,6 +39,36 @@ def excite(
     identifiability excite 3-rps --separate joint_stiffness --separate torque_offset --out m.json
     identifiability simulate 3-rps motion.json --out run.csv
     ```
+
+    Parameters
+    ----------
+    out
+        File to write: .json (coefficients; 'simulate ROBOT FILE.json' follows it) or .csv
+        (one period of t, JOINT.q, JOINT.dq, JOINT.ddq).
+    harmonics
+        Harmonics of the Fourier series.
+    duration
+        Period of the motion [s].
+    samples
+        Samples a period, all checked.
+    limits
+        TOML with JOINT = {q = [low, high], v = speed, a = acceleration} and
+        [workspace.BODY] x, y, z = [low, high]; replaces the robot's own.
+    criterion
+        Condition number, information about parameters, or separation of two effects;
+        default: what the other options suggest.
+    start_from
+        Log that was measured already; find what to measure next. Repeatable.
+    parameter
+        Base parameter that the information is about. Repeatable.
+    separate
+        Effect to tell from another, as NAME or NAME@JOINT; give it twice.
+    evaluations
+        Motions that the search looks at, at most.
+    time_limit
+        Stop after this time [s]; the motion then depends on the machine.
+    report
+        Write an HTML report here.
     """
     with common.sentences(), common.progress() as say:
         from identifiability.foundation.errors import OutputError  # noqa: PLC0415

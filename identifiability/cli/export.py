@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from identifiability.cli import common, options
 
@@ -14,8 +14,8 @@ from identifiability.cli import common, options
 @options.command
 def export(
     machine: options.Machine,
-    result: Annotated[Path, Argument(help="JSON that analyze, prune or diagnose wrote.")],
-    out: Annotated[Path, Option(help="Robot file to write: .xml (MJCF) or .urdf.")],
+    result: Path,
+    out: Annotated[Path, Option()],
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file.
 
@@ -28,6 +28,13 @@ def export(
     identifiability analyze 3-rps run.csv --json result.json
     identifiability export 3-rps result.json --out fitted.xml
     ```
+
+    Parameters
+    ----------
+    result
+        JSON that analyze, prune or diagnose wrote.
+    out
+        Robot file to write: .xml (MJCF) or .urdf.
     """
     with common.sentences():
         from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415

@@ -6,12 +6,14 @@ its place.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from copy import copy
 from dataclasses import astuple, dataclass, fields, is_dataclass
 from functools import partial, wraps
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature, getdoc, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, get_args, get_type_hints
 
 import typer
 from typer import Argument, Option
@@ -21,6 +23,10 @@ from identifiability.cli.common import sentences
 if TYPE_CHECKING:
     from identifiability.foundation.engines.local import Engine
     from identifiability.robot import Robot
+
+#: Where a docstring begins to speak of parameters, and what it says of one.
+_HELP = re.compile(r"\n*^(?:Parameters|Attributes)\n-+\n", re.MULTILINE)
+_ENTRY = re.compile(r"^(\w+)\n((?: {4}.*\n)+)", re.MULTILINE)
 
 _derived = partial(Option, rich_help_panel="Velocity and acceleration")
 _placed = partial(Option, rich_help_panel="Where it runs")
@@ -68,39 +74,31 @@ Logs = Annotated[
         "`<joint>.dq`, `<joint>.ddq`, in SI units; or bags of ROS, as `run.mcap:/joint_states`."
     ),
 ]
+_LADDER = "TOML ladder of models; default: the one beside the robot."
+_MODEL = "Effects of the model, such as rigid_body,viscous_friction, or a model file (.toml)."
 Validate = Annotated[list[str] | None, Option(help="Held-out log; may be given several times.")]
-Ladder = Annotated[
-    str | None, Option(help="TOML ladder of models; default: the one beside the robot.")
-]
-Model = Annotated[
-    str | None,
-    Option(
-        help="Effects of the model, such as rigid_body,viscous_friction, or a model file (.toml)."
-    ),
-]
-Report = Annotated[Path | None, Option(help="Write an HTML report here.")]
+Ladder = Annotated[str | None, Option(help=_LADDER)]
+Model = Annotated[str | None, Option(help=_MODEL)]
 Seed = Annotated[int, Option(min=0, help="Seed of every random choice.")]
 
 
 @dataclass(frozen=True)
 class Machine:
-    """The robot, and what its file does not say."""
+    """The robot, and what its file does not say.
 
-    robot: Annotated[
-        str,
-        Argument(
-            help="MJCF or URDF file, or a shipped robot such as 3-rps.", autocompletion=_robots
-        ),
-    ]
-    sidecar: Annotated[str | None, Option(help="TOML with what the robot file cannot say.")] = None
-    plugin: Annotated[
-        list[Path] | None,
-        Option(
-            help="Python file that registers effects of your own; may be given several times.",
-            callback=_load_plugins,
-            is_eager=True,
-        ),
-    ] = None
+    Attributes
+    ----------
+    robot
+        MJCF or URDF file, or a shipped robot such as 3-rps.
+    sidecar
+        TOML with what the robot file cannot say.
+    plugin
+        Python file that registers effects of your own; may be given several times.
+    """
+
+    robot: Annotated[str, Argument(autocompletion=_robots)]
+    sidecar: str | None = None
+    plugin: Annotated[list[Path] | None, Option(callback=_load_plugins, is_eager=True)] = None
 
     @property
     def files(self) -> tuple[str | None, ...]:
@@ -116,10 +114,18 @@ class Machine:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where results are written."""
+    """Where results are written.
 
-    report: Report = None
-    json: Annotated[Path | None, Option(help="Write the result as JSON here.")] = None
+    Attributes
+    ----------
+    report
+        Write an HTML report here.
+    json
+        Write the result as JSON here.
+    """
+
+    report: Path | None = None
+    json: Path | None = None
 
     def write(self, result: Result, say: Callable[[str, float], None]) -> list[Path]:
         """Write what was asked for and return the paths, the report last."""
@@ -132,33 +138,33 @@ class Outputs:
 
 @dataclass(frozen=True)
 class Fitting:
-    """How parameters are estimated, and how logs become motion."""
+    """How parameters are estimated, and how logs become motion.
 
-    method: Annotated[
-        str,
-        Option(
-            metavar="NAME",
-            autocompletion=_estimators,
-            help="Weight actuators by their own variance, or all alike.",
-        ),
-    ] = "wls"
-    cad_prior: Annotated[
-        float, Option(min=0, help="Weight of a log-det prior around the robot file's bodies.")
-    ] = 0.0
-    derivatives: Annotated[
-        Literal["auto", "given", "butterworth", "fourier"],
-        _derived(help="Velocity and acceleration: the log's own or computed."),
-    ] = "auto"
-    cutoff: Annotated[
-        float | None, _derived(min=0, help="Low-pass for computed derivatives [Hz].")
-    ] = None
-    period: Annotated[
-        float | None, _derived(min=0, help="Period of periodic motion [s], for fourier.")
-    ] = None
-    harmonics: Annotated[int, _derived(min=1, help="Harmonics of the Fourier fit.")] = 5
-    decimate: Annotated[
-        int | None, _derived(min=1, help="Parallel filter and keep every k-th sample.")
-    ] = None
+    Attributes
+    ----------
+    method
+        Weight actuators by their own variance, or all alike.
+    cad_prior
+        Weight of a log-det prior around the robot file's bodies.
+    derivatives
+        Velocity and acceleration: the log's own or computed.
+    cutoff
+        Low-pass for computed derivatives [Hz].
+    period
+        Period of periodic motion [s], for fourier.
+    harmonics
+        Harmonics of the Fourier fit.
+    decimate
+        Parallel filter and keep every k-th sample.
+    """
+
+    method: Annotated[str, Option(metavar="NAME", autocompletion=_estimators)] = "wls"
+    cad_prior: Annotated[float, Option(min=0)] = 0.0
+    derivatives: Annotated[Literal["auto", "given", "butterworth", "fourier"], _derived()] = "auto"
+    cutoff: Annotated[float | None, _derived(min=0)] = None
+    period: Annotated[float | None, _derived(min=0)] = None
+    harmonics: Annotated[int, _derived(min=1)] = 5
+    decimate: Annotated[int | None, _derived(min=1)] = None
 
     def arguments(self) -> dict[str, Any]:
         """Return what the library calls them."""
@@ -171,29 +177,24 @@ class Fitting:
 
 @dataclass(frozen=True)
 class Place:
-    """Where long work runs."""
+    """Where long work runs.
 
-    engine: Annotated[
-        Literal["serial", "processes", "dask"] | None,
-        _placed(
-            help="In this process, in several (default), or on a Dask cluster; the result is the "
-            "same."
-        ),
-    ] = None
-    workers: Annotated[
-        int | None, _placed(min=1, help="Processes on this machine; default: one a core.")
-    ] = None
-    scheduler: Annotated[
-        str | None,
-        _placed(help="Address of a running Dask scheduler, such as tcp://host:8786."),
-    ] = None
-    resume: Annotated[
-        Path | None,
-        _placed(
-            help="Folder that keeps finished work; the same command takes it from there when it "
-            "runs again."
-        ),
-    ] = None
+    Attributes
+    ----------
+    engine
+        In this process, in several (default), or on a Dask cluster; the result is the same.
+    workers
+        Processes on this machine; default: one a core.
+    scheduler
+        Address of a running Dask scheduler, such as tcp://host:8786.
+    resume
+        Folder that keeps finished work; the same command takes it from there when it runs again.
+    """
+
+    engine: Annotated[Literal["serial", "processes", "dask"] | None, _placed()] = None
+    workers: Annotated[int | None, _placed(min=1)] = None
+    scheduler: Annotated[str | None, _placed()] = None
+    resume: Annotated[Path | None, _placed()] = None
 
     def running(self) -> Engine:
         """Return the engine; its processes end with it."""
@@ -203,19 +204,19 @@ class Place:
 
 
 def command(function: Callable[..., None]) -> Callable[..., None]:
-    """Return the function with the options of each group in the group's place."""
-    hints = get_type_hints(function, include_extras=True)
+    """Return the function as a command: groups become their options, with help from docstrings.
+
+    What a docstring says of its parameters or attributes is the help of these options, and the
+    rest of the function's is the help of the command.
+    """
+    hints = get_type_hints(function)
     groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
-    flat: list[Parameter] = []
-    for name, given in signature(function).parameters.items():
-        if name not in groups:
-            flat.append(given.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name]))
-            continue
-        kinds = get_type_hints(groups[name], include_extras=True)
-        flat += [
-            option.replace(kind=Parameter.KEYWORD_ONLY, annotation=kinds[key])
-            for key, option in signature(groups[name]).parameters.items()
-        ]
+    own = {option.name: option for option in _options(function)}
+    flat = [
+        option
+        for name in signature(function).parameters
+        for option in (_options(groups[name]) if name in groups else [own[name]])
+    ]
 
     @wraps(function)
     def called(**options: Any) -> None:
@@ -225,9 +226,28 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
         }
         function(**whole, **options)
 
+    called.__doc__ = _HELP.split(getdoc(function) or "")[0]
     called.__signature__ = Signature(flat)  # type: ignore[attr-defined]
     called.__annotations__ = {option.name: option.annotation for option in flat}
     return called
+
+
+def _options(holder: Any) -> list[Parameter]:
+    """Return the parameters of a function or group as typer reads them, with help."""
+    told = _HELP.split(getdoc(holder) or "")[-1]
+    helps = {name: " ".join(text.split()) for name, text in _ENTRY.findall(f"{told}\n")}
+    kinds = get_type_hints(holder, include_extras=True)
+    found = []
+    for name, given in signature(holder).parameters.items():
+        kind, notes = kinds[name], getattr(kinds[name], "__metadata__", ())
+        if notes:
+            kind, note = get_args(kind)[0], copy(notes[0])
+        else:
+            note = Argument() if given.default is given.empty else Option()
+        if name in helps:
+            note.help = helps[name]
+        found.append(given.replace(kind=Parameter.KEYWORD_ONLY, annotation=Annotated[kind, note]))
+    return found
 
 
 class Command(typer.core.TyperCommand):

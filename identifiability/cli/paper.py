@@ -18,15 +18,10 @@ STUDIES = Path(__file__).resolve().parents[2] / "studies"
 @options.command
 def paper(
     place: options.Place,
-    tables: Annotated[
-        list[str] | None,
-        Argument(help="Tables and figures, such as 3, table3 or figure4; all by default."),
-    ] = None,
-    quick: Annotated[bool, Option(help="Few seeds and coarse grids.")] = False,
-    seeds: Annotated[
-        int | None, Option(min=1, help="Draws of the noise for every case (40; 4 if quick).")
-    ] = None,
-    out: Annotated[Path, Option(help="Folder of the reports.")] = Path("reports"),
+    tables: Annotated[list[str] | None, Argument()] = None,
+    quick: bool = False,
+    seeds: Annotated[int | None, Option(min=1)] = None,
+    out: Path = Path("reports"),
 ) -> None:
     """Compute every table and figure of the paper, ours beside the printed numbers.
 
@@ -37,6 +32,17 @@ def paper(
     identifiability paper 3 figure4 --quick
     identifiability paper --seeds 400 --resume work
     ```
+
+    Parameters
+    ----------
+    tables
+        Tables and figures, such as 3, table3 or figure4; all by default.
+    quick
+        Few seeds and coarse grids.
+    seeds
+        Draws of the noise for every case (40; 4 if quick).
+    out
+        Folder of the reports.
     """
     with common.sentences():
         from identifiability.foundation.errors import IdentifiabilityError  # noqa: PLC0415

@@ -22,33 +22,16 @@ def prune(
     outputs: options.Outputs,
     fitting: options.Fitting,
     place: options.Place,
-    validate: Annotated[
-        list[str] | None, Option(help="Log that is only reported on; may be given several times.")
-    ] = None,
-    ladder: Annotated[
-        str | None, Option(help="TOML ladder; pruning starts from its first model.")
-    ] = None,
-    forbid: Annotated[
-        list[str] | None, Option(help="Parameter that must stay; may be given several times.")
-    ] = None,
-    force: Annotated[
-        list[str] | None, Option(help="Parameter that must go; may be given several times.")
-    ] = None,
-    criterion: Annotated[
-        Literal["identifiable", "one-se-of-difference", "one-se", "best"],
-        Option(help="How much held-out error a smaller model may cost."),
-    ] = "identifiable",
-    propose: Annotated[
-        bool, Option(help="Try the symmetries that the robot's joints suggest.")
-    ] = True,
-    reach: Annotated[
-        float, Option(min=0.1, help="How many times faster than in the logs it will move.")
-    ] = 1.0,
-    model: Annotated[
-        Path | None, Option(help="Write the chosen model here, as a ladder of one rung.")
-    ] = None,
+    validate: list[str] | None = None,
+    ladder: str | None = None,
+    forbid: list[str] | None = None,
+    force: list[str] | None = None,
+    criterion: Literal["identifiable", "one-se-of-difference", "one-se", "best"] = "identifiable",
+    propose: bool = True,
+    reach: Annotated[float, Option(min=0.1)] = 1.0,
+    model: Path | None = None,
     seed: options.Seed = 0,
-    quick: Annotated[bool, Option(help="A tenth of the random draws.")] = False,
+    quick: bool = False,
 ) -> None:
     """Reduce the full model of a robot to the one worth using, from logs alone.
 
@@ -56,6 +39,27 @@ def prune(
     identifiability prune 3-rps run.csv --report pruning.html --model pruned.toml
     identifiability analyze 3-rps run.csv --ladder pruned.toml
     ```
+
+    Parameters
+    ----------
+    validate
+        Log that is only reported on; may be given several times.
+    ladder
+        TOML ladder; pruning starts from its first model.
+    forbid
+        Parameter that must stay; may be given several times.
+    force
+        Parameter that must go; may be given several times.
+    criterion
+        How much held-out error a smaller model may cost.
+    propose
+        Try the symmetries that the robot's joints suggest.
+    reach
+        How many times faster than in the logs it will move.
+    model
+        Write the chosen model here, as a ladder of one rung.
+    quick
+        A tenth of the random draws.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.prune import prune as run  # noqa: PLC0415

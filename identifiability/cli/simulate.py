@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from identifiability.cli import common, options
 
@@ -14,28 +14,12 @@ from identifiability.cli import common, options
 @options.command
 def simulate(
     machine: options.Machine,
-    motion: Annotated[
-        str,
-        Argument(
-            help="CSV or Parquet with `t` and `<joint>.q` (and `<joint>.dq`, `<joint>.ddq`), the "
-            "name of a shipped trajectory (3-rps: 571, 595, 601), FILE.json:NAME, or 'random'."
-        ),
-    ],
-    out: Annotated[Path, Option(help="Log to write: .csv or .parquet.")],
-    noise: Annotated[
-        str, Option(help="'none', 'paper', or levels such as motion=0.04,torque=0.05.")
-    ] = "none",
-    hide: Annotated[
-        list[str] | None,
-        Option(
-            help="Effect in the data but not in the robot file, as EFFECT or EFFECT=SHARE of this "
-            "motion's torque; another motion gets another size."
-        ),
-    ] = None,
-    samples: Annotated[int | None, Option(min=20, max=10_000_000, help="Samples a period.")] = None,
-    derivatives: Annotated[
-        bool, Option(help="Whether the log has velocities and accelerations.")
-    ] = True,
+    motion: str,
+    out: Annotated[Path, Option()],
+    noise: str = "none",
+    hide: list[str] | None = None,
+    samples: Annotated[int | None, Option(min=20, max=10_000_000)] = None,
+    derivatives: bool = True,
     seed: options.Seed = 0,
 ) -> None:
     """Make the log of a simulated robot along a prescribed motion.
@@ -44,6 +28,23 @@ def simulate(
     identifiability simulate 3-rps 601 --noise paper --out run.csv
     identifiability simulate 3-rps random --hide stribeck_friction=0.1 --out run.parquet
     ```
+
+    Parameters
+    ----------
+    motion
+        CSV or Parquet with `t` and `<joint>.q` (and `<joint>.dq`, `<joint>.ddq`), the name
+        of a shipped trajectory (3-rps: 571, 595, 601), FILE.json:NAME, or 'random'.
+    out
+        Log to write: .csv or .parquet.
+    noise
+        'none', 'paper', or levels such as motion=0.04,torque=0.05.
+    hide
+        Effect in the data but not in the robot file, as EFFECT or EFFECT=SHARE of this
+        motion's torque; another motion gets another size.
+    samples
+        Samples a period.
+    derivatives
+        Whether the log has velocities and accelerations.
     """
     with common.sentences():
         import numpy as np  # noqa: PLC0415
