@@ -10,6 +10,7 @@ from identifiability.regression.regression import Model
 from identifiability.workflows.diagnose.evidence import solve_chosen
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect, Placement, Verified
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
+from identifiability.workflows.diagnose.held_out import Gap
 from identifiability.workflows.diagnose.lookalikes import find_rivals
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.residual import (
@@ -68,12 +69,14 @@ def _verify(m: Material, naming: Naming, rng: np.random.Generator) -> Verified:
     rungs = [
         [c for c in naming.chosen if c.family.name in order[:k]] for k in range(len(order) + 1)
     ]
-    gap, fitted = m.held.gap(rungs), m.held.fitted_gap(rungs)
-    errors, before = gap.relative_error().tolist(), fitted.relative_error().tolist()
+    gap = m.held.gap(rungs)
+    fitted = np.stack([m.held.fitted_residual(chosen) for chosen in rungs], axis=2)
+    errors = gap.relative_error().tolist()
+    before = Gap(m.train, fitted).relative_error().tolist()
     real = [float("nan")] * len(rungs)
     if m.held.real is not None:
         real = m.held.gap(rungs, real=True).relative_error().tolist()
-    placed = _place(m, naming, fitted.residual[:, :, -1])
+    placed = _place(m, naming, fitted[:, :, -1])
     effects = []
     for k, name in enumerate(order):
         own = [at for at, c in enumerate(naming.chosen) if c.family.name == name]

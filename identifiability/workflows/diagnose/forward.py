@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects import find_family
+from identifiability.estimation.torque_errors import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
-from identifiability.foundation.shares import ENDS
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
@@ -27,10 +27,8 @@ from identifiability.simulation.forward import Extra, ForwardRobot
 
 #: Length of a simulated stretch [s].
 HORIZON = 0.25
-#: Simulated stretches, at most.
-STRETCHES = 24
-#: Repetitions for intervals.
-DRAWS = 2000
+#: Simulated stretches, at most: each is drawn by itself for intervals.
+STRETCHES = DRAWN_STRETCHES
 
 
 @frozen
@@ -187,16 +185,8 @@ def compare_forward(
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     gap = ForwardGap(steps * dt, dt * np.arange(1, steps + 1), moved, *errors)
-    return replace(gap, interval=_change(gap, rng))
-
-
-def _change(gap: ForwardGap, rng: np.random.Generator) -> tuple[float, float]:
-    """Return the 95 % interval of the change, stretches drawn again and again."""
-    before, after = gap.shares()
-    change = after[:, -1] - before[:, -1]
-    drawn = change[rng.integers(0, len(change), (DRAWS, len(change)))].mean(1)
-    low, high = np.quantile(drawn, ENDS)
-    return float(low), float(high)
+    ends = np.stack([share[:, -1:] for share in gap.shares()], axis=2)
+    return replace(gap, interval=change_interval(ends, np.ones((len(at), 1)), rng))
 
 
 def _starts(

@@ -1,12 +1,21 @@
-"""Errors on motion that was not fitted: while choosing, and on the motion that verifies."""
+"""Errors on motion that was not fitted: while choosing, and on the motion that verifies.
+
+A least-squares fit may buy its agreement with bodies of negative mass, and a wrong effect may
+repair on other motion what these spoil there. What such an effect gains goes away as soon as
+every fit, without it and with it, is the real robot nearest to the data [Traversaro 2016].
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.torque_errors import (
     DRAWN_STRETCHES,
     change_interval,
@@ -16,26 +25,28 @@ from identifiability.estimation.torque_errors import (
 )
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.real_robot import RealRobot
-from identifiability.workflows.diagnose.rows import Candidate, Rows, fit_weighted
+from identifiability.physical.feasibility import physical_set
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.project import Projection
+from identifiability.regression.information import Information
+from identifiability.regression.structure import Structure
+from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 
 @frozen
 class Gap:
-    """Prediction errors of several models on the same unseen rows.
+    """Prediction errors of several models on the same rows.
 
     Attributes
     ----------
-    tau : (N, n)
-        Measured torque.
-    residual : (N, n, m)
     rows : Rows
         Where they are.
+    residual : (N, n, m) [N·m or N]
     """
 
-    tau: Array
-    residual: Array
     rows: Rows
+    residual: Array
 
     def relative_error(self) -> Array:
         """Return ε_RA of each model [Díaz 2010, Eq. 18], (m,)."""
@@ -50,8 +61,92 @@ class Gap:
 
     @property
     def _deviation(self) -> Array:
-        distance: Array = np.abs(self.tau - self.tau.mean())
+        tau = self.rows.measured
+        distance: Array = np.abs(tau - tau.mean())
         return distance
+
+
+@frozen
+class Gain:
+    """Relative fall of the error while choosing.
+
+    Attributes
+    ----------
+    share, error : float
+        With its standard error from means over stretches of time.
+    """
+
+    share: float
+    error: float
+
+
+@dataclass
+class RealRobot:
+    """Fits the base model and some candidates within what a real robot can have.
+
+    Programs are compiled once for each pattern of signs of the candidates' columns.
+
+    Attributes
+    ----------
+    region : PhysicalSet
+        Of the base model.
+    nominal : (p,)
+        Where the parameters go that the data leave open.
+    G : (b, p)
+        Base parameters of standard parameters.
+    """
+
+    region: PhysicalSet
+    nominal: Array
+    G: Array
+    _compiled: dict[tuple[bool, ...], Projection] = field(default_factory=dict)
+
+    @staticmethod
+    def of(structure: Structure) -> RealRobot | None:
+        """Return the fits of a structure; None where it has no bodies."""
+        region = physical_set(structure)
+        if not len(region.bodies):
+            return None
+        return RealRobot(region, structure.nominal, structure.G)
+
+    def fit(
+        self, information: Information, free: Estimate, chosen: Sequence[Candidate]
+    ) -> Array | None:
+        """Return the values (b + m,) of the real robot nearest to the data.
+
+        None where the solver finds none.
+
+        Parameters
+        ----------
+        information : Information
+        free : Estimate
+            From it, without any bound.
+        chosen : sequence of Candidate
+            Whose m columns follow those of the base parameters.
+        """
+        m, b = information.size, len(self.G)
+        R, G = free.estimator.loss(information, free), block_diag(self.G, np.eye(m - b))
+        rest = float(information.rows - m)
+        data = LeastSquares(R[:m, :m] @ G, R[:m, m], float(R[m, m] ** 2), rest)
+        try:
+            found = self._program(chosen).solve(data)
+        except ValueError:
+            return None
+        value: Array = G @ found.phi
+        return value
+
+    def _program(self, chosen: Sequence[Candidate]) -> Projection:
+        signs = tuple(c.positive for c in chosen for _ in c.columns)
+        if signs not in self._compiled:
+            labels = [f"effect {k + 1}" for k in range(len(signs))]
+            region = replace(
+                self.region,
+                nonnegative=np.concatenate([self.region.nonnegative, np.array(signs, bool)]),
+                columns=(*self.region.columns, *labels),
+            )
+            reference = np.concatenate([self.nominal, np.zeros(len(signs))])
+            self._compiled[signs] = Projection(region, reference=reference)
+        return self._compiled[signs]
 
 
 @frozen
@@ -114,46 +209,37 @@ class HeldOut:
         """Return the errors of several models on the motion that verifies, side by side."""
         parts = [self._predict(self.verifying, m, real=real) for m in models]
         where = self.verifying if self.verifying is not None else self.train
-        return Gap(where.measured, np.stack(parts, axis=2), where)
+        return Gap(where, np.stack(parts, axis=2))
 
     def _predict(self, where: Rows | None, chosen: Sequence[Candidate], *, real: bool) -> Array:
         if where is not None:
-            left: Array = where.tau - where.columns(chosen) @ self._fit(chosen, None, real=real)
+            left: Array = where.tau - where.columns(chosen) @ self.fit(chosen, real=real)
             return left
         folds = choose_folds(self.train.log)
         columns = self.train.columns(chosen)
         out = np.array(self.train.tau)
         for fold in np.unique(folds):
             test = folds == fold
-            out[test] -= columns[test] @ self._fit(chosen, ~test, real=real)
+            out[test] -= columns[test] @ self.fit(chosen, ~test, real=real)
         return out
 
-    def _fit(self, chosen: Sequence[Candidate], mask: np.ndarray | None, *, real: bool) -> Array:
-        # Where the solver finds no real robot, which is rare, the least-squares fit stands in.
-        found = self.real.fit(self.train, chosen, mask) if real and self.real else None
-        return fit_weighted(self.train, chosen, mask) if found is None else found
+    def fit(
+        self,
+        chosen: Sequence[Candidate],
+        mask: np.ndarray | slice = slice(None),
+        *,
+        real: bool = False,
+    ) -> Array:
+        """Return the values of the model with some candidates from some of the fitted rows, (m,).
+
+        Joints weigh by their own residual. With `real` it is the fit of a real robot; where the
+        solver finds none, which is rare, the least-squares fit stands in.
+        """
+        information = self.train.information(chosen, mask)
+        free = estimate(information)
+        found = self.real.fit(information, free, chosen) if real and self.real else None
+        return free.value if found is None else found
 
     def fitted_residual(self, chosen: Sequence[Candidate]) -> Array:
         """Return the errors on the rows that were fitted, (N, n)."""
-        value = fit_weighted(self.train, chosen)
-        left: Array = self.train.tau - self.train.columns(chosen) @ value
-        return left
-
-    def fitted_gap(self, models: Sequence[Sequence[Candidate]]) -> Gap:
-        """Return the errors of several models on the rows they were fitted to."""
-        parts = [self.fitted_residual(m) for m in models]
-        return Gap(self.train.measured, np.stack(parts, axis=2), self.train)
-
-
-@frozen
-class Gain:
-    """Relative fall of the error while choosing.
-
-    Attributes
-    ----------
-    share, error : float
-        With its standard error from means over stretches of time.
-    """
-
-    share: float
-    error: float
+        return self._predict(self.train, chosen, real=False)

@@ -12,9 +12,8 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.evidence import Bench, Whitened
-from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.held_out import HeldOut, RealRobot
 from identifiability.workflows.diagnose.lookalikes import Alias, find_aliases
-from identifiability.workflows.diagnose.real_robot import RealRobot
 from identifiability.workflows.diagnose.rows import (
     Candidate,
     Refusal,

@@ -17,6 +17,7 @@ from identifiability.estimation.noise.residual_noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
+from identifiability.regression.information import Information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
@@ -125,6 +126,14 @@ class Rows:
         """Return the columns of the model with some candidates, (N, n, b + …)."""
         at = [k for c in chosen for k in c.columns]
         return np.concatenate([self.X, self.D[:, :, at]], axis=2)
+
+    def information(
+        self, chosen: Sequence[Candidate], mask: np.ndarray | slice = slice(None)
+    ) -> Information:
+        """Return what some rows say of the columns of the model with some candidates."""
+        W, tau = self.columns(chosen)[mask], self.tau[mask]
+        names = tuple(map(str, range(W.shape[2])))
+        return Information.of_rows(names, W, tau, np.zeros(len(tau), int), len(tau))
 
     def along(self, j: int) -> dict[str, Array]:
         """Return what the residual of joint j may depend on, each (N,)."""
@@ -243,29 +252,3 @@ def _states(samples: Samples) -> Array:
     at, m = samples.output_times(), samples.motion
     both = np.concatenate([m.actuated_q, m.actuated_v, m.actuated_a], axis=1)
     return np.stack([np.interp(at, m.t, column) for column in both.T], axis=1)
-
-
-def fit_weighted(rows: Rows, chosen: Sequence[Candidate], mask: np.ndarray | None = None) -> Array:
-    """Return least-squares values, joints weighted by their own residual variance, (m,)."""
-    W, tau = rows.columns(chosen), rows.tau
-    if mask is not None:
-        W, tau = W[mask], tau[mask]
-    return _solve(W, tau, joint_weights(W, tau))
-
-
-def joint_weights(W: Array, tau: Array) -> Array:
-    """Return one over the rms residual of every joint beside columns W (N, n, m), (n,)."""
-    rms = np.sqrt(np.mean((tau - W @ _solve(W, tau, np.ones(tau.shape[1]))) ** 2, axis=0))
-    weight: Array = 1.0 / np.maximum(rms, 1e-9 * (rms.max() or 1.0))
-    return weight
-
-
-def _solve(W: Array, tau: Array, weight: Array) -> Array:
-    m = W.shape[2]
-    if not m:
-        return np.empty(0)
-    length = np.sqrt(np.einsum("ijk,ijk->k", W, W))
-    length = np.where(length > 0, length, 1.0)
-    A = (W / length * weight[:, None]).reshape(-1, m)
-    value: Array = np.linalg.lstsq(A, (tau * weight).ravel(), rcond=1e-8)[0] / length
-    return value
