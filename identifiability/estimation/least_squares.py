@@ -8,6 +8,7 @@ differ in size.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -110,50 +111,53 @@ def leave_open(information: Information, estimator: Estimator) -> Estimate:
 
 def _solve(information: Information, weights: Array, estimator: Estimator) -> Estimate:
     k, n = information.size, information.actuators
-    G = information.total(weights)
-    S = information.basis
     kept, singular = _determined(information, weights)
     if len(kept) < k:
-        return _embed(
-            _solve(information.select(kept), weights, estimator), information, kept, singular
-        )
+        part = _solve(information.select(kept), weights, estimator)
+        return _embed(part, information, kept, singular)
     # Unknowns in the basis are y = S11 x - s12; the large part of τ that the basis already
     # explains never enters a difference of squares.
-    g11, g12 = G[:k, :k], G[:k, k]
-    s22 = S[k, k]
-    if k:
-        y = np.linalg.solve(g11, g12) * s22
-        x = solve_triangular(S[:k, :k], S[:k, k] + y)
-    else:
-        y, x = np.empty(0), np.empty(0)
-    z = np.append(-y, s22)  # τ - W x = Z z
+    G, S = information.total(weights), information.basis
+    y = np.linalg.solve(G[:k, :k], G[:k, k]) * S[k, k]
+    inverse = solve_triangular(S[:k, :k], np.eye(k)) if k else np.empty((0, 0))
+    z = np.append(-y, S[k, k])  # τ - W x = Z z
     rss = np.maximum(information.squares(z), 0.0)
     dof = information.rows - k
-    # Each actuator pays for its share of the parameters in proportion to its rows.
-    variance = rss / max(information.samples - k / n, 1.0)
     sigma2 = float(weights @ rss) / max(dof, 1)
-    inverse = solve_triangular(S[:k, :k], np.eye(k)) if k else np.empty((0, 0))
-    covariance = sigma2 * inverse @ np.linalg.solve(g11, inverse.T) if k else np.empty((0, 0))
-    low = float(singular[-1]) if len(singular) else 1.0
+    covariance = sigma2 * inverse @ np.linalg.solve(G[:k, :k], inverse.T)
+    low = float(singular[-1]) if k else 1.0
     return Estimate(
-        information.columns, x, 0.5 * (covariance + covariance.T), np.ones(k, bool),
-        tuple(range(k)), variance, rss,
-        dof, 1.0 / low if low > 0 else np.inf, singular, weights, estimator,
-    )  # fmt: skip
+        columns=information.columns,
+        value=solve_triangular(S[:k, :k], S[:k, k] + y) if k else np.empty(0),
+        covariance=0.5 * (covariance + covariance.T),
+        determined=np.ones(k, bool),
+        kept=tuple(range(k)),
+        # Each actuator pays for its share of the parameters in proportion to its rows.
+        variance=rss / max(information.samples - k / n, 1.0),
+        rss=rss,
+        dof=dof,
+        condition=1.0 / low if low > 0 else np.inf,
+        singular_values=singular,
+        weights=weights,
+        estimator=estimator,
+    )
+
+
+def _unit_columns(information: Information, weights: Array) -> tuple[Array, np.ndarray]:
+    """Return a factor's columns (k + 1, k) at unit length, and which of them ever act (k,)."""
+    R = information.factor(weights)[:, : information.size]
+    length = np.linalg.norm(R, axis=0)
+    acts = length > RANK_TOLERANCE * length.max(initial=0.0)
+    return np.where(acts, R / np.where(acts, length, 1.0), 0.0), acts
 
 
 def _determined(information: Information, weights: Array) -> tuple[list[int], Array]:
     """Return the columns that this motion tells apart, and the scaled singular values."""
-    k = information.size
-    R = information.factor(weights)[:, :k]
-    length = np.linalg.norm(R, axis=0)
-    longest = length.max(initial=0.0)
-    used = [c for c in range(k) if length[c] > RANK_TOLERANCE * longest and length[c] > 0]
-    if not used:
+    unit, acts = _unit_columns(information, weights)
+    if not acts.any():
         return [], np.empty(0)
-    scaled = R / np.where(length > 0, length, 1.0)
-    s = np.linalg.svd(scaled[:, used], compute_uv=False)
-    return scan_columns(scaled, used), s / s[0]
+    s = np.linalg.svd(unit[:, acts], compute_uv=False)
+    return scan_columns(unit, np.flatnonzero(acts).tolist()), s / s[0]
 
 
 def _embed(part: Estimate, whole: Information, kept: list[int], singular: Array) -> Estimate:
@@ -170,10 +174,15 @@ def _embed(part: Estimate, whole: Information, kept: list[int], singular: Array)
     covariance[mixed, :] = 0.0
     covariance[:, mixed] = 0.0
     covariance[mixed, mixed] = np.inf
-    return Estimate(
-        whole.columns, value, covariance, determined, tuple(kept), part.variance, part.rss,
-        part.dof, part.condition, singular, part.weights, part.estimator,
-    )  # fmt: skip
+    return replace(
+        part,
+        columns=whole.columns,
+        value=value,
+        covariance=covariance,
+        determined=determined,
+        kept=tuple(kept),
+        singular_values=singular,
+    )
 
 
 def dependence(information: Information, kept: Sequence[int], weights: Array) -> Array:
@@ -181,14 +190,10 @@ def dependence(information: Information, kept: Sequence[int], weights: Array) ->
 
     Columns are scaled to unit length; a column that never acts depends on nothing.
     """
-    k = information.size
-    dropped = [c for c in range(k) if c not in set(kept)]
-    R = information.factor(weights)[:, :k]
-    length = np.linalg.norm(R, axis=0)
-    acts = length > RANK_TOLERANCE * length.max(initial=0.0)
-    unit = np.where(acts, R / np.where(acts, length, 1.0), 0.0)
+    dropped = [c for c in range(information.size) if c not in set(kept)]
     if not kept or not dropped:
         return np.zeros((len(kept), len(dropped)))
+    unit, _ = _unit_columns(information, weights)
     solved: Array = np.linalg.lstsq(unit[:, list(kept)], unit[:, dropped], rcond=None)[0]
     return solved
 

@@ -29,6 +29,13 @@ class Class(StrEnum):
     NOT_JUDGED = "not judged"
 
 
+#: Attributes of a verdict that stand in a row under their own names.
+IN_A_ROW = (
+    "name", "label", "unit", "value", "sigma", "sigma_percent", "sigma_robust_percent",
+    "interval95", "data_interval95", "paper_rule", "verdict", "reason",
+)  # fmt: skip
+
+
 @frozen
 class Thresholds:
     """Thresholds of the verdicts; reports print them.
@@ -125,22 +132,10 @@ class Verdict:
 
     def to_row(self) -> dict[str, Any]:
         """Return the verdict as one row of a table or of a JSON result."""
-        return {
-            "name": self.name,
-            "label": self.label,
-            "unit": self.unit,
-            "value": self.value,
-            "sigma": self.sigma,
-            "sigma_percent": self.sigma_percent,
-            "sigma_robust_percent": self.sigma_robust_percent,
-            "interval95": list(self.interval95),
-            "data_interval95": list(self.data_interval95),
-            "paper_rule": self.paper_rule,
-            "verdict": self.verdict.value,
-            "reason": self.reason,
-            "torque_share": self.share,
-            "nominal": self.nominal,
-        }
+        row = {name: getattr(self, name) for name in IN_A_ROW}
+        row |= {name: list(row[name]) for name in ("interval95", "data_interval95")}
+        row["verdict"] = self.verdict.value
+        return row | {"torque_share": self.share, "nominal": self.nominal}
 
 
 def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
@@ -249,58 +244,49 @@ def _decide(
     if evidence.unjudged or np.isnan(recurrence):
         why = evidence.unjudged or "No logs were resampled, so nothing can be said of it."
         return Class.NOT_JUDGED, why
-    recurs = recurrence >= rules.recurrence
-    if certain and percent <= rules.sigma_percent and recurs:
-        return (
+    known = certain and percent <= rules.sigma_percent
+    about, often = _digits(percent), f"{100 * recurrence:.0f} %"
+    least = f"{100 * rules.recurrence:.0f} %"
+    cases = (
+        (
+            known and recurrence >= rules.recurrence,
             Class.IDENTIFIABLE,
-            f"Known to ±{_digits(percent)} % (limit {rules.sigma_percent:g} %) and its sign is "
-            "certain.",
-        )
-    if effect <= rules.negligible_share and not certain:
-        return (
+            f"Known to ±{about} % (limit {rules.sigma_percent:g} %) and its sign is certain.",
+        ),
+        (
+            effect <= rules.negligible_share and not certain,
             Class.NEGLIGIBLE,
-            f"No value in its interval moves the torque of any joint by more than "
+            "No value in its interval moves the torque of any joint by more than "
             f"{100 * effect:.2g} % of its residual: about zero for this motion, safe to leave out.",
-        )
-    if certain and percent <= rules.sigma_percent:
-        return (
+        ),
+        (
+            known,
             Class.WEAK,
-            f"Its sign is certain and it is known to ±{_digits(percent)} %, but only "
-            f"{100 * recurrence:.0f} % of the resampled logs say so (limit "
-            f"{100 * rules.recurrence:.0f} %).",
-        )
-    if certain:
-        return (
-            Class.WEAK,
-            f"Its sign is certain, but it is known only to ±{_digits(percent)} %.",
-        )
-    if percent < 100:
-        return (
+            f"Its sign is certain and it is known to ±{about} %, but only {often} of the resampled "
+            f"logs say so (limit {least}).",
+        ),
+        (certain, Class.WEAK, f"Its sign is certain, but it is known only to ±{about} %."),
+        (
+            percent < 100,
             Class.NOT_IDENTIFIABLE,
-            f"σ is {_digits(percent)} % of the value: with this many parameters even the sign may "
-            "be chance.",
-        )
-    return (
-        Class.NOT_IDENTIFIABLE,
-        f"σ is {_digits(percent)} % of the value: zero and the other sign fit as well.",
+            f"σ is {about} % of the value: with this many parameters even the sign may be chance.",
+        ),
     )
+    otherwise = f"σ is {about} % of the value: zero and the other sign fit as well."
+    found = ((kind, reason) for holds, kind, reason in cases if holds)
+    return next(found, (Class.NOT_IDENTIFIABLE, otherwise))
 
 
 def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
     """Return why the paper's rule says otherwise, if it does."""
-    if kind is Class.NOT_JUDGED:
+    if kind is Class.NOT_JUDGED or paper == (kind is Class.IDENTIFIABLE):
         return ""
-    good = kind is Class.IDENTIFIABLE
-    if paper and not good:
-        return (
-            f" The {PAPER_FACTOR:g}× rule passes it (white-noise σ {_digits(percent)} % < "
-            f"{PAPER_FACTOR:g} × {_digits(least)} %): that rule is relative to the best parameter "
-            "of the model and knows no autocorrelation."
-        )
-    if good and not paper:
-        return (
-            f" The {PAPER_FACTOR:g}× rule rejects it (white-noise σ {_digits(percent)} % > "
-            f"{PAPER_FACTOR:g} × {_digits(least)} %) only because another parameter is known much "
-            "better."
-        )
-    return ""
+    does, than, why = "rejects", ">", " only because another parameter is known much better."
+    if paper:
+        does, than = "passes", "<"
+        why = ": that rule is relative to the best parameter of the model and knows no "
+        why += "autocorrelation."
+    return (
+        f" The {PAPER_FACTOR:g}× rule {does} it (white-noise σ {_digits(percent)} % {than} "
+        f"{PAPER_FACTOR:g} × {_digits(least)} %){why}"
+    )

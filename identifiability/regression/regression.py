@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
 from itertools import repeat
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,14 +16,13 @@ from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared, Stretch
-from identifiability.logs.prepare.samples import Piece
 from identifiability.regression.model import Model
 from identifiability.robot import Robot
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Chunk", "Model", "Part", "Regression", "StretchRegression", "map_parts"]
+__all__ = ["Chunk", "Model", "Part", "Regression", "map_parts"]
 
 #: Samples a chunk: the regressor of one chunk stays in the processor's cache.
 CHUNK = 1024
@@ -121,20 +120,18 @@ class Regression:
         whole : bool
             Do not divide any log.
         """
+        what = self.robot, self.model, self.columns
         parts = []
         for k, samples in enumerate(self.samples):
+            other = None if self.instruments is None else self.instruments[k]
             if whole or isinstance(samples, Samples):
-                parts.append(Part(self, k, k, 0))
+                parts.append(Part(*what, k, 0, samples, other, self._kept[k]))
                 continue
-            start = 0
-            given = None if self.instruments is None else self.instruments[k]
-            others: Sequence[Stretch | None] = [None] * len(samples.stretches)
-            if isinstance(given, LongSamples):
-                others = given.stretches
-            for stretch, other in zip(samples.stretches, others, strict=True):
-                small = StretchRegression(self.robot, self.model, stretch, self.columns, other)
-                parts.append(Part(small, 0, k, start))
-                start += stretch.outputs
+            stretches = samples.stretches
+            starts = np.cumsum([0, *(s.outputs for s in stretches)])
+            others = other.stretches if isinstance(other, LongSamples) else [None] * len(stretches)
+            for start, one, instruments in zip(starts[:-1], stretches, others, strict=True):
+                parts.append(Part(*what, k, int(start), one, instruments, None))
         return parts
 
     def thin(self, step: int) -> Regression:
@@ -143,28 +140,11 @@ class Regression:
         others = self.instruments and tuple(s.thin(step) for s in self.instruments)
         return replace(self, samples=samples, instruments=others)
 
-    def log_chunks(self, log: int, size: int = CHUNK) -> Iterator[Chunk]:
-        """Yield the chunks of one log; they are kept where the whole regression is small."""
-        if log in self._kept:
-            yield from self._kept[log]
-            return
-        kept = []
-        other = None if self.instruments is None else self.instruments[log]
-        for chunk in _chunks(self, self.samples[log], other, log, size):
-            if self._small:
-                V = None if chunk.instruments is None else chunk.instruments.copy()
-                kept.append(replace(chunk, W=chunk.W.copy(), instruments=V))
-            yield kept[-1] if self._small else chunk
-        if self._small:
-            self._kept[log] = kept
-
     @cached_property
-    def _kept(self) -> dict[int, list[Chunk]]:
-        return {}
-
-    @cached_property
-    def _small(self) -> bool:
-        return self.rows * len(self.parameters) * 8 < KEEP_BYTES
+    def _kept(self) -> list[list[Chunk] | None]:
+        """Chunks of each log that were computed before, where the whole regression is small."""
+        small = self.rows * len(self.parameters) * 8 < KEEP_BYTES
+        return [[] if small else None for _ in self.samples]
 
     def to_frame(self) -> pd.DataFrame:
         """Return all rows as a DataFrame: columns by parameter name, then ``tau``."""
@@ -185,58 +165,73 @@ class Regression:
 
 
 @frozen
-class StretchRegression:
-    """The regression of a stretch of a long log: small to send, large to compute.
+class Part:
+    """A log of a regression, or a stretch of a long one: small to send, large to compute.
 
     Attributes
     ----------
     robot : Robot
     model : Model
-    stretch : Stretch
     columns : (b,) int or None
-    instruments : Stretch or None
+    log : int
+        Which log of the regression.
+    start : int
+        Output of that log at which the part begins.
+    samples : Samples, LongSamples or Stretch
+    instruments : the same, or None
+    kept : list of Chunk or None
+        Where the chunks are kept, once they were computed; None if they take too much memory.
     """
 
     robot: Robot
     model: Model
-    stretch: Stretch
     columns: np.ndarray | None
-    instruments: Stretch | None
-
-    def log_chunks(self, log: int, size: int = CHUNK) -> Iterator[Chunk]:
-        """Yield its chunks; each one's W is overwritten by the next."""
-        yield from _chunks(self, self.stretch, self.instruments, log, size)
-
-
-@frozen
-class Part:
-    """A part of a regression that is worked on by itself.
-
-    Attributes
-    ----------
-    regression : Regression or StretchRegression
-    at : int
-        Which of its logs.
-    log : int
-        Which log of the whole regression that is.
-    start : int
-        Output of that log at which the part begins.
-    """
-
-    regression: Regression | StretchRegression
-    at: int
     log: int
     start: int
+    samples: Prepared | Stretch
+    instruments: Prepared | Stretch | None
+    kept: list[Chunk] | None
 
     @property
     def remote(self) -> bool:
         """Whether it is worth sending to another process."""
-        return isinstance(self.regression, StretchRegression)
+        return isinstance(self.samples, Stretch)
 
     def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
-        """Yield its chunks."""
-        for chunk in self.regression.log_chunks(self.at, size):
-            yield replace(chunk, log=self.log, start=self.start + chunk.start)
+        """Yield its chunks; each one's W is overwritten by the next, unless they are kept."""
+        if self.kept:
+            yield from self.kept
+            return
+        start, done = self.start, []
+        others = self._regressors(self.instruments, size)
+        for (piece, W), (_, V) in zip(self._regressors(self.samples, size), others, strict=False):
+            if V is not None and V.shape != W.shape:
+                raise ValueError("instruments need as many samples as the log that they stand for")
+            if self.kept is not None:
+                W, V = W.copy(), None if V is None else V.copy()  # noqa: PLW2901 - a buffer
+            t, velocity = piece.motion.t[piece.at], piece.motion.actuated_v[piece.at]
+            chunk = Chunk(self.log, start, W, piece.down(piece.tau), t, velocity, V)
+            start += len(t)
+            if self.kept is not None:
+                done.append(chunk)
+            yield chunk
+        if self.kept is not None:
+            self.kept[:] = done
+
+    def _regressors(
+        self, samples: Prepared | Stretch | None, size: int
+    ) -> Iterator[tuple[Any, Any]]:
+        """Yield pieces with the regressor of their outputs, which the next one overwrites."""
+        if samples is None:
+            yield from repeat((None, None))
+            return
+        shape = (len(self.robot.actuated), len(self.model.parameters(self.robot)))
+        buffer = np.empty((0, *shape))
+        for piece in samples.pieces(size):
+            if len(buffer) < len(piece.motion):
+                buffer = np.empty((len(piece.motion), *shape))
+            W = self.model.regressor(self.robot, piece.motion, out=buffer)
+            yield piece, piece.down(W if self.columns is None else W[:, :, self.columns])
 
 
 def map_parts(
@@ -264,35 +259,3 @@ def map_parts(
         yield next(found) if part.remote else function(part)
         if progress is not None:
             progress(done, len(parts))
-
-
-def _chunks(
-    columns_of: Regression | StretchRegression,
-    samples: Prepared | Stretch,
-    instruments: Prepared | Stretch | None,
-    log: int,
-    size: int,
-) -> Iterator[Chunk]:
-    others = repeat(None) if instruments is None else _regressors(columns_of, instruments, size)
-    start = 0
-    for (piece, W), other in zip(_regressors(columns_of, samples, size), others, strict=False):
-        V = None if other is None else other[1]
-        if V is not None and V.shape != W.shape:
-            raise ValueError("instruments need as many samples as the log that they stand for")
-        tau, t, v = piece.down(piece.tau), piece.motion.t[piece.at], piece.motion.actuated_v
-        yield Chunk(log, start, W, tau, t, v[piece.at], V)
-        start += len(tau)
-
-
-def _regressors(
-    columns_of: Regression | StretchRegression, samples: Prepared | Stretch, size: int
-) -> Iterator[tuple[Piece, Array]]:
-    """Yield pieces with the regressor of their outputs, which the next one overwrites."""
-    robot, model, columns = columns_of.robot, columns_of.model, columns_of.columns
-    shape = (len(robot.actuated), len(model.parameters(robot)))
-    buffer = np.empty((0, *shape))
-    for piece in samples.pieces(size):
-        if len(buffer) < len(piece.motion):
-            buffer = np.empty((len(piece.motion), *shape))
-        W = model.regressor(robot, piece.motion, out=buffer)
-        yield piece, piece.down(W if columns is None else W[:, :, columns])

@@ -105,7 +105,7 @@ def regression(rps, paper_model, noisy_log, exact_log):
 
 
 def test_chunks_with_instruments_are_the_whole_and_every_chunk_keeps_its_own(regression):
-    chunks = list(regression.log_chunks(0, 100))
+    chunks = list(regression.parts()[0].chunks(100))
     V, W = (np.concatenate(x) for x in zip(*((c.instruments, c.W) for c in chunks), strict=True))
     tau = np.concatenate([c.tau for c in chunks])
     assert np.abs(V - W).max() > 0

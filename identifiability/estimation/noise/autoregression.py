@@ -21,14 +21,15 @@ def levinson(pacf: Array) -> tuple[list[Array], Array]:
 
     Parameters
     ----------
-    pacf : (p,)
-        Partial autocorrelations.
+    pacf : (p,) or (p, B)
+        Partial autocorrelations, of several series side by side.
     """
-    predictors = [np.empty(0)]
+    predictors = [np.empty((0, *pacf.shape[1:]))]
     for r in pacf:
         before = predictors[-1]
-        predictors.append(np.append(before - r * before[::-1], r))
-    shrink = np.concatenate([[1.0], np.cumprod(1 - np.asarray(pacf) ** 2)])
+        predictors.append(np.concatenate([before - r * before[::-1], np.asarray(r)[None]]))
+    ones = np.ones((1, *pacf.shape[1:]))
+    shrink = np.concatenate([ones, np.cumprod(1 - pacf**2, axis=0)])
     return predictors, shrink / shrink[-1]
 
 
@@ -48,19 +49,13 @@ def colour(e: Array, pacf: Array) -> Array:
 
 def colour_many(e: Array, pacf: Array) -> Array:
     """Return series (N, B) with innovations e (N, B), each with partials of its own, (p, B)."""
-    p, count = len(pacf), len(e)
-    predictors = [np.empty((0, e.shape[1]))]
-    for r in pacf:
-        before = predictors[-1]
-        predictors.append(np.concatenate([before - r * before[::-1], r[None]]))
-    ones = np.ones((1, e.shape[1]))
-    shrink = np.concatenate([ones, np.cumprod(1 - pacf**2, axis=0)])
-    start = np.sqrt(shrink / shrink[-1])
+    predictors, variances = levinson(pacf)
+    p = len(pacf)
     x = np.array(e, float)
-    for k in range(count):
+    for k in range(len(e)):
         m = min(k, p)
         if k < p:
-            x[k] *= start[k]
+            x[k] *= np.sqrt(variances[k])
         if m:
             x[k] += np.einsum("kb,kb->b", predictors[m], x[k - m : k][::-1])
     return x
@@ -69,17 +64,14 @@ def colour_many(e: Array, pacf: Array) -> Array:
 def autocovariance(pacf: Array, most: int) -> Array:
     """Return autocovariances at lags 0 … most for unit innovations, (most + 1,)."""
     predictors, variances = levinson(pacf)
+    p = len(pacf)
     out = np.zeros(most + 1)
     out[0] = variances[0]
     for k in range(1, most + 1):
-        a = predictors[min(k, len(pacf))]
-        # The last partial autocorrelation of an order gives the next lag [Levinson 1947].
-        past = out[k - len(a) : k][::-1] if len(a) else np.empty(0)
-        if k <= len(pacf):
-            before = predictors[k - 1]
-            out[k] = pacf[k - 1] * variances[k - 1] + before @ out[1:k][::-1]
-        else:
-            out[k] = a @ past
+        if k > p:
+            out[k] = predictors[p] @ out[k - p : k][::-1]
+        else:  # the last partial autocorrelation of an order gives the next lag [Levinson 1947]
+            out[k] = pacf[k - 1] * variances[k - 1] + predictors[k - 1] @ out[1:k][::-1]
     return out
 
 
