@@ -267,12 +267,10 @@ def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, 
     dropped = [c for c in range(len(rung)) if c not in set(fit.kept)]
     leans = dependence(information, fit.kept, fit.weights)
     for k in np.flatnonzero(~fit.determined):
-        if k in fit.kept:
-            row = np.abs(leans[fit.kept.index(int(k))])
-            others = [rung.columns[dropped[i]] for i in np.argsort(-row)]
-        else:
-            row = np.abs(leans[:, dropped.index(int(k))])
-            others = [rung.columns[fit.kept[i]] for i in np.argsort(-row)]
+        own, rest = (fit.kept, dropped) if k in fit.kept else (dropped, fit.kept)
+        at = own.index(int(k))
+        row = np.abs(leans[at] if k in fit.kept else leans[:, at])
+        others = [rung.columns[rest[i]] for i in np.argsort(-row)]
         count = int((row > MIXED).sum())
         out[k] = (
             f"This motion determines only its combination with {listing(others[:count], 4)}."

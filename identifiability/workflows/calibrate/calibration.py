@@ -270,9 +270,7 @@ def calibrate(
             )  # fmt: skip
         except LogError as error:  # too short a log has no part to verify names on
             unmeasured = f"How often a name is false was not measured: {error}"
-    asked = {
-        "seed": seed, "trials": trials, "replicates": replicates, "sbc": sbc, "diagnoses": diagnoses
-    }  # fmt: skip
+    numbers = {"trials": trials, "replicates": replicates, "sbc": sbc, "diagnoses": diagnoses}
     return Calibration(
         robot=analysis.robot.name,
         model=result.name,
@@ -284,7 +282,7 @@ def calibrate(
         own=own,
         false_names=named,
         unmeasured=unmeasured,
-        provenance={**analysis.provenance, **{name: str(v) for name, v in asked.items()}},
+        provenance=analysis.provenance | {k: str(v) for k, v in {"seed": seed, **numbers}.items()},
         hints=analysis.hints,
     )
 

@@ -262,10 +262,7 @@ class _Walker:
                 moves.append(pair)
                 moves.append(Move(Kind.DROP, tuple(p.columns[g] for g in leaders)))
         singles = [Move(Kind.DROP, p.members(g)) for g in p.leaders if g not in paired]
-        moves = [
-            m for m in [*singles, *moves]
-            if m.kind is not Kind.DROP or not self.plan.kept.intersection(m.zero)
-        ]  # fmt: skip
+        moves = [m for m in [*singles, *moves] if not self.plan.kept.intersection(m.zero)]
         return moves[int(np.argmin(self.fit.costs(moves)))] if moves else None
 
 

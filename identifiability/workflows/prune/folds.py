@@ -204,11 +204,9 @@ class Fit:
 
     def violations(self) -> int:
         """Return how many free parameters have a sign that physics forbids."""
-        x = self.values[0]
-        tiny = 1e-9 * np.linalg.norm(self.folds.inverse, axis=1) * max(
-            float(np.linalg.norm(self.folds.centre)), 1e-300
-        )  # fmt: skip
-        return int((self.folds.nonnegative & (x < -tiny)).sum())
+        size = max(float(np.linalg.norm(self.folds.centre)), 1e-300)
+        tiny = 1e-9 * np.linalg.norm(self.folds.inverse, axis=1) * size
+        return int((self.folds.nonnegative & (self.values[0] < -tiny)).sum())
 
 
 @frozen

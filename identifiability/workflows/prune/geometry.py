@@ -184,26 +184,26 @@ def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
             return False
         if not all(any(p.equals(q) for q in parts[b]) for p in parts[a]):
             return False
-        if x.last - x.first != y.last - y.first:
+        first, other = (joints[link.first : link.last + 1] for link in (x, y))
+        if len(first) != len(other):
             return False
-        span = range(x.last - x.first + 1)
-        if not all(_same_joint(joints[x.first + i], joints[y.first + i], first=i == 0)
-                   for i in span):  # fmt: skip
+        if not all(
+            _same_joint(u, v, first=u is first[0]) for u, v in zip(first, other, strict=True)
+        ):
             return False
         if x.parent == WORLD:
             return True
-        u, v = joints[x.first], joints[y.first]
+        u, v = first[0], other[0]
         moved = np.linalg.norm(u.translation - v.translation) > CLOSE
         turned = np.linalg.norm(u.rotation - v.rotation) > CLOSE
         return not moved and not turned and same(x.parent, y.parent)
 
     sets: list[list[int]] = []
     for k in range(len(links)):
-        home = next((s for s in sets if same(s[0], k)), None)
-        if home is None:
-            sets.append([k])
-        else:
-            home.append(k)
+        home = next((s for s in sets if same(s[0], k)), [])
+        if not home:
+            sets.append(home)
+        home.append(k)
     return [tuple(s) for s in sets if len(s) > 1]
 
 
@@ -215,6 +215,4 @@ def _same_joint(x: Joint, y: Joint, *, first: bool) -> bool:
 
 def body_shapes(mirrors: list[Mirror]) -> Array:
     """Return a basis of the ten parameters that mirrors allow a body, (10, free)."""
-    if not mirrors:
-        return np.eye(10)
     return np.asarray(null_space(np.vstack([m.constraints() for m in mirrors])), float)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from enum import StrEnum
+from itertools import takewhile
 
 import numpy as np
 
@@ -40,15 +41,12 @@ class Move:
         Sets of columns that are equal from now on.
     why : str
         What suggests it, as the beginning of a sentence.
-    declared : bool
-        Whether the user or the robot's sidecar states it, rather than the software proposes it.
     """
 
     kind: Kind
     zero: tuple[str, ...] = ()
     tie: tuple[tuple[str, ...], ...] = ()
     why: str = ""
-    declared: bool = False
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -171,14 +169,15 @@ def common_name(columns: Sequence[str]) -> str:
     >>> common_name(["leg1_lower.my", "leg2_lower.my"])
     'leg*_lower.my'
     """
-    first = columns[0]
-    if len(columns) == 2 and first[:-1] == columns[1][:-1] and {first[-1], columns[1][-1]} == {
-        "+", "-"
-    }:  # fmt: skip
-        return first[:-1]
-    size = min(map(len, columns))
-    head = next((i for i in range(size) if len({c[i] for c in columns}) > 1), size)
-    tails = [c[head:] for c in columns]
-    size = min(map(len, tails))
-    tail = next((i for i in range(size) if len({t[len(t) - 1 - i] for t in tails}) > 1), size)
-    return f"{first[:head]}*{first[len(first) - tail :] if tail else ''}"
+    head = _beginning(columns)
+    rest = [c[len(head) :] for c in columns]
+    if sorted(rest) == ["+", "-"]:
+        return head
+    tail = _beginning([r[::-1] for r in rest])[::-1]
+    return f"{head}*{tail}"
+
+
+def _beginning(texts: Sequence[str]) -> str:
+    """Return the letters with which all texts begin."""
+    letters = takewhile(lambda each: len(set(each)) == 1, zip(*texts, strict=False))
+    return "".join(each[0] for each in letters)

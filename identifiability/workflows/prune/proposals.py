@@ -56,7 +56,7 @@ def declared_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
     sets = (members for tie in robot.ties for members in tie.values())
     where = robot.sidecar.name if robot.sidecar is not None else "the sidecar"
     return [
-        Move(Kind.TIE, tie=(tuple(s),), why=f"{where} declares them equal", declared=True)
+        Move(Kind.TIE, tie=(tuple(s),), why=f"{where} declares them equal")
         for s in sets
         if set(s) <= known and len(s) > 1
     ]

@@ -155,7 +155,6 @@ def measure_rungs(
     physical: PhysicalResult,
     replicates: int,
     rng: np.random.Generator,
-    *,
     engine: Engine,
     progress: Steps,
 ) -> Measured:

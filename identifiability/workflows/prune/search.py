@@ -116,9 +116,7 @@ def _plan(
         if zero or tie:
             usable.append(replace(move, zero=zero, tie=tie))
     pairs = tuple(m for m in usable if m.kind is Kind.MERGE)
-    forced = tuple(
-        Move(Kind.FORCED, (c,), why="You asked for it", declared=True) for c in force if c in known
-    )
+    forced = tuple(Move(Kind.FORCED, (c,), why="You asked for it") for c in force if c in known)
     return Plan(tuple(usable), pairs, forced, frozenset(forbid))
 
 

@@ -8,7 +8,6 @@ model.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -112,7 +111,15 @@ def assess_stability(
         partial(_walk_again, search, unit, criterion), items, progress=progress
     )
     drawn = [partition for part in parts for partition in part]
-    return _summarise(chosen.columns, drawn, chosen)
+    sets, most = Counter(_set(p) for p in drawn), max(replicates, 1)
+    alive = np.array([p.survivors() for p in drawn]).reshape(-1, len(chosen.columns))
+    return Stability(
+        columns=chosen.columns,
+        survives=alive.mean(0) if drawn else np.full(len(chosen.columns), np.nan),
+        sizes=np.array([len(p) for p in drawn], int),
+        same=sets[_set(chosen)] / most if drawn else np.nan,
+        models=tuple((m, count / most) for m, count in sets.most_common(5)),
+    )
 
 
 def _walk_again(
@@ -134,25 +141,9 @@ def _units(folds: Folds, blocks: int) -> np.ndarray:
     for s in range(len(folds.fold)):
         rows = np.flatnonzero(folds.stretch == s)
         runs = max(1, len(rows) // blocks)
-        unit[rows] = at + np.arange(len(rows)) * runs // max(len(rows), 1)
+        unit[rows] = at + np.arange(len(rows)) * runs // len(rows)
         at += runs
     return unit
-
-
-def _summarise(
-    columns: tuple[str, ...], drawn: Sequence[Partition], chosen: Partition
-) -> Stability:
-    if not drawn:
-        return Stability(columns, np.full(len(columns), np.nan), np.empty(0, int), np.nan, ())
-    sets = Counter(_set(p) for p in drawn)
-    models = tuple((m, c / len(drawn)) for m, c in sets.most_common(5))
-    return Stability(
-        columns,
-        np.mean([p.survivors() for p in drawn], axis=0),
-        np.array([len(p) for p in drawn]),
-        sets[_set(chosen)] / len(drawn),
-        models,
-    )
 
 
 def _set(partition: Partition) -> tuple[str, ...]:

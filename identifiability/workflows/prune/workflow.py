@@ -156,10 +156,10 @@ def prune(
             method=estimator,
         )
         selected, physical = _choose(question, search, criterion, cad_weight)
+        measuring = share(say, "measuring errors", 0.5, 0.7)
         measured = measure_rungs(
-            question, search, selected, physical, replicates, streams[2],
-            engine=runner, progress=share(say, "measuring errors", 0.5, 0.7),
-        )  # fmt: skip
+            question, search, selected, physical, replicates, streams[2], runner, measuring
+        )
     with threadpool_limits(1, "blas"):
         say("resampling", 0.7)
         chosen = measured.rungs[selected]
