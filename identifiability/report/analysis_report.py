@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,24 +10,21 @@ from identifiability.report.blocks import Section
 from identifiability.report.numbers import format_count
 from identifiability.report.page import Page
 from identifiability.report.results import write_result
-from identifiability.report.sections import (
-    answer_notes,
-    answer_terms,
-    answer_tiles,
-    section_bodies,
+from identifiability.report.sections.answer import answer_notes, answer_terms, answer_tiles
+from identifiability.report.sections.belief import section_posterior
+from identifiability.report.sections.method import (
+    section_preparation,
+    section_provenance,
+    section_terms,
+)
+from identifiability.report.sections.models import (
     section_full_model,
     section_ladder,
     section_parameters,
-    section_physics,
-    section_posterior,
-    section_prediction,
-    section_preparation,
-    section_provenance,
-    section_residuals,
-    section_standard,
-    section_structure,
-    section_terms,
 )
+from identifiability.report.sections.prediction import section_prediction, section_residuals
+from identifiability.report.sections.robot import section_physics, section_structure
+from identifiability.report.sections.standard import section_bodies, section_standard
 from identifiability.workflows.analyze import Analysis
 
 SECTIONS = (
@@ -37,6 +33,9 @@ SECTIONS = (
     section_prediction,
     section_residuals,
     section_physics,
+    section_bodies,
+    section_posterior,
+    section_standard,
     section_structure,
     section_full_model,
     section_preparation,
@@ -44,28 +43,20 @@ SECTIONS = (
     section_provenance,
 )
 
-#: Where there is nothing to explain, no model was fitted whose torque or bodies could be shown.
-SILENT = (
-    section_parameters,
-    section_ladder,
-    section_structure,
-    section_preparation,
-    section_terms,
-    section_provenance,
-)
+#: Left out where there is nothing to explain: no model was fitted whose torque or bodies to show.
+OF_TORQUE = {section_prediction, section_residuals, section_physics, section_full_model}
 
-#: Follow `section_physics` where a posterior was sampled.
-BELIEF_SECTIONS = (section_bodies, section_posterior, section_standard)
+#: Only where a posterior was sampled.
+OF_BELIEF = {section_bodies, section_posterior, section_standard}
 
 
-def choose_sections(analysis: Analysis) -> tuple[Callable[[Analysis], Section], ...]:
+def choose_sections(analysis: Analysis) -> tuple[Section, ...]:
     """Return the sections of an analysis in their order."""
-    if not np.isfinite(analysis.chosen.error_ra_validation):
-        return SILENT
-    if analysis.belief is None:
-        return SECTIONS
-    at = SECTIONS.index(section_physics) + 1
-    return (*SECTIONS[:at], *BELIEF_SECTIONS, *SECTIONS[at:])
+    explained = np.isfinite(analysis.chosen.error_ra_validation)
+    hidden = set() if explained else OF_TORQUE
+    if analysis.belief is None or not explained:
+        hidden = hidden | OF_BELIEF
+    return tuple(section(analysis) for section in SECTIONS if section not in hidden)
 
 
 def build_analysis_page(analysis: Analysis) -> Page:
@@ -79,7 +70,7 @@ def build_analysis_page(analysis: Analysis) -> Page:
     return Page(
         title=robot.title or robot.name,
         statement=analysis.statement,
-        sections=tuple(section(analysis) for section in choose_sections(analysis)),
+        sections=choose_sections(analysis),
         overline="Identifiability report",
         subtitle=subtitle,
         tiles=answer_tiles(analysis),

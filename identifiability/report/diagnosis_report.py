@@ -7,7 +7,6 @@ import numpy as np
 from identifiability.effects import find_effect, title_of
 from identifiability.report.blocks import (
     Block,
-    Gallery,
     Note,
     Notes,
     Picture,
@@ -23,6 +22,7 @@ from identifiability.report.page import Page
 from identifiability.report.sections.effects import section_effects, section_forward
 from identifiability.report.sections.facts import torque_units, velocity_units
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.words import gallery, picture, section
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.words import headline, remarks
 
@@ -99,46 +99,38 @@ def _section_gap(d: Diagnosis) -> Section:
         ):
             figure = draw_against(x, *pair, joint, (unit, units[k]), what)
             against.append(Picture(figure, alt=f"Residual of {joint} over {what}"))
-    lead = "Measured less predicted torque on unseen motion, before and after adding the effects."
-    if np.isfinite(d.real_after):
-        lead += (
-            f" With bodies that can exist the error goes from {percent(d.real_before)} to "
-            f"{percent(d.real_after)}."
-        )
-    blocks = (
-        Gallery(tuple(over_time), f"The first {STRETCH:g} s of the first unseen log."),
-        Gallery(tuple(against), "Dots: before. Lines join medians of equally filled bins."),
+    real = (
+        f" With bodies that can exist the error goes from {percent(d.real_before)} to "
+        f"{percent(d.real_after)}."
     )
-    return Section("gap", "The gap before and after", lead, blocks)
+    galleries = gallery("gap", over_time, seconds=f"{STRETCH:g}"), gallery("against", against)
+    return section("diagnosis.gap", *galleries, real=real if np.isfinite(d.real_after) else "")
 
 
 def _section_where(d: Diagnosis) -> Section:
     causes = d.discrepancies[0].explained
     shares = [(x.joint, *x.explained.values()) for x in d.discrepancies]
-    lead = "Where the model as it was and the logs disagree, before anything was added."
     caption = "Share of the residual's variance that its averages over each of these explain"
     blocks = (
         Table.of("Residual by joint", SIZES, d.discrepancies),
         Table.of(caption, (Column("joint"), *(Column(k, rough_percent) for k in causes)), shares),
     )
-    return Section("where", "Where they disagree", lead, blocks)
+    return section("diagnosis.where", *blocks)
+
+
+def _times(ratio: float) -> str:
+    return f"{format_number(ratio, 2)} ×"
 
 
 SIZES = (
     Column("joint", get="joint"),
-    Column("residual, rms", digits(3), "", "rms"),
-    Column("of the torque", percent, "", "share"),
-    Column(
-        "near reversals",
-        lambda x: f"{format_number(x, 2)} ×",
-        "Mean square there over that elsewhere.",
-        "reversals",
-    ),
+    Column("residual, rms", digits(3), "rms"),
+    Column("of the torque", percent, "share"),
+    Column("near reversals", _times, "reversals", "Mean square there over that elsewhere."),
 )
 
 
 def _section_evidence(d: Diagnosis) -> Section:
-    lead = "Every family is scored beside the model so far, over all its shapes and places."
     rows = [
         (str(k), " in ".join(s.best), s.p_value, Cell(percent(-s.gain, 2), s.gain), s.reason)
         for k, s in enumerate(d.steps, 1)
@@ -146,7 +138,7 @@ def _section_evidence(d: Diagnosis) -> Section:
     table = Table.of("Steps of the search", STEPS, rows)
     families = list(dict.fromkeys(f for s in d.steps for f, _ in s.evidence))
     if not families:
-        return Section("evidence", "The evidence", lead, (table,))
+        return section("diagnosis.evidence", table)
     steps = d.steps[:6]
     scores = np.full((len(families), len(steps)), np.nan)
     for k, s in enumerate(steps):
@@ -154,12 +146,8 @@ def _section_evidence(d: Diagnosis) -> Section:
             at = families.index(family), k
             scores[at] = np.fmax(scores[at], score)
     critical = np.array([s.critical for s in steps])
-    picture = Picture(
-        draw_evidence([title_of(f) for f in families], scores, critical),
-        "Right of the dashed line an effect stands out from the noise.",
-        "Evidence of every family at every step",
-    )
-    return Section("evidence", "The evidence", lead, (picture, table))
+    figure = draw_evidence([title_of(f) for f in families], scores, critical)
+    return section("diagnosis.evidence", picture("evidence", figure), table)
 
 
 STEPS = (
@@ -183,14 +171,13 @@ def _section_aliases(d: Diagnosis) -> Section:
         blocks.append(Terms(refused))
     if not blocks:
         blocks.append(Prose(("Every family is visible in this motion.",)))
-    lead = "What looks, along this motion, like parameters that the model has already."
-    return Section("aliases", "What could not be named", lead, tuple(blocks))
+    return section("diagnosis.aliases", *blocks)
 
 
 HIDDEN = (
     Column("effect", get=lambda a: a.family.replace("_", " ")),
     Column("where", get="place"),
-    Column("visible", rough_percent, "", "remaining"),
+    Column("visible", rough_percent, "remaining"),
     Column("hidden behind", get=lambda a: ", ".join(a.behind)),
 )
 
@@ -198,7 +185,7 @@ HIDDEN = (
 def _section_remainder(d: Diagnosis) -> Section:
     columns = (
         Column("effect"),
-        Column("smallest that is named", rough_percent, "Rms over residual."),
+        Column("smallest that is named", rough_percent, hint="Rms over residual."),
     )
     sizes = sorted(d.remainder.detectable.items(), key=lambda x: x[1])
     blocks: list[Block] = [Prose((d.unexplained,))]
@@ -206,7 +193,7 @@ def _section_remainder(d: Diagnosis) -> Section:
         caption = "Sizes that are named in four of five logs like these, at the best place"
         rows = [(name.replace("_", " "), size) for name, size in sizes]
         blocks.append(Table.of(caption, columns, rows))
-    return Section("remainder", "What is left", "", tuple(blocks))
+    return section("diagnosis.remainder", *blocks)
 
 
 def _section_method(d: Diagnosis) -> Section:
@@ -216,12 +203,8 @@ def _section_method(d: Diagnosis) -> Section:
         for name, e in ((n, find_effect(n)) for n in names)
     ]
     prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
-    lead = (
-        "p-values are family-wise: how often noise with the autocorrelation of these residuals "
-        "reaches the largest evidence over all families, places and shapes."
-    )
     roles = (
         f"Names were chosen {d.chosen_by} and verified on {d.verified_on}, which took no part in "
         "fitting or choosing."
     )
-    return Section("method", "Method", lead, (Terms(tuple(terms)), Prose((roles, *prepared))))
+    return section("diagnosis.method", Terms(tuple(terms)), Prose((roles, *prepared)))

@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import wraps
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
@@ -22,63 +23,26 @@ from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
-from matplotlib.path import Path
+from matplotlib.path import Path as Outline
 
 from identifiability.foundation.names import Array
 
-INK, MUTED, LINE, SURFACE = "#1c2329", "#5a6570", "#dfe3e7", "#ffffff"
+#: Style sheets and page templates.
+TEMPLATES = Path(__file__).with_name("templates")
+
+_LIGHT = (TEMPLATES / "style.css").read_text(encoding="utf-8").partition("}")[0]
 
 #: The palette: colours of the light page by the name of the style sheet's variable.
-COLOURS = {
-    "ink": INK,
-    "muted": MUTED,
-    "line": LINE,
-    "surface": SURFACE,
-    "blue": "#0067a5",
-    "green": "#00785a",
-    "amber": "#8f5a00",
-    "vermilion": "#b84600",
-    "purple": "#9c4f80",
-    "sky": "#20709c",
-    "grey": "#5f6a74",
-}
+COLOURS: dict[str, str] = dict(re.findall(r"--(\w+): (#[0-9a-f]{6});", _LIGHT))
 
+INK, MUTED, LINE, SURFACE = (COLOURS[name] for name in ("ink", "muted", "line", "surface"))
+BLUE, VERMILION, GREY = (COLOURS[name] for name in ("blue", "vermilion", "grey"))
+
+#: Matplotlib's settings.
 STYLE: Any = {
-    "font.family": ["DejaVu Sans"],
-    "font.size": 11,
-    "text.color": INK,
-    "axes.edgecolor": MUTED,
-    "axes.facecolor": "none",
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.labelcolor": MUTED,
-    "axes.labelsize": 11,
-    "axes.linewidth": 0.8,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlesize": 12,
-    "axes.titlelocation": "left",
-    "axes.unicode_minus": True,
-    "axes.formatter.use_mathtext": False,
-    "figure.facecolor": "none",
-    "grid.color": LINE,
-    "grid.linewidth": 0.8,
-    "legend.fontsize": 10.5,
-    "legend.frameon": False,
-    "lines.linewidth": 1.4,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelsize": 10.5,
-    "ytick.labelsize": 10.5,
-    "xtick.major.size": 0,
-    "ytick.major.size": 0,
-    "xtick.minor.size": 0,
-    "ytick.minor.size": 0,
-    "xtick.major.pad": 5,
-    "ytick.major.pad": 5,
-    "path.simplify": True,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "identifiability",
+    **mpl.rc_params_from_file(TEMPLATES / "page.mplstyle", use_default_template=False),
+    **dict.fromkeys(("axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), MUTED),
+    **{"text.color": INK, "grid.color": LINE},
 }
 
 _VARIABLE = {colour: f"var(--{name})" for name, colour in COLOURS.items()} | {
@@ -119,10 +83,10 @@ def canvas(
     """
     left, right, top, bottom = margins
     figure = Figure(figsize=(width / 72, height / 72), dpi=72)
-    grid = {
-        "left": left / width, "right": 1 - right / width, "top": 1 - top / height,
-        "bottom": bottom / height, "height_ratios": ratios, "hspace": 0.14,
-    }  # fmt: skip
+    figure.subplots_adjust(
+        left / width, bottom / height, 1 - right / width, 1 - top / height, hspace=0.14
+    )
+    grid = {"height_ratios": ratios}
     axes = figure.subplots(len(ratios), 1, sharex=True, squeeze=False, gridspec_kw=grid)
     return figure, list(axes[:, 0])
 
@@ -142,8 +106,9 @@ def label_width(names: Sequence[str]) -> float:
 
 def strokes(axes: Axes, starts: Array, ends: Array, colour: str, **style: Any) -> None:
     """Draw straight strokes between points (N, 2) as one path, whatever their number."""
-    path = Path(
-        np.stack([starts, ends], 1).reshape(-1, 2), np.tile([Path.MOVETO, Path.LINETO], len(starts))
+    path = Outline(
+        np.stack([starts, ends], 1).reshape(-1, 2),
+        np.tile([Outline.MOVETO, Outline.LINETO], len(starts)),
     )
     path.should_simplify = False  # else strokes without length are dropped
     axes.add_patch(PathPatch(path, edgecolor=colour, facecolor="none", **style))

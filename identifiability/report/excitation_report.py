@@ -20,6 +20,7 @@ from identifiability.report.figures.excitation import draw_gain, draw_joint, dra
 from identifiability.report.numbers import digits, format_count, format_number, whole_percent
 from identifiability.report.page import Page
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.words import note, picture, section, words
 from identifiability.workflows.excite.result import CONFUSABLE, Excitation
 
 TITLES = {
@@ -60,13 +61,12 @@ def section_motion(result: Excitation) -> Section:
         figure = draw_joint(t, [x[:, k] for x in parts], bounds, joint, unit)
         pictures.append(Picture(figure, alt=f"Motion of {joint} between its limits"))
     caption = "What each joint does, and may do [SI units]"
-    lead = "One period; dashed lines are limits, which hold at every time, not only at the samples."
     blocks = (
         Gallery(tuple(pictures)),
         Table.of(caption, LIMITS, result.to_frame().itertuples()),
         Fold("Coefficients", (_coefficients(result),)),
     )
-    return Section("motion", "The motion", lead, blocks)
+    return section("excitation.motion", *blocks)
 
 
 def _range(row: Any) -> Cell:
@@ -76,13 +76,13 @@ def _range(row: Any) -> Cell:
 
 LIMITS = (
     Column("joint", get="joint"),
-    Column("least", format_number, "", "least"),
-    Column("largest", format_number, "", "largest"),
-    Column("range", "number", "Limits of position.", _range),
-    Column("speed", digits(3), "", "speed"),
-    Column("limit", digits(3), "Of the speed.", "speed_limit"),
-    Column("acceleration", digits(3), "", "acceleration"),
-    Column("limit", digits(3), "Of the acceleration.", "acceleration_limit"),
+    Column("least", format_number, "least"),
+    Column("largest", format_number, "largest"),
+    Column("range", "number", _range, "Limits of position."),
+    Column("speed", digits(3), "speed"),
+    Column("limit", digits(3), "speed_limit", "Of the speed."),
+    Column("acceleration", digits(3), "acceleration"),
+    Column("limit", digits(3), "acceleration_limit", "Of the acceleration."),
 )
 
 
@@ -98,10 +98,7 @@ def _coefficients(result: Excitation) -> Table:
 
 def section_gain(result: Excitation) -> Section:
     """Return what the motion tells of each parameter, and how the search went."""
-    picture = Picture(
-        draw_gain(result.names, result.gain),
-        f"Left of 1 a parameter is known better than from {result.beside}.",
-    )
+    gain = picture("gain", draw_gain(result.names, result.gain), beside=result.beside)
     starts = sorted({s.start for s in result.history})
     criterion = result.criterion
     lines = [
@@ -109,30 +106,23 @@ def section_gain(result: Excitation) -> Section:
     ]
     logarithmic = criterion.name == "condition"
     progress = draw_search(lines, result.before.figure, criterion.short, logarithmic=logarithmic)
-    blocks = (picture, Picture(progress, f"The search: {criterion.title} by iteration."))
-    return Section("gain", "What it is worth", f"Compared with {result.beside}.", blocks)
+    search = picture("search", progress, criterion=criterion.title)
+    return section("excitation.gain", gain, search, beside=result.beside)
 
 
 def section_method(result: Excitation) -> Section:
     """Return how the motion was found, for those who repeat it."""
-    H = result.trajectory.sin.shape[1]
-    how = (
-        f"Finite Fourier series of {H} harmonics; each candidate is scaled into the limits, so the "
-        "search needs no constraints on joints. Random candidates are drawn, the best are improved "
-        f"by BFGS with finite differences: {format_count(result.evaluations, 'motion')} in "
-        f"{result.seconds:.0f} s. Seed {result.seed}."
+    logs = ", ".join(result.logs)
+    text = words(
+        "excitation.how",
+        harmonics=result.trajectory.sin.shape[1],
+        motions=format_count(result.evaluations, "motion"),
+        seconds=f"{result.seconds:.0f}",
+        seed=result.seed,
+        effects=", ".join(result.effects),
+        measured=words("excitation.measured", logs=logs)["text"] if logs else "",
     )
-    run_in = (
-        "The motion is periodic and does not start at rest: lead the robot into it, run it "
-        "several times, and keep the periods after the first."
-    )
-    model = f"The model: {', '.join(result.effects)}."
-    if result.logs:
-        model += (
-            f" Measured already: {', '.join(result.logs)}; the next log counts as many samples as "
-            "these have on average, actuators weighted by their residuals."
-        )
-    return Section("method", "How it was found", "", (Prose((how, model, run_in)),))
+    return section("excitation.method", Prose((text["how"], text["model"], text["run_in"])))
 
 
 def _tiles(result: Excitation) -> tuple[Tile, ...]:
@@ -153,17 +143,11 @@ def _tiles(result: Excitation) -> tuple[Tile, ...]:
 def _notes(result: Excitation) -> list[Note]:
     notes = []
     if result.end == "evaluations":
-        text = f"It looked at {result.evaluations} motions; more may find a better one."
-        notes.append(Note("note", "The search was ended by its number of evaluations.", text))
+        notes.append(note("evaluations", motions=result.evaluations))
     if not result.reproducible:
-        text = "More time may find a better motion, and the same seed may give another one."
-        notes.append(Note("warning", "The time limit ended the search.", text))
+        notes.append(note("time"))
     if result.limits.assumed:
-        text = f"{', '.join(result.limits.assumed)}: state them in a limits file."
-        notes.append(Note("warning", "Some limits were assumed, nobody stated them.", text))
+        notes.append(note("assumed", names=", ".join(result.limits.assumed)))
     if result.criterion.name == "separate" and result.after.figure > CONFUSABLE:
-        text = "A diagnosis would still give both names after measuring this."
-        notes.append(Note("warning", "The two effects still look alike.", text))
-    if not notes:
-        notes.append(Note("good", "The motion keeps every limit.", result.limits_statement))
-    return notes
+        notes.append(note("alike"))
+    return notes or [note("limits", statement=result.limits_statement)]

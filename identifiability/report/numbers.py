@@ -40,7 +40,7 @@ def format_measured(value: float, sigma: float) -> tuple[str, str]:
     if -4 < power < 6:
         power = 0
     place = _last_place(sigma) - power
-    tail = f"·10{_superscript(power)}" if power else ""
+    tail = f"·10{superscript(power)}" if power else ""
     shifted = (Decimal(repr(x)).scaleb(-power) for x in (value, sigma))
     first, second = (_fixed(x, place) + tail for x in shifted)
     return first, second
@@ -70,7 +70,7 @@ def format_number(value: float | None, digits: int = 4, *, pad: bool = False) ->
     power = _exponent(float(f"{abs(value):.{digits - 1}e}"))
     tail = ""
     if not -5 < power < 6:
-        value, tail, power = value / 10.0**power, f"·10{_superscript(power)}", 0
+        value, tail, power = value / 10.0**power, f"·10{superscript(power)}", 0
     text = f"{round(value, digits - 1 - power):.{max(0, digits - 1 - power)}f}"
     if not pad and "." in text:
         text = text.rstrip("0").rstrip(".")
@@ -158,7 +158,8 @@ def join(names: list[str] | tuple[str, ...], most: int = 6) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def _superscript(power: int) -> str:
+def superscript(power: int) -> str:
+    """Return an integer in small raised digits."""
     return str(power).translate(_SUPERSCRIPT)
 
 

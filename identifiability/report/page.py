@@ -15,9 +15,8 @@ from markupsafe import Markup, escape
 from identifiability.foundation.output import write_text
 from identifiability.foundation.values import frozen
 from identifiability.report.blocks import Block, Section, Tile
+from identifiability.report.drawing import TEMPLATES
 from identifiability.report.marks import mark_of
-
-TEMPLATES = Path(__file__).with_name("templates")
 
 
 @frozen

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
 from identifiability.estimation.verdict import Class, Verdict
-from identifiability.report.blocks import Fold, Note, Notes, Picture, Prose, Section, Tile
-from identifiability.report.figures.pruning import draw_ladder, draw_survival
+from identifiability.report.blocks import Fold, Note, Notes, Prose, Section, Tile
+from identifiability.report.figures.models import draw_ladder, draw_survival
 from identifiability.report.numbers import (
     NONE,
     digits,
@@ -21,6 +24,7 @@ from identifiability.report.numbers import (
 from identifiability.report.page import Page
 from identifiability.report.sections.facts import SIGMA, UNIT, VALUE, VERDICT, found_cell
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.words import columns, note, picture, section, words
 from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.prune.rung import PrunedRung
 
@@ -67,23 +71,15 @@ def _tiles(ladder: Ladder) -> tuple[Tile, ...]:
     )
 
 
-def _notes(ladder: Ladder) -> list[Note]:
-    notes = []
+def _notes(ladder: Ladder) -> Iterator[Note]:
     if not ladder.feasible:
-        sentence = ladder.result.physical.sentence
-        notes.append(Note("warning", "No real robot has exactly these values.", sentence))
+        yield note("infeasible", why=ladder.result.physical.sentence)
     for rung in ladder.rungs[1 : ladder.selected + 1]:
         evidence, move = rung.step.evidence, rung.step.move
         if evidence is not None and evidence.either and move is not None:
-            text = (
-                f"These logs hardly tell {move.text.removeprefix('zero ')} from {evidence.either}. "
-                "The latter was kept; it stands for both."
-            )
-            notes.append(Note("note", "Either of two.", text))
-    text = ladder.stability.statement
-    if ladder.stability.same > 0.5:
-        return [*notes, Note("good", "The choice is stable.", text)]
-    return [*notes, Note("note", "Another log might lead to another model.", text)]
+            yield note("either", one=move.text.removeprefix("zero "), other=evidence.either)
+    kind = "stable" if ladder.stability.same > 0.5 else "unstable"
+    yield note(kind, statement=ladder.stability.statement)
 
 
 def section_ladder(ladder: Ladder) -> Section:
@@ -91,17 +87,9 @@ def section_ladder(ladder: Ladder) -> Section:
     sizes, fitted, unseen, spread = np.array(
         [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in ladder.rungs]
     ).T
-    caption = (
-        "Error against the number of parameters, from the unpruned model on the left down "
-        "to none. Where the curve rises, parameters are lost that the robot needs."
-    )
-    picture = Picture(
-        draw_ladder(sizes, fitted, unseen, spread, ladder.selected, ladder.least),
-        caption,
-        "Relative torque error of each rung against its number of parameters",
-    )
+    figure = draw_ladder(sizes, fitted, unseen, spread, ladder.selected, ladder.least)
     table = Table.of("", MOVES, ladder.rungs, marked=ladder.selected)
-    return Section("ladder", "The way down", _why(ladder), (picture, table))
+    return section("pruning.ladder", picture("ladder", figure), table, why=_why(ladder))
 
 
 def _why(ladder: Ladder) -> str:
@@ -142,32 +130,18 @@ def _signs_cell(r: PrunedRung) -> Cell:
     return Cell(text, None, wrong, word)
 
 
-MOVES = (
-    Column("move", "text", "What was zeroed or made equal, and why.", _move_cell),
-    Column("size", "number", "Number of parameters that are left.", len),
-    Column("p", digits(2), "Of the denied difference, by the scatter between folds.", _p_value),
-    Column("identifiable", "number", "", found_cell),
-    Column("fitted", error_text, "ε_RA on the logs it was fitted to.", "error_ra"),
-    Column(
-        "unseen",
-        error_text,
-        "ε_RA on stretches or logs that the fits have not seen.",
-        "error_ra_unseen",
-    ),
-    Column("± SE", "error", "Standard error of the difference to the rung to use.", _spread_cell),
-    Column(
-        "squares",
-        digits(3),
-        "What the rung is chosen by, relative to the unpruned model.",
-        "error_squares",
-    ),
-    Column(
-        "worst σ%",
-        "number",
-        "Largest robust σ of a parameter; below it the condition number.",
-        _worst_cell,
-    ),
-    Column("signs", "badge", "Whether no parameter has a sign that physics forbids.", _signs_cell),
+MOVES = columns(
+    "moves",
+    Column("move", "text", _move_cell),
+    Column("size", "number", len),
+    Column("p", digits(2), _p_value),
+    Column("identifiable", "number", found_cell),
+    Column("fitted", error_text, "error_ra"),
+    Column("unseen", error_text, "error_ra_unseen"),
+    Column("± SE", "error", _spread_cell),
+    Column("squares", digits(3), "error_squares"),
+    Column("worst σ%", "number", _worst_cell),
+    Column("signs", "badge", _signs_cell),
 )
 
 
@@ -179,18 +153,19 @@ def section_survivors(ladder: Ladder) -> Section:
     def survives(v: Verdict) -> Cell:
         return share_cell(share.get(ties.get(v.name, [v.name])[0], np.nan))
 
-    columns = (
+    own = columns(
+        "survivors",
         Column("parameter", get=lambda v: Cell(v.name, note=v.label)),
         VALUE,
         SIGMA,
         UNIT,
-        Column("σ%", percent_text, "Relative robust standard deviation.", "sigma_robust_percent"),
-        Column("survives", "bar", "Share of resampled logs whose pruning keeps it.", survives),
+        Column("σ%", percent_text, "sigma_robust_percent"),
+        Column("survives", "bar", survives),
         VERDICT,
     )
-    table = Table.of("", columns, ladder.verdicts, filter_by=-1)
-    lead = f"The {format_count(len(ladder.chosen), 'parameter')} of the model to use."
-    return Section("survivors", "What survives", lead, (table,))
+    table = Table.of("", own, ladder.verdicts, filter_by=-1)
+    size = format_count(len(ladder.chosen), "parameter")
+    return section("pruning.survivors", table, size=size)
 
 
 def share_cell(share: float) -> Cell:
@@ -200,76 +175,59 @@ def share_cell(share: float) -> Cell:
 
 def section_stability(ladder: Ladder) -> Section:
     """Return how often each parameter survives on resampled logs."""
-    stability, title = ladder.stability, "How stable the choice is"
+    stability = ladder.stability
     if not stability.replicates:
-        return Section("stability", title, stability.statement)
+        return section("pruning.stability", statement=stability.statement)
     order = np.argsort(-stability.survives, kind="stable")
     names = [stability.columns[k] for k in order]
-    picture = Picture(
-        draw_survival(names, stability.survives[order], ladder.partition.survivors()[order]),
-        "Pruning was repeated from the start on resampled blocks of time.",
-        "Share of resampled logs in which each parameter survives",
-    )
-    columns = (Column("share", whole_percent), Column("parameters", "number"), Column("which"))
+    figure = draw_survival(names, stability.survives[order], ladder.partition.survivors()[order])
+    own = (Column("share", whole_percent), Column("parameters", "number"), Column("which"))
     rows = [(share, len(m), ", ".join(m)) for m, share in stability.models]
-    table = Table.of("Models chosen most often", columns, rows)
-    return Section("stability", title, stability.statement, (picture, table))
+    blocks = (picture("survival", figure), Table.of("Models chosen most often", own, rows))
+    return section("pruning.stability", *blocks, statement=stability.statement)
 
 
 def section_absorption(ladder: Ladder) -> Section:
     """Return what survivors took over from what was removed."""
-    a, title = ladder.absorption, "What the survivors took over"
+    a = ladder.absorption
     if not a.removed:
-        return Section("absorption", title, "Nothing was removed.")
+        return replace(section("pruning.absorption"), lead="Nothing was removed.")
     rows = []
     for k in np.argsort(-a.torque):
         value, sigma = format_measured(float(a.value[k]), float(a.sigma[k]))
         into = ", ".join(f"{s} ({format_number(b, 2)})" for s, b in a.main(int(k)))
         estimate = Cell(f"{value} ± {sigma}", float(a.value[k]))
         rows.append((a.removed[k], estimate, a.torque[k], share_cell(float(a.share[k])), into))
-    lead = (
-        "A parameter that is left out although it is not zero does not vanish: survivors take it "
-        "over and are biased by as much. The shifts below are what the estimates of the unpruned "
-        "model imply; those estimates are uncertain themselves (± σ)."
-    )
     summary = f"All {format_count(len(a.removed), 'removed parameter')}"
-    return Section("absorption", title, lead, (Fold(summary, (Table.of("", ABSORBED, rows),)),))
+    return section("pruning.absorption", Fold(summary, (Table.of("", ABSORBED, rows),)))
 
 
-ABSORBED = (
+ABSORBED = columns(
+    "absorbed",
     Column("removed"),
-    Column("estimate ± σ", "number", "In the unpruned model."),
-    Column("torque", digits(2), "Rms torque of that estimate, relative to the residual."),
-    Column("absorbed", "bar", "Share of its column that survivors can take over."),
-    Column("by", hint="Survivors, those shifted most (in their σ) first, with the shift."),
+    Column("estimate ± σ", "number"),
+    Column("torque", digits(2)),
+    Column("absorbed", "bar"),
+    Column("by"),
 )
 
 
 def section_refused(ladder: Ladder) -> Section:
     """Return the suggested moves that the data contradict."""
-    title = "What the data contradict"
     if not ladder.refused:
-        return Section("refused", title, "No suggested symmetry is contradicted by the data.")
-    columns = (
+        lead = "No suggested symmetry is contradicted by the data."
+        return replace(section("pruning.refused"), lead=lead)
+    own = (
         Column("move", get="move.text"),
         Column("because", get="move.why"),
         Column("but", get="reason"),
     )
-    lead = "These moves were suggested by the robot and refused by the data."
-    return Section("refused", title, lead, (Table.of("", columns, ladder.refused),))
+    return section("pruning.refused", Table.of("", own, ladder.refused))
 
 
 def section_method(ladder: Ladder) -> Section:
     """Return how it was done."""
-    text = (
-        "Moves that the robot suggests come first: equal friction in both directions, shapes that "
-        "mirror the joints, equal legs. The data may refuse each. Then the parameter whose loss "
-        "raises the sum of squares least is dropped, with a refit, until none is left.",
-        "The size is chosen by squares on stretches (or logs) that the fits have not seen, plus "
-        "what the scatter of these fits does on states in which every joint takes a position, "
-        "velocity and acceleration within the ranges of the logs independently: a model is used "
-        "on other motion than the one that was logged.",
-        f"Effects: {', '.join(ladder.effects)}. Method {ladder.method}, criterion "
-        f"{ladder.criterion}, seed {ladder.seed}.",
-    )
-    return Section("method", "How it was done", "", (Prose(text),))
+    effects = ", ".join(ladder.effects)
+    settings = {"method": ladder.method, "criterion": ladder.criterion, "seed": ladder.seed}
+    text = words("pruning.how", effects=effects, **settings)
+    return section("pruning.method", Prose(tuple(text.values())))

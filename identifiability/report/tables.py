@@ -65,17 +65,17 @@ class Column:
     look : {"text", "number", "error", "bar", "badge", "code"} or callable
         Numbers stand right, errors left (so that they meet at ±), bars have a `Cell.share`. A
         function makes numbers into text.
-    hint : str
-        One sentence that says what the column is.
     get : str, callable or None
         What of a row stands here: an attribute (with dots for one of an attribute), or a function
         of the row; None for the element of the row at the column's own place.
+    hint : str
+        One sentence that says what the column is.
     """
 
     title: str
     look: Look = "text"
-    hint: str = ""
     get: str | Callable[[Any], Any] | None = None
+    hint: str = ""
 
     @property
     def kind(self) -> Kind:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from identifiability.report.drawing import COLOURS, INK, MUTED, canvas, drawn, plain
-from identifiability.report.figures.rows import log_scale, power_of_ten, row_canvas
+from identifiability.report.figures.axes import log_scale, power_of_ten, row_canvas
 
 Array = Any
 

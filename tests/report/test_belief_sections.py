@@ -137,7 +137,7 @@ def test_bodies_that_are_held_at_the_edge_are_named(believed_analysis):
 
 
 def build_bodies(analysis):
-    from identifiability.report.sections import section_bodies
+    from identifiability.report.sections.standard import section_bodies
 
     return section_bodies(analysis)
 

@@ -1,7 +1,6 @@
 """Figures become inline SVG that is themed, harmless, small and always the same."""
 
 import re
-from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -9,10 +8,19 @@ import pytest
 from matplotlib.figure import Figure
 
 from identifiability.report import COLOURS, svg
-from identifiability.report import figures as fig
-from identifiability.report.drawing import STYLE, _shorten_path, canvas, dots, drawn, plain, thin
+from identifiability.report.drawing import (
+    STYLE,
+    TEMPLATES,
+    _shorten_path,
+    canvas,
+    dots,
+    drawn,
+    plain,
+    thin,
+)
+from identifiability.report.figures import belief, models, motion, parameters
 from identifiability.report.figures.calibration import draw_ranks
-from identifiability.report.figures.torque import choose_stretch, find_runs
+from identifiability.report.figures.motion import choose_stretch, find_runs
 
 INF, NAN = np.inf, np.nan
 HOSTILE = [
@@ -33,28 +41,28 @@ def draw_all(names, value=1.0):
     kinds = ["identifiable", "weak", "negligible", "not identifiable", "something new"]
     kinds = [kinds[i % 5] for i in range(k)]
     return [
-        fig.draw_precision(names, x, 2 * x, kinds, 20.0, 10 * value),
-        fig.draw_pulls(names, x, x, kinds, names[0]),
-        fig.draw_errors(names, x, x, x, 0),
-        fig.draw_sizes(names, [3] * k, [1] * k, 0),
-        fig.draw_conditions(names, x, 0),
-        fig.draw_torque(t, value * np.sin(9 * t), np.sin(9 * t), names[0], "N·m"),
-        fig.draw_histogram(value * t),
-        fig.draw_autocorrelation(value * np.ones((9, 2)), 1, names[0], 50),
-        fig.draw_residual_velocity(value * t, t, names[0], ("rad/s", "N·m")),
-        fig.draw_forest(
+        parameters.draw_precision(names, x, 2 * x, kinds, 20.0, 10 * value),
+        parameters.draw_pulls(names, x, x, kinds, names[0]),
+        models.draw_errors(names, x, x, x, 0),
+        models.draw_sizes(names, [3] * k, [1] * k, 0),
+        models.draw_conditions(names, x, 0),
+        motion.draw_torque(t, value * np.sin(9 * t), np.sin(9 * t), names[0], "N·m"),
+        motion.draw_histogram(value * t),
+        motion.draw_autocorrelation(value * np.ones((9, 2)), 1, names[0], 50),
+        motion.draw_residual_velocity(value * t, t, names[0], ("rad/s", "N·m")),
+        belief.draw_forest(
             names, {"one": np.stack([x, -x, x], 1), "b$": np.stack([x] * 3, 1)}, x, names[0]
         ),
-        fig.draw_pair(
+        belief.draw_pair(
             np.stack([value * t, t], 1),
             (f"{names[0]} [–]", f"{names[-1]} [–]"),
             (value, value),
             value,
         ),
-        fig.draw_contraction(names, x, kinds, 0.5),
-        fig.draw_margins(names, x, -x, [i % 2 == 0 for i in range(k)], names[0]),
+        belief.draw_contraction(names, x, kinds, 0.5),
+        belief.draw_margins(names, x, -x, [i % 2 == 0 for i in range(k)], names[0]),
         draw_ranks(np.full((k, 8), value), (4.0, 12.0), 0, names[0]),
-        fig.draw_spectrum(np.array([1.0, 0.1, 1e-17]), 2, 1e-8),
+        models.draw_spectrum(np.array([1.0, 0.1, 1e-17]), 2, 1e-8),
     ]
 
 
@@ -103,10 +111,12 @@ def test_identifiers_of_figures_on_one_page_differ():
 
 
 def test_colours_are_variables_of_the_style_sheet():
-    css = (Path(fig.__file__).parent.parent / "templates" / "style.css").read_text()
-    light = css[css.index(":root") : css.index("}")]
+    css = (TEMPLATES / "style.css").read_text()
+    assert {"ink", "muted", "line", "surface", "blue", "vermilion", "grey"} <= set(COLOURS)
+    dark = css.split("@media (prefers-color-scheme: dark)")[1].partition("}")[0]
     for name, colour in COLOURS.items():
-        assert f"--{name}: {colour};" in light
+        assert f"--{name}: {colour};" not in dark
+        assert f"--{name}: #" in dark
     text = "".join(svg(f) for f in draw_all(["a", "b", "c", "d"]))
     assert "var(--blue)" in text
     assert not set(re.findall(r"(?:fill|stroke): (#[0-9a-f]{6})", text))
@@ -130,7 +140,7 @@ def test_a_figure_of_anyones_making_can_be_shown():
 def test_ninety_parameters_keep_one_row_each():
     names = [f"p{k}" for k in range(90)]
     values = np.geomspace(0.1, 1e6, 90)
-    figure = fig.draw_precision(names, values, values, ["weak"] * 90, 20, 1)
+    figure = parameters.draw_precision(names, values, values, ["weak"] * 90, 20, 1)
     assert figure.get_figheight() * 72 > 90 * 16
     assert svg(figure).count(">p") == 90
 
@@ -150,7 +160,7 @@ def test_lines_are_broken_at_gaps():
     t = np.concatenate([np.arange(5.0), 50 + np.arange(4.0)])
     assert find_runs(t) == [(0, 5), (5, 9)]
     assert find_runs(np.zeros(1)) == [(0, 1)]
-    figure = fig.draw_torque(t, t, t, "a", "N")
+    figure = motion.draw_torque(t, t, t, "a", "N")
     assert len([x for x in figure.axes[0].lines if len(x.get_xdata())]) == 4
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,25 +13,40 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from identifiability.foundation.names import Array
 from identifiability.report.drawing import (
+    BLUE,
     COLOURS,
     INK,
     LINE,
     MUTED,
+    VERMILION,
     canvas,
     dots,
     drawn,
     plain,
     strokes,
 )
-from identifiability.report.figures.parameters import MOST_SIGMA, draw_marks
-from identifiability.report.figures.rows import log_scale, row_canvas, row_lines, top_label
+from identifiability.report.figures.axes import (
+    DASHED,
+    label_axes,
+    legend_above,
+    log_scale,
+    row_canvas,
+    row_lines,
+    top_label,
+)
+from identifiability.report.figures.parameters import (
+    MOST_SIGMA,
+    draw_arrows,
+    draw_marks,
+    mark_style,
+)
 from identifiability.report.marks import mark_of
 from identifiability.report.numbers import format_number
 
 #: Look of the layers of a forest plot, in their order: colour and marker.
 LAYERS = (
     (MUTED, "v"),
-    (COLOURS["blue"], "o"),
+    (BLUE, "o"),
     (COLOURS["amber"], "s"),
     (COLOURS["green"], "^"),
     (COLOURS["purple"], "D"),
@@ -61,7 +77,8 @@ def draw_forest(
         Who states it, for the legend.
     """
     lines = -(-(len(layers) + 1) // 2)
-    figure, axes = row_canvas(names, 9 * len(layers) + 10, top=14 + 17 * lines)
+    label = "distance from the estimate [σ robust]"
+    figure, axes = row_canvas(names, 9 * len(layers) + 10, top=14 + 17 * lines, xlabel=label)
     axes.set_xlim(-MOST_SIGMA - 0.5, MOST_SIGMA + 0.5)
     axes.axvline(0, color=INK, linewidth=1)
     edges = np.arange(1, len(names)) - 0.5
@@ -72,13 +89,15 @@ def draw_forest(
         colour, marker = LAYERS[k]
         at = rows + (k - (len(layers) - 1) / 2) * step
         _intervals(axes, values, at, colour)
-        _place(axes, values[:, 0], at, colour, marker, label)
+        x = values[:, 0]
+        style: Any = {"markersize": 5, "zorder": 3}
+        near = np.abs(x) <= MOST_SIGMA
+        axes.plot(
+            x[near], at[near], marker, color=colour, label=label, markeredgewidth=1.2, **style
+        )
+        draw_arrows(axes, x, at, 0.3, colour, **style)
     _stated(axes, stated, rows, plain(origin, 24))
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(0, 1), ncols=2, handletextpad=0.4, borderaxespad=0.2,
-        handlelength=1.4, columnspacing=1.2,
-    )  # fmt: skip
-    axes.set_xlabel("distance from the estimate [σ robust]")
+    legend_above(axes, handletextpad=0.4, handlelength=1.4, columnspacing=1.2)
     return figure
 
 
@@ -90,28 +109,13 @@ def _intervals(axes: Axes, values: Array, rows: Array, colour: str) -> None:
     strokes(axes, first, last, colour, linewidth=1.6)
 
 
-def _place(
-    axes: Axes, x: Array, rows: Array, colour: str, marker: str, label: str, size: float = 5
-) -> None:
-    """Draw marks, those beyond the axis as arrows at its edge."""
-    near = np.abs(x) <= MOST_SIGMA
-    axes.plot(
-        x[near], rows[near], marker, color=colour, markersize=size, label=label, zorder=3,
-        markeredgewidth=1.2,
-    )  # fmt: skip
-    for arrow, beyond in ((">", x > MOST_SIGMA), ("<", x < -MOST_SIGMA)):
-        edge = np.copysign(np.full(int(beyond.sum()), MOST_SIGMA + 0.3), x[beyond])
-        axes.plot(edge, rows[beyond], arrow, color=colour, markersize=5, clip_on=False, zorder=3)
-
-
 def _stated(axes: Axes, stated: Array, rows: Array, label: str) -> None:
     """Draw stated values as bars through the height of their rows."""
-    colour = COLOURS["vermilion"]
     near = np.abs(stated) <= MOST_SIGMA
     x, at = stated[near], rows[near]
-    strokes(axes, np.stack([x, at - 0.42], 1), np.stack([x, at + 0.42], 1), colour, linewidth=2)
-    _place(axes, np.where(near, np.nan, stated), rows, colour, "|", "")
-    axes.add_line(Line2D([], [], color=colour, linewidth=2, label=label))
+    strokes(axes, np.stack([x, at - 0.42], 1), np.stack([x, at + 0.42], 1), VERMILION, linewidth=2)
+    draw_arrows(axes, stated, rows, 0.3, VERMILION, markersize=5, zorder=3)
+    axes.add_line(Line2D([], [], color=VERMILION, linewidth=2, label=label))
 
 
 @drawn
@@ -140,8 +144,7 @@ def draw_pair(
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
         axis.set_major_formatter(FuncFormatter(lambda v, _: format_number(v, 4)))
-    axes.set_xlabel(plain(labels[0], 40))
-    axes.set_ylabel(plain(labels[1], 34))
+    label_axes(axes, plain(labels[0], 40), plain(labels[1], 34))
     axes.set_title(f"correlation {rho:.2f}".replace("-", "−"))
     return figure
 
@@ -162,7 +165,7 @@ def draw_contraction(
     limit : float
         From here on a parameter has been learned.
     """
-    figure, axes = row_canvas(names, top=72)
+    figure, axes = row_canvas(names, top=72, xlabel="contraction from prior to posterior sd [–]")
     axes.set_xlim(0, 1.02)
     row_lines(axes, len(names))
     rows, x = np.arange(len(names)), np.clip(contraction, 0.0, 1.0)
@@ -172,22 +175,11 @@ def draw_contraction(
         ends = np.stack([x[own], rows[own]], 1)
         strokes(axes, ends * [0, 1], ends, tone, linewidth=1.2)
         draw_marks(axes, x[own], rows[own], kind)
-    axes.axvline(limit, color=MUTED, linewidth=1, linestyle=(0, (4, 3)))
+    axes.axvline(limit, color=MUTED, **DASHED)
     top_label(axes, limit, "learned from here on", MUTED)
-    axes.legend(
-        handles=[_key(kind) for kind in dict.fromkeys(sources)], loc="lower left",
-        bbox_to_anchor=(0, 1), ncols=2, handletextpad=0.2, borderaxespad=2.0, columnspacing=1.2,
-    )  # fmt: skip
-    axes.set_xlabel("contraction from prior to posterior sd [–]")
+    keys = [Line2D([], [], label=plain(k), **mark_style(k)) for k in dict.fromkeys(sources)]
+    legend_above(axes, handles=keys, handletextpad=0.2, borderaxespad=2.0, columnspacing=1.2)
     return figure
-
-
-def _key(kind: str) -> Line2D:
-    mark = mark_of(kind)
-    return Line2D(
-        [], [], marker=mark.marker, fillstyle=mark.fill, color=COLOURS[mark.tone], linestyle="none",
-        markersize=7, label=plain(kind),
-    )  # fmt: skip
 
 
 @drawn
@@ -206,35 +198,23 @@ def draw_margins(
     origin : str
         Who states the latter.
     """
-    figure, axes = row_canvas(bodies, 24, top=48)
+    label = "smallest scaled eigenvalue of the pseudo-inertia [–]"
+    figure, axes = row_canvas(bodies, 24, top=48, xlabel=label)
     log_scale(axes, LEAST_MARGIN, 1.0)
     row_lines(axes, len(bodies))
     rows, held = np.arange(len(bodies)), np.array(active, bool)
+    # What is below the axis moves to its edge; NaN stays.
+    stated, nearest = (np.clip(x, LEAST_MARGIN, 1.0) for x in (stated, nearest))
     both = np.isfinite(nearest) & np.isfinite(stated)
-    a, b = (np.stack([_inside(x[both]), rows[both]], 1) for x in (stated, nearest))
+    a, b = (np.stack([x[both], rows[both]], 1) for x in (stated, nearest))
     strokes(axes, a, b, MUTED, linewidth=1)
-    axes.plot(
-        _inside(stated), rows, "o", fillstyle="none", color=MUTED, markersize=7,
-        label=plain(origin, 24),
-    )  # fmt: skip
-    for own, marker, tone, label in (
-        (~held, "o", "blue", "nearest real robot"),
-        (held, "X", "vermilion", "the same, held at the edge"),
+    hollow: Any = {"fillstyle": "none", "color": MUTED, "markersize": 7}
+    axes.plot(stated, rows, "o", label=plain(origin, 24), **hollow)
+    for own, marker, colour, name in (
+        (~held, "o", BLUE, "nearest real robot"),
+        (held, "X", VERMILION, "the same, held at the edge"),
     ):
-        if not own.any():
-            continue
-        axes.plot(
-            _inside(nearest[own]), rows[own], marker, color=COLOURS[tone], markersize=7, label=label
-        )
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(-0.2, 1), ncols=2, handletextpad=0.2, borderaxespad=0.2,
-        columnspacing=1.0,
-    )  # fmt: skip
-    axes.set_xlabel("smallest scaled eigenvalue of the pseudo-inertia [–]")
+        if own.any():
+            axes.plot(nearest[own], rows[own], marker, color=colour, markersize=7, label=name)
+    legend_above(axes, bbox_to_anchor=(-0.2, 1), handletextpad=0.2, columnspacing=1.0)
     return figure
-
-
-def _inside(x: Array) -> Array:
-    """Return margins moved to the edge of the axis where they are below it; NaN stays."""
-    inside: Array = np.clip(x, LEAST_MARGIN, 1.0)
-    return inside

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,9 +11,11 @@ from matplotlib.figure import Figure
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import REACH
 from identifiability.report.drawing import (
+    BLUE,
     COLOURS,
     INK,
     MUTED,
+    VERMILION,
     canvas,
     dots,
     drawn,
@@ -20,10 +23,14 @@ from identifiability.report.drawing import (
     plain,
     thin,
 )
-from identifiability.report.figures.residuals import binned_median
+from identifiability.report.figures.axes import DASHED, label_axes, legend_above, write_near
+from identifiability.report.figures.motion import binned_median, spread_rows
 
 #: Points of a scatter.
 POINTS = 500
+
+#: Colour and name of the model as it was, and of the one with the named effects.
+STATES = ((VERMILION, "before"), (BLUE, "after"))
 
 
 @drawn
@@ -38,14 +45,10 @@ def draw_gap(t: Array, before: Array, after: Array, title: str, unit: str) -> Fi
     """
     figure, (axes,) = canvas(400, 230, (60, 10, 50, 38))
     axes.axhline(0, color=MUTED, linewidth=0.8)
-    axes.plot(*thin(t, before, 800), color=COLOURS["vermilion"], linewidth=1.1, label="before")
-    axes.plot(*thin(t, after, 800), color=COLOURS["blue"], linewidth=1.1, label="after")
-    axes.set_title(plain(title, 44), pad=26, color=INK, fontweight="bold")
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(0, 1), ncols=2, handlelength=1.4, borderaxespad=0.2
-    )
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel(f"residual [{unit}]")
+    for y, (colour, label) in zip((before, after), STATES, strict=True):
+        axes.plot(*thin(t, y, 800), color=colour, linewidth=1.1, label=label)
+    legend_above(axes, handlelength=1.4)
+    label_axes(axes, "time [s]", f"residual [{unit}]", title, pad=26)
     return figure
 
 
@@ -66,15 +69,13 @@ def draw_against(
     """
     figure, (axes,) = canvas(300, 230, (60, 10, 30, 38))
     axes.axhline(0, color=MUTED, linewidth=0.8)
-    rows = np.unique(np.linspace(0, len(x) - 1, POINTS).astype(int))
+    rows = spread_rows(len(x), POINTS)
     dots(axes, x[rows], before[rows], MUTED, 2.4, 0.4)
-    for y, colour, label in ((before, "vermilion", "before"), (after, "blue", "after")):
-        axes.plot(*binned_median(x, y, 14), color=COLOURS[colour], marker="o", markersize=3.5,
-                  linewidth=1.5, label=label)  # fmt: skip
-    axes.set_title(plain(title, 36), color=INK, fontweight="bold")
+    for y, (colour, _) in zip((before, after), STATES, strict=True):
+        joined: Any = {"color": colour, "marker": "o", "markersize": 3.5, "linewidth": 1.5}
+        axes.plot(*binned_median(x, y, 14), **joined)
     axes.locator_params(nbins=5)
-    axes.set_xlabel(f"{what} [{units[0]}]")
-    axes.set_ylabel(f"residual [{units[1]}]")
+    label_axes(axes, f"{what} [{units[0]}]", f"residual [{units[1]}]", title, 36)
     return figure
 
 
@@ -98,15 +99,16 @@ def draw_evidence(names: Sequence[str], scores: Array, critical: Array) -> Figur
     for s in range(scores.shape[1]):
         ratio = scores[:, s] / critical[s]
         at = np.arange(len(names)) + 0.12 * (s - 0.5 * (scores.shape[1] - 1))
-        axes.plot(np.maximum(ratio, 0.02), at, "o", markersize=6, linestyle="none",
-                  color=COLOURS[palette[s % len(palette)]], label=f"step {s + 1}")  # fmt: skip
-    axes.axvline(1.0, color=INK, linewidth=1, linestyle=(0, (4, 3)))
+        colour = COLOURS[palette[s % len(palette)]]
+        axes.plot(
+            np.maximum(ratio, 0.02), at, "o", markersize=6, color=colour, label=f"step {s + 1}"
+        )
+    axes.axvline(1.0, color=INK, **DASHED)
     axes.set_xscale("log")
     axes.set_yticks(range(len(names)), [plain(n) for n in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlabel("evidence / limit of noise [–]")
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=min(scores.shape[1], 6),
-                handlelength=1, borderaxespad=0.2)  # fmt: skip
+    legend_above(axes, ncols=min(scores.shape[1], 6), handlelength=1)
     return figure
 
 
@@ -124,10 +126,9 @@ def draw_shrink(names: Sequence[str], errors: Array) -> Figure:
     left = label_width(names)
     figure, (axes,) = canvas(max(460.0, left + 280), 70 + 28 * len(names), (left, 60, 14, 40))
     at = np.arange(len(names))
-    axes.barh(at, 100 * errors, height=0.55, color=COLOURS["blue"], alpha=0.75)
-    for k, e in enumerate(errors):
-        axes.annotate(f"{100 * e:.3g} %", (100 * e, k), (5, 0), textcoords="offset points",
-                      va="center", color=INK)  # fmt: skip
+    axes.barh(at, 100 * errors, height=0.55, color=BLUE, alpha=0.75)
+    for k, e in enumerate(100 * errors):
+        write_near(axes, f"{e:.3g} %", (e, k), (5, 0), fontsize=11)
     axes.set_yticks(at, [plain(n) for n in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlabel("error on unseen motion [%]")
@@ -149,19 +150,15 @@ def draw_curve(
         Of the axes.
     """
     figure, (axes,) = canvas(400, 260, (60, 10, 50, 38))
-    rows = np.unique(np.linspace(0, len(x) - 1, POINTS).astype(int))
+    rows = spread_rows(len(x), POINTS)
     dots(axes, x[rows], data[rows], MUTED, 2.4, 0.4)
     order = np.argsort(x)
     low, high = learned - REACH * spread, learned + REACH * spread
-    axes.fill_between(x[order], low[order], high[order], color=COLOURS["blue"], alpha=0.2,
-                      linewidth=0, label="95 %")  # fmt: skip
-    axes.plot(x[order], learned[order], color=COLOURS["blue"], linewidth=1.2, label="learned")
-    axes.set_title(plain(title, 44), pad=26, color=INK, fontweight="bold")
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(0, 1), ncols=2, handlelength=1.4, borderaxespad=0.2
-    )
-    axes.set_xlabel(labels[0])
-    axes.set_ylabel(labels[1])
+    band: Any = {"color": BLUE, "alpha": 0.2, "linewidth": 0, "label": "95 %"}
+    axes.fill_between(x[order], low[order], high[order], **band)
+    axes.plot(x[order], learned[order], color=BLUE, linewidth=1.2, label="learned")
+    legend_above(axes, handlelength=1.4)
+    label_axes(axes, *labels, title, pad=26)
     return figure
 
 
@@ -176,15 +173,12 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
         Error as a share of the distance moved; nan counts as all of it.
     """
     figure, (axes,) = canvas(640, 260, (60, 20, 50, 38))
-    for share, colour, label in ((before, "vermilion", "before"), (after, "blue", "after")):
+    for share, (colour, label) in zip((before, after), STATES, strict=True):
         low, middle, high = 100 * np.quantile(share, [0.25, 0.5, 0.75], axis=0)
-        axes.fill_between(t, low, high, color=COLOURS[colour], alpha=0.18, linewidth=0)
-        axes.plot(t, middle, color=COLOURS[colour], linewidth=1.8, label=label)
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(0, 1), ncols=2, handlelength=1.4, borderaxespad=0.2
-    )
+        axes.fill_between(t, low, high, color=colour, alpha=0.18, linewidth=0)
+        axes.plot(t, middle, color=colour, linewidth=1.8, label=label)
+    legend_above(axes, handlelength=1.4)
     axes.set_xlim(0, float(t[-1]))
     axes.set_ylim(bottom=0)
-    axes.set_xlabel("time since the start of a stretch [s]")
-    axes.set_ylabel("position error [%]")
+    label_axes(axes, "time since the start of a stretch [s]", "position error [%]")
     return figure

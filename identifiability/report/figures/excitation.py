@@ -10,8 +10,24 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from identifiability.foundation.names import Array
-from identifiability.report.drawing import COLOURS, INK, MUTED, canvas, drawn, plain
-from identifiability.report.figures.rows import log_scale, row_canvas, row_lines
+from identifiability.report.drawing import (
+    BLUE,
+    COLOURS,
+    INK,
+    MUTED,
+    VERMILION,
+    canvas,
+    drawn,
+    plain,
+)
+from identifiability.report.figures.axes import (
+    DASHED,
+    label_axes,
+    legend_above,
+    log_scale,
+    row_canvas,
+    row_lines,
+)
 from identifiability.report.numbers import format_number
 
 
@@ -29,18 +45,15 @@ def draw_joint(
     title, unit : str
     """
     figure, axes = canvas(400, 330, (66, 10, 34, 38), (1, 1, 1))
-    for ax, y, (low, high), label in zip(
-        axes, parts, bounds, (f"q [{unit}]", f"q̇ [{unit}/s]", f"q̈ [{unit}/s²]"), strict=True
-    ):
+    labels = (f"q [{unit}]", f"q̇ [{unit}/s]", f"q̈ [{unit}/s²]")
+    for ax, y, (low, high), label in zip(axes, parts, bounds, labels, strict=True):
         for bound in (low, high):
-            ax.axhline(bound, color=COLOURS["vermilion"], linewidth=1, linestyle=(0, (4, 3)))
-        ax.plot(t, y, color=COLOURS["blue"], linewidth=1.4)
+            ax.axhline(bound, color=VERMILION, **DASHED)
+        ax.plot(t, y, color=BLUE, linewidth=1.4)
         room = 0.08 * (high - low)
         ax.set_ylim(low - room, high + room)
-        ax.set_ylabel(label)
+        label_axes(ax, "time [s]" if ax is axes[-1] else "", label, title if ax is axes[0] else "")
         ax.locator_params(axis="y", nbins=4)
-    axes[0].set_title(plain(title, 44), color=INK, fontweight="bold")
-    axes[-1].set_xlabel("time [s]")
     axes[-1].set_xlim(float(t[0]), float(t[-1]))
     figure.align_ylabels(axes)
     return figure
@@ -67,15 +80,14 @@ def draw_search(
     for k, y in enumerate(starts):
         colour = COLOURS[colours[k % len(colours)]]
         axes.plot(np.arange(1, len(y) + 1), y, color=colour, label=f"start {k + 1}")
-    axes.axhline(before, color=MUTED, linewidth=1, linestyle=(0, (4, 3)), label="compared with")
+    axes.axhline(before, color=MUTED, label="compared with", **DASHED)
     if logarithmic:
         axes.set_yscale("log")
         low, high = axes.get_ylim()
         axes.set_ylim(low, high)
         _plain_ticks(axes.yaxis, low, high)
-    axes.set_xlabel("iteration")
-    axes.set_ylabel(plain(label, 40))
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, handlelength=1.4)
+    label_axes(axes, "iteration", plain(label, 40))
+    legend_above(axes, ncols=4, handlelength=1.4, borderaxespad=None)
     return figure
 
 
@@ -88,18 +100,14 @@ def draw_gain(names: Sequence[str], ratio: Array) -> Figure:
     names : sequence of str
     ratio : (k,)
     """
-    figure, axes = row_canvas(names)
+    figure, axes = row_canvas(names, xlabel="σ with this motion / σ compared with")
     shown = np.where(np.isfinite(ratio) & (ratio > 0), ratio, 1.0)
-    log_scale(
-        axes, 0.8 * float(min(shown.min(initial=1.0), 0.5)),
-        1.25 * float(max(shown.max(initial=1.0), 2.0)),
-    )  # fmt: skip
+    log_scale(axes, 0.8 * float(shown.min(initial=0.5)), 1.25 * float(shown.max(initial=2.0)))
     _plain_ticks(axes.xaxis, *axes.get_xlim())
     row_lines(axes, len(names))
     axes.axvline(1.0, color=INK, linewidth=1)
-    colours = np.where(shown <= 1, COLOURS["blue"], COLOURS["vermilion"])
+    colours = np.where(shown <= 1, BLUE, VERMILION)
     axes.scatter(shown, np.arange(len(names)), c=colours.tolist(), s=36, zorder=3)
-    axes.set_xlabel("σ with this motion / σ compared with")
     return figure
 
 

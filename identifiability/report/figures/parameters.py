@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,8 +11,18 @@ from matplotlib.figure import Figure
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import REACH
-from identifiability.report.drawing import COLOURS, INK, MUTED, SURFACE, drawn, plain, strokes
-from identifiability.report.figures.rows import log_scale, row_canvas, row_lines, top_label
+from identifiability.report.drawing import (
+    BLUE,
+    COLOURS,
+    GREY,
+    INK,
+    MUTED,
+    SURFACE,
+    drawn,
+    plain,
+    strokes,
+)
+from identifiability.report.figures.axes import DASHED, log_scale, row_canvas, row_lines, top_label
 from identifiability.report.marks import mark_of
 
 #: Relative standard deviations above this are drawn at the edge [%].
@@ -48,13 +59,14 @@ def draw_precision(
         Of the verdicts (for `robust`) and of the 10× rule (for `white`).
     """
     order = precision_order(robust)
-    figure, axes = row_canvas([names[k] for k in order], top=48)
+    label = "standard deviation relative to the value [%]"
+    figure, axes = row_canvas([names[k] for k in order], top=48, xlabel=label)
     known = np.concatenate([white, robust, [limit, paper_limit]])
     known = known[np.isfinite(known) & (known > 0)]
     low = max(min(float(known.min(initial=limit)) / 1.8, 0.8), 1e-6)
     high = float(np.clip(known.max(initial=limit) * 2.2, 10 * limit, MOST_PERCENT))
     log_scale(axes, low, high)
-    axes.axvspan(low, limit, color=COLOURS["blue"], alpha=0.06, linewidth=0)
+    axes.axvspan(low, limit, color=BLUE, alpha=0.06, linewidth=0)
     row_lines(axes, len(order))
     for kind in dict.fromkeys(verdicts):
         rows = np.array([r for r, k in enumerate(order) if verdicts[k] == kind])
@@ -62,9 +74,8 @@ def draw_precision(
     axes.axvline(limit, color=INK, linewidth=1)
     top_label(axes, limit, f"limit {limit:g} % (robust)", INK)
     if np.isfinite(paper_limit) and low < paper_limit < high:
-        axes.axvline(paper_limit, color=MUTED, linewidth=1, linestyle=(0, (4, 3)))
+        axes.axvline(paper_limit, color=MUTED, **DASHED)
         top_label(axes, paper_limit, "10 × least (white)", MUTED, level=1)
-    axes.set_xlabel("standard deviation relative to the value [%]")
     return figure
 
 
@@ -80,14 +91,30 @@ def _precision_rows(axes: Axes, rows: np.ndarray, white: Array, robust: Array, k
     draw_marks(axes, robust, rows, kind)
 
 
-def draw_marks(axes: Axes, x: Array, y: Array, kind: str, size: float = 7) -> None:
-    """Draw the mark of a verdict at some points."""
+def mark_style(kind: str) -> dict[str, Any]:
+    """Return how the mark of a verdict looks."""
     mark = mark_of(kind)
-    axes.plot(
-        x, y, marker=mark.marker, fillstyle=mark.fill, color=COLOURS[mark.tone],
-        markerfacecoloralt=SURFACE, markersize=size, linestyle="none", zorder=3,
-        markeredgewidth=1.6 if mark.marker == "x" else 1.2,
-    )  # fmt: skip
+    return {
+        "marker": mark.marker,
+        "fillstyle": mark.fill,
+        "color": COLOURS[mark.tone],
+        "markersize": 7,
+        "linestyle": "none",
+    }
+
+
+def draw_marks(axes: Axes, x: Array, y: Array, kind: str) -> None:
+    """Draw the mark of a verdict at some points."""
+    style = mark_style(kind)
+    edge = 1.6 if style["marker"] == "x" else 1.2
+    axes.plot(x, y, markerfacecoloralt=SURFACE, zorder=3, markeredgewidth=edge, **style)
+
+
+def draw_arrows(axes: Axes, x: Array, rows: Array, edge: float, colour: str, **style: Any) -> None:
+    """Draw arrows at the edges of the axes for points more than `MOST_SIGMA` from zero."""
+    for marker, beyond in ((">", x > MOST_SIGMA), ("<", x < -MOST_SIGMA)):
+        at = np.copysign(np.full(int(beyond.sum()), MOST_SIGMA + edge), x[beyond])
+        axes.plot(at, rows[beyond], marker, color=colour, clip_on=False, **style)
 
 
 @drawn
@@ -108,9 +135,10 @@ def draw_pulls(
         What stands at zero, for the label.
     """
     order = precision_order(robust)
-    figure, axes = row_canvas([names[k] for k in order], top=48)
+    label = "distance of the estimate [σ robust]"
+    figure, axes = row_canvas([names[k] for k in order], top=48, xlabel=label)
     axes.set_xlim(-MOST_SIGMA - 0.5, MOST_SIGMA + 0.5)
-    axes.axvspan(-REACH, REACH, color=COLOURS["grey"], alpha=0.1, linewidth=0)
+    axes.axvspan(-REACH, REACH, color=GREY, alpha=0.1, linewidth=0)
     axes.axvline(0, color=INK, linewidth=1)
     row_lines(axes, len(order))
     for kind in dict.fromkeys(verdicts):
@@ -118,15 +146,12 @@ def draw_pulls(
         known = np.isfinite(pulls[order[rows]])
         _pull_rows(axes, rows[known], pulls[order[rows[known]]], kind)
     top_label(axes, 0, plain(origin, 40), INK)
-    axes.set_xlabel("distance of the estimate [σ robust]")
     return figure
 
 
 def _pull_rows(axes: Axes, rows: np.ndarray, pulls: Array, kind: str) -> None:
     colour = COLOURS[mark_of(kind).tone]
-    for marker, beyond in ((">", pulls > MOST_SIGMA), ("<", pulls < -MOST_SIGMA)):
-        x = np.copysign(np.full(int(beyond.sum()), MOST_SIGMA + 0.25), pulls[beyond])
-        axes.plot(x, rows[beyond], marker, color=colour, markersize=6, clip_on=False)
+    draw_arrows(axes, pulls, rows, 0.25, colour, markersize=6)
     near = np.abs(pulls) <= MOST_SIGMA
     ends = np.stack([pulls[near], rows[near]], 1)
     strokes(axes, ends * [0, 1], ends, colour, linewidth=1.2)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from identifiability.estimation.verdict import Class
@@ -9,6 +11,7 @@ from identifiability.report.blocks import Note, Notes, Term, Terms, Tile
 from identifiability.report.marks import MARKS
 from identifiability.report.numbers import error_text, format_count, format_number, join, time_text
 from identifiability.report.sections.facts import model_title, sigma_inflation
+from identifiability.report.words import note
 from identifiability.workflows.analyze import Analysis
 
 #: σ may grow by this factor before the report warns of autocorrelation.
@@ -77,140 +80,72 @@ def answer_terms(analysis: Analysis) -> Terms:
 
 def answer_notes(analysis: Analysis) -> Notes:
     """Return the caveats, gravest first."""
-    hints = [Note("warning", "Check the logs.", hint) for hint in analysis.hints]
+    notes = [note("hint", hint=hint) for hint in analysis.hints]
     if analysis.nothing:
-        why = f"{analysis.nothing[0].upper()}{analysis.nothing[1:]}; do not use the values."
-        hints.append(Note("warning", "Nothing is identifiable.", why))
+        why = f"{analysis.nothing[0].upper()}{analysis.nothing[1:]}"
+        notes.append(note("nothing", why=why))
     if not np.isfinite(analysis.chosen.error_ra_validation):
-        return Notes((*hints, *_sample_notes(analysis)))
-    notes = [
-        *hints,
-        *_physics_notes(analysis),
-        *_excitation_notes(analysis),
-        *_sample_notes(analysis),
-        _noise_note(analysis),
-        *_judgement_notes(analysis),
-        *_validation_notes(analysis),
-    ]
+        return Notes((*notes, *_sample_notes(analysis)))
+    for part in (_physics_notes, _excitation_notes, _sample_notes, _noise_notes, _fit_notes):
+        notes += part(analysis)
     order = {"warning": 0, "note": 1, "good": 2}
     return Notes(tuple(sorted(notes, key=lambda n: order[n.level])))
 
 
-def _physics_notes(analysis: Analysis) -> list[Note]:
+def _physics_notes(analysis: Analysis) -> Iterator[Note]:
     chosen, full = analysis.chosen, analysis.full
     near = f"the nearest real robot errs by {error_text(chosen.error_ra_physical)} on unseen motion"
-    notes = []
     if chosen.infeasible:
-        text = (
-            f"{join(chosen.infeasible)} cannot be negative in any real robot. A simulator may "
-            f"refuse these values, or become unstable with them; {near}."
-        )
-        notes.append(Note("warning", "Impossible values in the model to use.", text))
+        yield note("impossible", names=join(chosen.infeasible), near=near)
     elif not chosen.feasible and chosen.physical.certificate is not None:
-        text = (
-            f"Each sign is possible, but not all values at once; {near}. Give that to a simulator."
-        )
-        notes.append(Note("note", "No real robot has exactly these values.", text))
+        yield note("nearly", near=near)
     if full.infeasible and full is not chosen:
-        text = (
-            f"{join(full.infeasible)}: with {len(full.rung)} parameters the noise decides even "
-            "signs. It is shown for comparison, not for use."
-        )
-        title = f"The unpruned {model_title(full)} is physically impossible."
-        notes.append(Note("note", title, text))
-    return notes
+        names, size = join(full.infeasible), len(full.rung)
+        yield note("unpruned", title=model_title(full), names=names, size=size)
 
 
-def _excitation_notes(analysis: Analysis) -> list[Note]:
-    notes = []
-    rank = len(analysis.full.estimate.kept)
-    if rank < analysis.base.rank:
-        text = (
-            f"The robot's structure allows {analysis.base.rank} independent parameters; this "
-            f"motion excites {rank}. A richer motion would determine more."
-        )
-        notes.append(Note("warning", "The motion is not rich enough.", text))
-    if analysis.base.ambiguous:
-        text = (
-            "Counting singular values and choosing columns disagree by one or more; look at the "
-            "gap in the spectrum before trusting the number of parameters."
-        )
-        notes.append(Note("warning", "The rank is not clear-cut.", text))
-    rows, size = analysis.information.rows, len(analysis.full.rung)
+def _excitation_notes(analysis: Analysis) -> Iterator[Note]:
+    base, full = analysis.base, analysis.full
+    if len(full.estimate.kept) < base.rank:
+        yield note("poor", rank=base.rank, excited=len(full.estimate.kept))
+    if base.ambiguous:
+        yield note("ambiguous")
+    rows, size = analysis.information.rows, len(full.rung)
     if rows < FEW_ROWS * size:
-        text = (
-            f"{format_count(rows, 'torque value')} for {format_count(size, 'parameter')} of "
-            "the unpruned model; longer logs would narrow the intervals."
-        )
-        notes.append(Note("warning", "Short logs.", text))
-    return notes
+        values, parameters = format_count(rows, "torque value"), format_count(size, "parameter")
+        yield note("short", rows=values, size=parameters)
 
 
-def _sample_notes(analysis: Analysis) -> list[Note]:
-    notes = []
+def _sample_notes(analysis: Analysis) -> Iterator[Note]:
     for s in (*analysis.samples, *analysis.validation):
-        survey = s.survey
-        if survey.dropped:
-            count = format_count(survey.dropped, "sample")
-            text = f"The loops do not close at {count}; check calibration and geometry."
-            notes.append(Note("warning", f"Samples of {s.name} were dropped.", text))
-        if survey.singular:
-            text = (
-                f"{format_count(survey.singular, 'sample')} there, with a condition number up "
-                f"to {format_number(survey.condition, 2)}: small errors of position become large "
-                "torques."
-            )
-            notes.append(Note("warning", f"{s.name} passes near a singular configuration.", text))
-    return notes
+        if s.survey.dropped:
+            yield note("dropped", log=s.name, samples=format_count(s.survey.dropped, "sample"))
+        if s.survey.singular:
+            samples = format_count(s.survey.singular, "sample")
+            condition = format_number(s.survey.condition, 2)
+            yield note("singular", log=s.name, samples=samples, condition=condition)
 
 
-def _noise_note(analysis: Analysis) -> Note:
+def _noise_notes(analysis: Analysis) -> Iterator[Note]:
     times = np.asarray(analysis.chosen.autocorrelation_time, float)
     factor = sigma_inflation(analysis.chosen)
-    worst = analysis.robot.joints[int(np.argmax(times))]
-    longest = f"{time_text(times.max())} samples in {worst}"
-    grown = f"{format_number(factor, 3)} × that of white noise"
+    longest = f"{time_text(times.max())} samples in {analysis.robot.joints[int(np.argmax(times))]}"
+    name = "uneven" if factor > MILD_INFLATION else "independent"
     if np.sqrt(times.max()) > MILD_INFLATION:
-        text = (
-            f"The autocorrelation time is up to {longest}, so there are that many times fewer "
-            f"independent samples. Verdicts rest on the robust σ, typically {grown}."
-        )
-        return Note("note", "Consecutive residuals resemble each other.", text)
-    if factor > MILD_INFLATION:
-        text = (
-            f"Refits to resampled blocks of time scatter more than the formula for white noise "
-            f"says: the robust σ is typically {grown}, and verdicts rest on it."
-        )
-        return Note("note", "The noise is not the same throughout the motion.", text)
-    text = f"Autocorrelation time at most {longest}; the robust σ is typically {grown}."
-    return Note("good", "Residuals are nearly independent in time.", text)
+        name = "memory"
+    yield note(name, longest=longest, grown=f"{format_number(factor, 3)} × that of white noise")
 
 
-def _judgement_notes(analysis: Analysis) -> list[Note]:
+def _fit_notes(analysis: Analysis) -> Iterator[Note]:
+    """Say what is not judged, and how far the error on unseen motion can be trusted."""
     chosen, full = analysis.chosen, analysis.full
-    notes = []
     if chosen.unjudged:
-        notes.append(Note("warning", "No parameter is judged.", chosen.unjudged))
+        yield note("unjudged", why=chosen.unjudged)
     if full.unjudged and full is not chosen:
         title = f"The unpruned {model_title(full)} is not judged."
-        notes.append(Note("warning" if chosen.unjudged else "note", title, full.unjudged))
-    return notes
-
-
-def _validation_notes(analysis: Analysis) -> list[Note]:
-    chosen = analysis.chosen
-    notes = []
-    if not analysis.nothing and chosen.error_ra_validation > 1.5 * chosen.error_ra:
-        text = (
-            f"{error_text(chosen.error_ra_validation)} against {error_text(chosen.error_ra)} where "
-            "it was fitted: the unseen motion asks for something that the model lacks, or the "
-            "fitted motion did not show."
-        )
-        notes.append(Note("warning", "The error grows on unseen motion.", text))
+        yield Note("warning" if chosen.unjudged else "note", title, full.unjudged)
+    unseen, fitted = chosen.error_ra_validation, chosen.error_ra
+    if not analysis.nothing and unseen > 1.5 * fitted:
+        yield note("grows", unseen=error_text(unseen), fitted=error_text(fitted))
     if not analysis.validation:
-        text = (
-            f"The error on unseen motion comes from {analysis.validation_kind}. A separate log "
-            "with another motion is a harder and more honest test."
-        )
-        notes.append(Note("note", "No separate log was held out.", text))
-    return notes
+        yield note("inside", kind=analysis.validation_kind)

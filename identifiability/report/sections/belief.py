@@ -10,10 +10,11 @@ from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.shares import REACH
 from identifiability.posterior.diagnostics import Thresholds
 from identifiability.report.blocks import Gallery, Note, Notes, Picture, Section
-from identifiability.report.figures import draw_forest, draw_pair
+from identifiability.report.figures.belief import draw_forest, draw_pair
 from identifiability.report.numbers import whole_percent
 from identifiability.report.sections.facts import model_title, stated_values
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.words import columns, gallery, note, section
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Summary
 
@@ -25,13 +26,14 @@ ROWS = 14
 
 SIGNS, BODIES = "posterior with signs", "posterior with bodies"
 
-CONVERGENCE = (
+CONVERGENCE = columns(
+    "convergence",
     Column("posterior"),
-    Column("nested R-hat", "{:.4f}".format, "Largest; between independent ensembles."),
-    Column("effective draws", "{:.0f}".format, "Fewest, in the bulk of a parameter."),
-    Column("in the tails", "{:.0f}".format, "Fewest, in the 5 % tails."),
-    Column("autocorrelation time", "{:.1f}".format, "Longest, in draws of one walker."),
-    Column("accepted", whole_percent, "Share of the proposals that emcee accepted."),
+    Column("nested R-hat", "{:.4f}".format),
+    Column("effective draws", "{:.0f}".format),
+    Column("in the tails", "{:.0f}".format),
+    Column("autocorrelation time", "{:.1f}".format),
+    Column("accepted", whole_percent),
     Column("may be shown", "badge"),
 )
 
@@ -45,17 +47,11 @@ def summaries(analysis: Analysis) -> dict[str, Summary | None]:
 
 def section_posterior(analysis: Analysis) -> Section:
     """Return the parameters of the selected model by every road, beside each other."""
-    lead = (
-        f"{model_title(analysis.chosen)} by every road. Two posteriors count as many samples as "
-        "are independent: one knows only which values cannot be negative, such as friction, the "
-        "other that every body can exist, with a prior around the robot file."
-    )
     notes = posterior_notes(analysis)
-    pictures = (forest_gallery(analysis), *pair_gallery(analysis))
-    title = "What is believed after the data"
     caveats = (Notes(notes),) if notes else ()
+    pictures = (forest_gallery(analysis), *pair_gallery(analysis))
     blocks = (*caveats, *pictures, convergence_table(analysis))
-    return Section("posterior", title, lead, blocks)
+    return section("analysis.posterior", *blocks, title=model_title(analysis.chosen))
 
 
 def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
@@ -66,10 +62,9 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
     for name, summary in summaries(analysis).items():
         if summary is None:
             why = belief.note.rstrip(".") or "it was not sampled"
-            notes.append(Note("note", f"No {name}.", f"{why[0].upper()}{why[1:]}."))
+            notes.append(note("no-posterior", name=name, why=f"{why[0].upper()}{why[1:]}"))
         elif not summary.trustworthy:
-            title = f"The {name} has not converged; its numbers are withheld."
-            notes.append(Note("warning", title, " ".join(summary.convergence.reasons)))
+            notes.append(note("doubtful", name=name, why=" ".join(summary.convergence.reasons)))
     return tuple(notes)
 
 
@@ -81,27 +76,22 @@ def shown(analysis: Analysis) -> dict[str, Summary | None]:
 
 def forest_gallery(analysis: Analysis) -> Gallery:
     """Return a forest plot for each group of parameters."""
-    columns = analysis.chosen.rung.columns
+    names = analysis.chosen.rung.columns
     layers, stated = forest_layers(analysis)
     pictures = []
-    for kind, rows in forest_groups(columns):
-        names, own = [columns[k] for k in rows], {n: v[rows] for n, v in layers.items()}
-        figure = draw_forest(names, own, stated[rows], analysis.robot.path.name)
+    for kind, rows in forest_groups(names):
+        shown_names, own = [names[k] for k in rows], {n: v[rows] for n, v in layers.items()}
+        figure = draw_forest(shown_names, own, stated[rows], analysis.robot.path.name)
         pictures.append(Picture(figure, f"{kind.capitalize()}.", f"95 % intervals of {kind}"))
-    caption = (
-        "95 % intervals by each road, as distance from the estimate in its robust σ; ▸ is beyond "
-        "the axis. Where the motion leaves a value open, distances are from the posterior with "
-        "bodies, in its sd. The bar is what the robot file states."
-    )
-    return Gallery(tuple(pictures), caption)
+    return gallery("forest", pictures)
 
 
 _GROUPS = ("bodies", "friction", "rotor inertia", "other effects")
 
 
-def forest_groups(columns: tuple[str, ...]) -> list[tuple[str, np.ndarray]]:
+def forest_groups(names: tuple[str, ...]) -> list[tuple[str, np.ndarray]]:
     """Return each group with the rows of its parameters, at most `ROWS` at a time."""
-    kinds = [group_of(c) for c in columns]
+    kinds = [group_of(n) for n in names]
     parts = []
     for kind in dict.fromkeys(sorted(kinds, key=_GROUPS.index)):
         rows = np.array([k for k, other in enumerate(kinds) if other == kind])
@@ -163,11 +153,7 @@ def pair_gallery(analysis: Analysis) -> tuple[Gallery, ...]:
             float(rho[i, j]),
         )
         pictures.append(Picture(figure, alt=f"Draws of {labels[i]} and {labels[j]}"))
-    caption = (
-        f"The most correlated pairs under the {name}: what the data tell of one they take from the "
-        "other. The cross is the least-squares estimate."
-    )
-    return (Gallery(tuple(pictures), caption),) if pictures else ()
+    return (gallery("pairs", pictures, posterior=name),) if pictures else ()
 
 
 def strongest_pairs(rho: Array) -> list[tuple[int, int]]:

@@ -9,6 +9,7 @@ from identifiability.report.figures.diagnosis import draw_curve, draw_forward, d
 from identifiability.report.numbers import digits, format_number, percent
 from identifiability.report.sections.facts import torque_units, velocity_units
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.words import gallery, picture, section
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.result import Diagnosis
@@ -23,7 +24,7 @@ EFFECTS = (
     Column("value", digits(3)),
     Column("± se", digits(2)),
     Column("unit"),
-    Column("p", digits(2), "Family-wise."),
+    Column("p", digits(2), hint="Family-wise."),
     Column("adds, rms", digits(3)),
     Column("resembles"),
 )
@@ -50,18 +51,17 @@ def section_effects(d: Diagnosis) -> Section:
         blocks.append(Prose(("No effect stands out from the noise and helps on unseen motion.",)))
     if d.refuted:
         blocks.append(_table_refuted(d))
-    lead = "Each was found by the data, added to the model and refitted."
-    return Section("effects", "What was missing", lead, tuple(blocks))
+    return section("diagnosis.effects", *blocks)
 
 
 def _table_refuted(d: Diagnosis) -> Table:
     columns = (
         Column("effect", get="names"),
         Column("where", get=lambda e: ", ".join(e.joints)),
-        Column("p", digits(2), "Family-wise.", "p_value"),
-        Column("error without", percent, f"On {d.verified_on}.", "before"),
-        Column("with", percent, "", "after"),
-        Column("change, 95 %", "number", "Points.", _change),
+        Column("p", digits(2), "p_value", "Family-wise."),
+        Column("error without", percent, "before", f"On {d.verified_on}."),
+        Column("with", percent, "after"),
+        Column("change, 95 %", "number", _change, "Points."),
     )
     return Table.of("Refuted by the motion that verifies, and in no model", columns, d.refuted)
 
@@ -79,8 +79,7 @@ def _curves(d: Diagnosis) -> Gallery:
         title = f"{c.title}, {d.robot.joints[c.joint]}"
         figure = draw_curve(c.x, c.learned, c.spread, c.data, title, labels)
         pictures.append(Picture(figure, alt=f"{title} as learned from the data"))
-    caption = "What each effect was learned to be, against the residual that it should explain."
-    return Gallery(tuple(pictures), caption)
+    return gallery("curves", pictures)
 
 
 def _unit(d: Diagnosis, c: Curve) -> str:
@@ -91,24 +90,16 @@ def _unit(d: Diagnosis, c: Curve) -> str:
 
 def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
     """Return the section on simulated motion before and after the named effects."""
-    title = "In simulated motion"
-    lead = (
-        f"Stretches of {format_number(gap.horizon, 2)} s of unseen motion, started from measured "
-        "states and driven by the measured torque: the simulated positions against the measured."
-    )
+    horizon = format_number(gap.horizon, 2)
     if not gap.measured:
-        return Section("motion", title, lead, (Prose((f"Not done: {gap.note}",)),))
-    caption = (
-        f"Mean over joints, as a share of the distance moved; median and middle half of "
-        f"{len(gap.before)} stretches. Either model has the values of the nearest real robot."
-    )
+        return section("diagnosis.motion", Prose((f"Not done: {gap.note}",)), horizon=horizon)
     figure = draw_forward(gap.t, *gap.shares())
     columns = (
         Column("joint"),
-        Column("before", percent, "Of the distance moved, at the end."),
+        Column("before", percent, hint="Of the distance moved, at the end."),
         Column("after", percent),
     )
     rows = zip(joints, *gap.joint_shares(), strict=True)
     table = Table.of("Position error at the end of a stretch", columns, rows)
-    picture = Picture(figure, caption, "Simulated position error over time")
-    return Section("motion", title, lead, (picture, table))
+    shown = picture("forward", figure, stretches=len(gap.before))
+    return section("diagnosis.motion", shown, table, horizon=horizon)

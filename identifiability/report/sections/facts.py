@@ -65,7 +65,7 @@ def found_cell(model: RungResult | PrunedRung) -> Cell:
 
 
 #: What every table of judged parameters shows of a `Verdict`.
-VALUE = Column("value", "number", get=lambda v: measured_cells(v.value, v.sigma_robust)[0])
-SIGMA = Column("± σ", "error", get=lambda v: measured_cells(v.value, v.sigma_robust)[1])
+VALUE = Column("value", "number", lambda v: measured_cells(v.value, v.sigma_robust)[0])
+SIGMA = Column("± σ", "error", lambda v: measured_cells(v.value, v.sigma_robust)[1])
 UNIT = Column("unit", get="unit")
-VERDICT = Column("verdict", "badge", get=lambda v: badge_cell(v.verdict.value, v.reason))
+VERDICT = Column("verdict", "badge", lambda v: badge_cell(v.verdict.value, v.reason))

@@ -11,47 +11,22 @@ from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.report.blocks import Fold, Section, Terms
-from identifiability.report.glossary import GLOSSARY
 from identifiability.report.numbers import format_count, format_number
 from identifiability.report.tables import Column, Table
+from identifiability.report.words import GLOSSARY, THRESHOLDS, section
 from identifiability.workflows.analyze import Analysis
-
-_MEANING = {
-    "sigma_percent": ("largest σ of an identifiable parameter", "% of the value, robust"),
-    "sign_level": ("error level at which a sign is certain", "family-wise over the model, Holm"),
-    "recurrence": (
-        "share of resampled logs that must agree",
-        "that an identifiable parameter is one, block bootstrap",
-    ),
-    "negligible_share": (
-        "largest effect of a negligible parameter",
-        "of any joint's own residual σ, anywhere in its 95 % interval",
-    ),
-    "constraint_variance": (
-        "largest variance of a constraint-determined parameter",
-        "of the variance that the same data and prior leave without bodies",
-    ),
-    "contraction": (
-        "least contraction that is not prior-dominated",
-        "1 − posterior sd ∕ prior sd",
-    ),
-    "outputs_per_parameter": (
-        "fewest independent outputs with which anything is judged",
-        "a parameter; torques after decimation over their autocorrelation time, all joints",
-    ),
-}
 
 
 def section_preparation(analysis: Analysis) -> Section:
     """Return how each log was made into motion and torque."""
-    seen = format_count(analysis.information.samples, "sample")
-    out = analysis.held_out.samples
-    lead = (
-        f"Fitted to {seen} by {analysis.chosen.estimate.estimator.description}; checked on "
-        f"{format_count(out, 'sample')} ({analysis.validation_kind})."
+    return section(
+        "analysis.motion",
+        Table.of("", MOTION, _logs(analysis)),
+        seen=format_count(analysis.information.samples, "sample"),
+        estimator=analysis.chosen.estimate.estimator.description,
+        out=format_count(analysis.held_out.samples, "sample"),
+        kind=analysis.validation_kind,
     )
-    table = Table.of("", MOTION, _logs(analysis))
-    return Section("motion", "How the motion was made", lead, (table,))
 
 
 def _logs(analysis: Analysis) -> list[tuple[str, Prepared]]:
@@ -80,18 +55,15 @@ MOTION = (
 
 def section_terms(analysis: Analysis) -> Section:
     """Return the thresholds that were used and the words of the report."""
-    lead = "Every number that decides something, and what the words mean."
     glossary = Fold("Glossary", (Terms(GLOSSARY),))
-    return Section(
-        "thresholds", "Thresholds and terms", lead, (threshold_table(analysis.thresholds), glossary)
-    )
+    return section("analysis.thresholds", threshold_table(analysis.thresholds), glossary)
 
 
 def threshold_table(thresholds: Thresholds) -> Table:
     """Return every threshold, those of the verdicts first."""
     rows = []
     for f in fields(thresholds):
-        meaning, unit = _MEANING.get(f.name, (f.name.replace("_", " "), ""))
+        meaning, unit = THRESHOLDS.get(f.name, (f.name.replace("_", " "), ""))
         rows.append((meaning, getattr(thresholds, f.name), unit))
     rows += [
         ("factor of the literature's rule", PAPER_FACTOR, "× the least white σ of the model"),
@@ -109,6 +81,4 @@ def section_provenance(analysis: Analysis) -> Section:
     rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
     rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in _logs(analysis)]
     columns = (Column("what"), Column("version, seed or hash", "code"))
-    lead = "With these inputs and versions the same report comes out, to the byte."
-    table = Table.of("", columns, rows, cards=False)
-    return Section("provenance", "Provenance", lead, (table,))
+    return section("analysis.provenance", Table.of("", columns, rows, cards=False))

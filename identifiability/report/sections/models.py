@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from identifiability.estimation.estimator import PAPER_FACTOR
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.names import Array
-from identifiability.report.blocks import Fold, Gallery, Picture, Section
-from identifiability.report.figures import draw_errors, draw_precision, draw_pulls, draw_sizes
+from identifiability.report.blocks import Fold, Gallery, Section
+from identifiability.report.figures.models import draw_errors, draw_sizes
+from identifiability.report.figures.parameters import draw_precision, draw_pulls
 from identifiability.report.numbers import (
     NONE,
     error_text,
@@ -32,15 +31,16 @@ from identifiability.report.sections.facts import (
     stated_values,
 )
 from identifiability.report.tables import Cell, Column, Table
+from identifiability.report.words import columns, gallery, picture, section
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
 
 
 def section_ladder(analysis: Analysis) -> Section:
     """Return the ladder of models: why the selected one."""
-    lead = f"{_why(analysis)} Errors on unseen motion: {analysis.validation_kind}."
+    why, kind = _why(analysis), analysis.validation_kind
     table = Table.of("", LADDER, analysis.models, marked=analysis.selected)
-    return Section("models", "Which model to use", lead, (ladder_pictures(analysis), table))
+    return section("analysis.models", ladder_pictures(analysis), table, why=why, kind=kind)
 
 
 def _why(analysis: Analysis) -> str:
@@ -68,14 +68,8 @@ def ladder_pictures(analysis: Analysis) -> Gallery:
     errors = draw_errors(names, inside, unseen, spread, selected)
     found = [m.count(Class.IDENTIFIABLE) for m in models]
     sizes = draw_sizes(names, [len(m.rung) for m in models], found, selected)
-    return Gallery(
-        (
-            Picture(errors, "", "Relative torque error of each model, fitted and unseen motion"),
-            Picture(sizes, "", "Number of parameters of each model, and how many identifiable"),
-        ),
-        "The shaded row is the model to use. SE is the standard error of the difference to the "
-        "model with the least error on unseen motion.",
-    )
+    pictures = (picture("errors", errors), picture("sizes", sizes))
+    return gallery("models", pictures)
 
 
 def _spread_cell(m: RungResult) -> Cell:
@@ -98,52 +92,47 @@ def _possible_cell(m: RungResult) -> Cell:
     return Cell("open" if m.physical.certificate is None else "not exactly", 1.0, near, "partly")
 
 
-LADDER = (
+LADDER = columns(
+    "models",
     Column("model", get=lambda m: Cell(m.name, note=m.rung.description)),
-    Column("parameters", "number", get=lambda m: len(m.rung)),
-    Column("identifiable", "number", get=found_cell),
-    Column("10× rule", "number", "How many pass the literature's rule.", "paper_identified"),
-    Column("error, fitted", error_text, "ε_RA on the logs it was fitted to.", "error_ra"),
-    Column(
-        "error, unseen", error_text, "ε_RA on motion it was not fitted to.", "error_ra_validation"
-    ),
-    Column("± SE", "error", "Standard error of the difference to the best model.", _spread_cell),
-    Column(
-        "condition",
-        _condition_text,
-        "Condition number of the column-scaled regressor.",
-        "estimate.condition",
-    ),
-    Column("real robot", "badge", "Whether a real robot can have all its values.", _possible_cell),
+    Column("parameters", "number", lambda m: len(m.rung)),
+    Column("identifiable", "number", found_cell),
+    Column("10× rule", "number", "paper_identified"),
+    Column("error, fitted", error_text, "error_ra"),
+    Column("error, unseen", error_text, "error_ra_validation"),
+    Column("± SE", "error", _spread_cell),
+    Column("condition", _condition_text, "estimate.condition"),
+    Column("real robot", "badge", _possible_cell),
 )
 
 
 def section_parameters(analysis: Analysis) -> Section:
     """Return the parameters of the selected model."""
-    chosen = analysis.chosen
-    lead = (
-        f"The {format_count(len(chosen.rung), 'parameter')} of {model_title(chosen)}"
-        + (f" ({chosen.rung.description})" if chosen.rung.description else "")
-        + ". Value ± σ_robust are rounded together by the rule of the Particle Data Group; σ in "
-        "percent of the value."
-    )
-    blocks = (parameter_pictures(analysis, chosen), parameter_table(analysis, chosen))
-    return Section("parameters", f"Parameters of {model_title(chosen)}", lead, blocks)
+    rung, title = analysis.chosen.rung, model_title(analysis.chosen)
+    blocks = parameter_blocks(analysis, analysis.chosen)
+    described = f" ({rung.description})" if rung.description else ""
+    size = format_count(len(rung), "parameter")
+    return section("analysis.parameters", *blocks, title=title, size=size, described=described)
 
 
 def section_full_model(analysis: Analysis) -> Section:
     """Return the same for the unpruned model, folded."""
-    full = analysis.full
+    full, title = analysis.full, model_title(analysis.full)
     if full is analysis.chosen:
-        lead = f"The model to use, {model_title(full)}, is the unpruned one; see above."
-        return Section("full-model", "The unpruned model", lead)
+        lead = f"The model to use, {title}, is the unpruned one; see above."
+        return section("analysis.full-model", lead=lead)
     lead = (
         f"All {len(full.rung)} parameters that the structure allows to tell apart "
-        f"({model_title(full)}). What the smaller models leave out can be looked up here."
+        f"({title}). What the smaller models leave out can be looked up here."
     )
-    blocks = (parameter_pictures(analysis, full), parameter_table(analysis, full))
-    fold = Fold(f"All {format_count(len(full.rung), 'parameter')} of {model_title(full)}", blocks)
-    return Section("full-model", "The unpruned model", lead, (fold,))
+    summary = f"All {format_count(len(full.rung), 'parameter')} of {title}"
+    fold = Fold(summary, parameter_blocks(analysis, full))
+    return section("analysis.full-model", fold, lead=lead)
+
+
+def parameter_blocks(analysis: Analysis, result: RungResult) -> tuple[Gallery, Table]:
+    """Return pictures and table of the parameters of a model."""
+    return parameter_pictures(analysis, result), parameter_table(analysis, result)
 
 
 def parameter_table(analysis: Analysis, result: RungResult) -> Table:
@@ -155,50 +144,20 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
         length = v.share / most if np.isfinite(most) and most > 0 else 0.0
         return Cell(percent_text(100 * v.share), v.share, share=length)
 
-    columns = (
-        Column(
-            "parameter", "text", "Name, and below it the combination that is determined.", _named
-        ),
+    own = columns(
+        "parameters",
+        Column("parameter", get=lambda v: Cell(v.name, note=shorten_label(v.label))),
         VALUE,
-        replace(SIGMA, hint="Robust standard deviation; value and σ are rounded together."),
+        SIGMA,
         UNIT,
-        Column(
-            "σ white",
-            percent_text,
-            "Relative standard deviation if residuals were independent.",
-            "sigma_percent",
-        ),
-        Column(
-            "σ robust",
-            percent_text,
-            "Relative standard deviation under autocorrelated residuals.",
-            "sigma_robust_percent",
-        ),
-        Column(
-            "robot file",
-            stated_text,
-            "What the robot file states for this parameter.",
-            lambda v: stated[v.name],
-        ),
-        Column(
-            "share of torque",
-            "bar",
-            "Rms torque that it makes, relative to the measured one.",
-            share,
-        ),
-        Column(
-            "10× rule",
-            "text",
-            "The literature's rule: σ white below ten times the model's least.",
-            _paper_cell,
-        ),
+        Column("σ white", percent_text, "sigma_percent"),
+        Column("σ robust", percent_text, "sigma_robust_percent"),
+        Column("robot file", stated_text, lambda v: stated[v.name]),
+        Column("share of torque", "bar", share),
+        Column("10× rule", "text", _paper_cell),
         VERDICT,
     )
-    return Table.of("", columns, result.verdicts, filter_by=-1)
-
-
-def _named(v: Verdict) -> Cell:
-    return Cell(v.name, note=shorten_label(v.label))
+    return Table.of("", own, result.verdicts, filter_by=-1)
 
 
 def _paper_cell(v: Verdict) -> Cell:
@@ -219,22 +178,14 @@ def parameter_pictures(analysis: Analysis, result: RungResult) -> Gallery:
     kinds = [v.verdict.value for v in result.verdicts]
     white, robust = sigma_percents(result)
     limits = (analysis.thresholds.sigma_percent, PAPER_FACTOR * np.min(white, initial=np.inf))
-    precision = Picture(
-        draw_precision(names, white, robust, kinds, *limits),
-        "How well each parameter is known. The mark is σ_robust, the tick at the end of its line "
-        "σ of white noise; ▸ is beyond the axis or not determined.",
-        f"Relative standard deviation of each parameter of {result.name}",
+    precision = draw_precision(names, white, robust, kinds, *limits)
+    stated, origin = stated_values(analysis, result), f"value in {analysis.robot.path.name}"
+    distance = pulls_from(np.array(stated, float), result)
+    pulls = draw_pulls(names, distance, robust, kinds, origin)
+    model = result.name
+    return Gallery(
+        (picture("precision", precision, model=model), picture("pulls", pulls, model=model))
     )
-    stated = np.array(stated_values(analysis, result), float)
-    pulls = Picture(
-        draw_pulls(
-            names, pulls_from(stated, result), robust, kinds, f"value in {analysis.robot.path.name}"
-        ),
-        "How far the estimate lies from the robot file, in its own σ. In the grey band (95 %) the "
-        "logs do not contradict the file; a row without a mark is not stated there.",
-        f"Distance of each parameter of {result.name} from the value in the robot file",
-    )
-    return Gallery((precision, pulls))
 
 
 def pulls_from(origin: Array, result: RungResult) -> Array:

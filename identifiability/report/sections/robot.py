@@ -7,26 +7,26 @@ import numpy as np
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.physical.mass import state_mass
 from identifiability.report.blocks import Block, Fold, Gallery, Picture, Prose, Section, Term, Terms
-from identifiability.report.figures import draw_conditions, draw_errors, draw_pulls, draw_spectrum
+from identifiability.report.figures.models import draw_conditions, draw_errors, draw_spectrum
+from identifiability.report.figures.parameters import draw_pulls
 from identifiability.report.numbers import error_text, format_count, format_number, stated_text
 from identifiability.report.sections.facts import model_title, sigma_percents
 from identifiability.report.sections.models import pulls_from
 from identifiability.report.tables import Column, Table
+from identifiability.report.words import picture, section
 from identifiability.workflows.analyze import Analysis
 
 
 def section_physics(analysis: Analysis) -> Section:
     """Return the certificate, the way to the nearest real robot, and its parameters."""
     chosen = analysis.chosen
-    lead = (
-        "A real robot has bodies whose mass and inertia some distribution of mass can produce, and "
-        f"friction that brakes. {chosen.physical.sentence} "
-        f"{state_mass(analysis.robot, chosen.physical.parameters(), chosen.physical.cad_weight)}"
-    ).rstrip()
+    physical = chosen.physical
+    mass = state_mass(analysis.robot, physical.parameters(), physical.cad_weight)
+    certificate = f"{physical.sentence} {mass}".rstrip()
     blocks: tuple[Block, ...] = (nearest_fold(analysis),)
     if not chosen.feasible:
         blocks = (Gallery((nearest_picture(analysis), cost_picture(analysis))), *blocks)
-    return Section("physics", "Can a real robot have these values?", lead, blocks)
+    return section("analysis.physics", *blocks, certificate=certificate)
 
 
 def nearest_picture(analysis: Analysis) -> Picture:
@@ -39,11 +39,7 @@ def nearest_picture(analysis: Analysis) -> Picture:
         [v.verdict.value for v in chosen.verdicts],
         "nearest real robot",
     )
-    caption = (
-        f"From {model_title(chosen)} to the nearest real robot, in σ of the estimate. What moves "
-        "within the grey band moves no further than noise may have moved it."
-    )
-    return Picture(figure, caption, "Distance of each parameter from the nearest real robot")
+    return picture("nearest", figure, model=model_title(chosen))
 
 
 def cost_picture(analysis: Analysis) -> Picture:
@@ -53,12 +49,9 @@ def cost_picture(analysis: Analysis) -> Picture:
     labels = ("estimate", "nearest real robot")
     names = [m.name for m in models]
     figure = draw_errors(names, before, after, np.zeros(len(models)), analysis.selected, labels)
-    caption = (
-        "Error on unseen motion of each estimate and of the real robot nearest to it: "
-        f"{error_text(chosen.error_ra_validation)} and "
-        f"{error_text(chosen.error_ra_physical)} for {model_title(chosen)}."
-    )
-    return Picture(figure, caption, "Error of each model and of the nearest real robot")
+    pair = {"before": chosen.error_ra_validation, "after": chosen.error_ra_physical}
+    errors = {what: error_text(error) for what, error in pair.items()}
+    return picture("cost", figure, model=model_title(chosen), **errors)
 
 
 def nearest_fold(analysis: Analysis) -> Fold:
@@ -85,35 +78,20 @@ def nearest_fold(analysis: Analysis) -> Fold:
 def section_structure(analysis: Analysis) -> Section:
     """Return rank with its gap, condition of each model, and the groupings."""
     base = analysis.base
-    last, first = base.gap
-    lead = (
-        f"{base.rank} of {format_count(len(base.parameters), 'parameter')} are independent. The "
-        f"weakest of them acts with {format_number(last, 2)} of the strongest, the next singular "
-        f"value is {format_number(first, 2)}: the wider this gap, the surer the "
-        "count. The condition number says how much a model magnifies errors."
-    )
-    blocks: tuple[Block, ...] = (structure_pictures(analysis), grouping_fold(analysis))
-    if base.without_effect:
-        blocks = (*blocks, idle_fold(base.without_effect))
-    return Section("structure", "Rank and condition", lead, blocks)
+    last, first = (format_number(x, 2) for x in base.gap)
+    size = format_count(len(base.parameters), "parameter")
+    idle = (idle_fold(base.without_effect),) if base.without_effect else ()
+    blocks = (structure_pictures(analysis), grouping_fold(analysis), *idle)
+    return section("analysis.structure", *blocks, rank=base.rank, size=size, last=last, first=first)
 
 
 def structure_pictures(analysis: Analysis) -> Gallery:
     """Return the spectrum of the structure and the condition number of each model."""
     base, models = analysis.base, analysis.models
-    spectrum = Picture(
-        draw_spectrum(base.singular_values, base.rank, RANK_TOLERANCE),
-        "Singular values of the column-scaled regressor at random states: what any motion could "
-        "show. Columns that never act are left out.",
-        "Singular values relative to the largest",
-    )
+    spectrum = draw_spectrum(base.singular_values, base.rank, RANK_TOLERANCE)
     condition = np.array([m.estimate.condition for m in models], float)
-    conditions = Picture(
-        draw_conditions([m.name for m in models], condition, analysis.selected),
-        "Condition number along the fitted motion, columns scaled to equal length.",
-        "Condition number of each model",
-    )
-    return Gallery((spectrum, conditions))
+    conditions = draw_conditions([m.name for m in models], condition, analysis.selected)
+    return Gallery((picture("spectrum", spectrum), picture("conditions", conditions)))
 
 
 def grouping_fold(analysis: Analysis) -> Fold:

@@ -10,17 +10,17 @@ from identifiability.report.blocks import (
     Block,
     Fold,
     Gallery,
-    Note,
     Notes,
     Picture,
     Section,
     Term,
     Terms,
 )
-from identifiability.report.figures import draw_contraction, draw_margins
+from identifiability.report.figures.belief import draw_contraction, draw_margins
 from identifiability.report.numbers import digits, format_count, join, stated_text
 from identifiability.report.sections.belief import BODIES, posterior_notes, shown
 from identifiability.report.tables import Column, Table, badge_cell, measured_cells
+from identifiability.report.words import gallery, note, picture, section
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import LEARNED, Source, StandardBelief
 
@@ -32,12 +32,10 @@ def section_standard(analysis: Analysis) -> Section:
     """Return what determines each standard parameter, and how much was learned of it."""
     belief = analysis.belief
     assert belief is not None
-    title = "Where knowledge of each mass and inertia comes from"
     if belief.standard is None or shown(analysis)[BODIES] is None:
         notes = [n for n in posterior_notes(analysis) if "bodies" in n.title]
         why = " ".join(f"{n.title} {n.text}" for n in notes)
-        note = Note("warning", "Nothing is said of standard parameters.", why)
-        return Section("standard", title, "", (Notes((note,)),))
+        return section("analysis.standard", Notes((note("no-standard", why=why),)), lead="")
     known = belief.standard
     counts = [f"{known.source.count(kind)} by the {words}" for kind, words in _WORDS.items()]
     lead = (
@@ -52,7 +50,7 @@ def section_standard(analysis: Analysis) -> Section:
         blocks.append(Fold(summary, (_contraction_gallery(known, rest),)))
     table = standard_table(analysis, known)
     blocks.append(Fold(f"All {len(known.names)} standard parameters", (table,)))
-    return Section("standard", title, lead, tuple(blocks))
+    return section("analysis.standard", *blocks, lead=lead)
 
 
 _WORDS = {
@@ -89,11 +87,7 @@ def _contraction_gallery(known: StandardBelief, rows: np.ndarray) -> Gallery:
         names, sources = [known.names[k] for k in part], [known.source[k].value for k in part]
         figure = draw_contraction(names, known.contraction[part], sources, LEARNED)
         pictures.append(Picture(figure, alt="Contraction of standard parameters"))
-    caption = (
-        "0: the posterior is as wide as the prior, nothing was learned; 1: known exactly. The mark "
-        "says what determines the parameter."
-    )
-    return Gallery(tuple(pictures), caption)
+    return gallery("contraction", pictures)
 
 
 def standard_table(analysis: Analysis, known: StandardBelief) -> Table:
@@ -119,21 +113,13 @@ def section_bodies(analysis: Analysis) -> Section:
     nominal = region.margins(analysis.structure.nominal)
     margins = np.full(len(region.names), np.nan) if nearest is None else nearest.margins
     active = () if nearest is None else nearest.active_bodies
-    lead = (
-        "Every body's pseudo-inertia matrix has eigenvalues above zero if some distribution of "
-        "mass can produce it; the smallest, in units of the body's own mass and size, is its room. "
-        + _held_text(active)
-    )
     held, origin = [n in active for n in region.names], analysis.robot.path.name
     figure = draw_margins(region.names, margins, nominal, held, origin)
-    caption = (
-        "Room of each body; at the left edge it is a thin rod or a flat plate, and nothing is left."
-    )
-    blocks: list[Block] = [Picture(figure, caption, "Margin of each body")]
+    blocks: list[Block] = [picture("bodies", figure)]
     signs = () if nearest is None else nearest.active_rows
     if signs:
         blocks.append(Terms((Term("also at their limit", join(signs, 12)),)))
-    return Section("bodies", "Can each body exist?", lead, tuple(blocks))
+    return section("analysis.bodies", *blocks, held=_held_text(active))
 
 
 def _held_text(active: Sequence[str]) -> str:
