@@ -20,7 +20,7 @@ from arviz_stats.base.array import array_stats
 from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.output import write_json
-from identifiability.physical.feasibility import FittedModel, physical_set
+from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import Projection, project
 from identifiability.posterior.ensemble import sample_posterior

@@ -1,34 +1,22 @@
-"""From a fitted model to a real robot: the physical set, and the nearest parameters in it.
-
-The stages before this one speak of base parameters; physics speaks of bodies. Here the information
-about base parameters becomes a problem in the full standard parameters, ``W_base G phi``.
-
-What a model leaves out is never free. Of friction, rotors and whatever else belongs to no body it
-is exactly zero (or what it is held at, or equal to what it is tied to). Of bodies that may be
-impossible: a body whose mass were zero has no first moment. There its torque counts as error in
-full, and as no help in explaining the log.
-"""
+"""From a fitted model to a real robot: is there one that has its values, and which is nearest."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property, lru_cache
 
 import numpy as np
 
 from identifiability.effects.holding import held_by_file
-from identifiability.estimation.estimator import Estimate, Estimator, settle_signs
+from identifiability.estimation.estimator import settle_signs
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, nominal_cones
 from identifiability.physical.certify import Certificate, certify
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.held import find_held, left_out
-from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.project import FeasibleEstimate, Projection
-from identifiability.physical.pseudo_inertia import BodyCheck, check_body, natural_scale
-from identifiability.regression.information import Information
+from identifiability.physical.pseudo_inertia import BodyCheck, check_body
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -84,71 +72,6 @@ class PhysicalResult:
         if self.nearest is None:
             return {}
         return {n: float(v) for n, v in zip(self.region.columns, self.nearest.phi, strict=True)}
-
-
-@lru_cache(maxsize=4)
-def physical_set(structure: Structure) -> PhysicalSet:
-    """Return the parameter vectors that a real robot of this structure can have."""
-    theta = structure.nominal[structure.inertial]
-    stated = (theta[:, 9] > 0) & (theta[:, [0, 3, 5]].sum(1) > 0)  # a file may state no mass at all
-    mass, length = natural_scale(theta)
-    return PhysicalSet(
-        bodies=structure.inertial,
-        nonnegative=structure.nonnegative,
-        names=tuple(structure.bodies.values()),
-        columns=structure.columns,
-        mass=np.where(stated, mass, 1.0),
-        length=np.where(stated, length, 0.1),
-    )
-
-
-@frozen
-class FittedModel:
-    """A model of a robot that was fitted, and what the fit says of the standard parameters.
-
-    The model says that base parameters are ``held + M x``; the part of ``G phi`` outside the span
-    of M is what the model leaves out, and does not enter its prediction.
-
-    Attributes
-    ----------
-    structure : Structure
-        With its b base and p standard parameters.
-    rung : Rung
-        The model, of m parameters x.
-    whole, information : Information
-        About all base parameters, and about the rung's columns.
-    estimate : Estimate
-    """
-
-    structure: Structure
-    rung: Rung
-    whole: Information
-    information: Information
-    estimate: Estimate
-
-    @staticmethod
-    def of(
-        structure: Structure, rung: Rung, whole: Information, estimator: Estimator
-    ) -> FittedModel:
-        """Fit a model."""
-        part = rung.reduce(whole)
-        return FittedModel(structure, rung, whole, part, estimator.fit(part))
-
-    @cached_property
-    def to_x(self) -> Array:
-        """The model's parameters of standard ones, (m, p); tied columns take the mean."""
-        to_x: Array = np.linalg.pinv(self.rung.M) @ self.structure.G
-        return to_x
-
-    @property
-    def determined(self) -> bool:
-        """Whether there are parameters and the motion determines each."""
-        return 0 < len(self.rung) == len(self.estimate.kept)
-
-    @cached_property
-    def data(self) -> LeastSquares:
-        """The estimate's loss in the standard parameters."""
-        return LeastSquares.of_fit(self.information, self.estimate).through(self.to_x)
 
 
 def leave_undecided(structure: Structure, rung: Rung, why: str) -> PhysicalResult:
@@ -251,26 +174,22 @@ def find_nearest(model: FittedModel, cad_weight: float = 0.0) -> PhysicalResult:
 
     Cross-validation needs its torque alone. Parameters and errors as in `assess_feasibility`.
     """
-    structure, rung = model.structure, model.rung
+    structure = model.structure
     region = physical_set(structure)
-    found = _no_answer(region, rung, cad_weight)
+    found = _no_answer(region, model.rung, cad_weight)
     try:
-        prior = _cad_prior(structure, cad_weight)
-        held = find_held(region, structure.G, rung.M, rung.held)
-        R = model.whole.factor(model.estimate.weights)
-        rows, aim = left_out(R[:-1, :-1], structure.G, rung.M, rung.held)
         nearest = Projection(
-            replace(region, nonnegative=region.nonnegative & ~held.fixed),
+            model.region,
             reference=_possible(structure.nominal, region),
-            prior=prior,
-            held=held,
-        ).solve(model.data.beside(rows, aim))
+            prior=_cad_prior(structure, cad_weight),
+            held=model.held,
+        ).solve(model.data.beside(*model.left_out))
     except ValueError as error:
         return replace(found, sentence=f" The nearest real robot was not found: {error}")
     phi = dict(zip(region.columns, nearest.phi, strict=True))
     in_file = held_by_file(structure.robot, phi)
     base = np.array([nearest.phi, [in_file[n] for n in region.columns]]) @ structure.G.T
-    sentence = _say_left_out(rows @ nearest.phi - aim, R[:, -1])
+    sentence = _say_left_out(model, nearest.phi)
     if not nearest.accurate:
         reach = f"within {nearest.gap:.2g} σ² of the optimum"
         sentence = f" The nearest real robot is {reach}.{sentence}"
@@ -289,9 +208,11 @@ def _possible(nominal: Array, region: PhysicalSet) -> Array:
     return out
 
 
-def _say_left_out(rest: Array, torque: Array) -> str:
+def _say_left_out(model: FittedModel, phi: Array) -> str:
     """Return what the nearest real robot has although the model leaves it out, if that matters."""
-    share = float(np.linalg.norm(rest) / max(np.linalg.norm(torque), np.finfo(float).tiny))
+    rows, aim = model.left_out
+    torque = np.linalg.norm(model.whole.factor(model.estimate.weights)[:, -1])
+    share = float(np.linalg.norm(rows @ phi - aim) / max(torque, np.finfo(float).tiny))
     if share < LEFT_OUT:
         return ""
     return (

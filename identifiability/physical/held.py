@@ -46,10 +46,10 @@ class Held:
         return mask
 
     def settle(self, phi: Array) -> Array:
-        """Return parameters (p,) with those that are held by themselves at exactly their values."""
+        """Return parameters (..., p), those that are held by themselves at exactly their values."""
         out, rows = np.array(phi), self.rows[self.alone]
         at = np.argmax(rows != 0, axis=1)
-        out[at] = self.value[self.alone] / rows[np.arange(len(at)), at]
+        out[..., at] = self.value[self.alone] / rows[np.arange(len(at)), at]
         return out
 
     def scaled(self, scale: Array) -> Plane:

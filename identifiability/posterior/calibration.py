@@ -98,7 +98,8 @@ def calibrate_posterior(
     with threadpool_limits(1):
         truth = _draw_prior(sampler, interior(target, sampler, start), replicates, rng)
         own = ExactSampler(_observe(sampler, target, truth, rng), sampler.region)
-        value, below = target.to_phi(truth), np.zeros(truth.shape, np.int64)
+        value = target.to_phi(truth)
+        below = np.zeros(value.shape, np.int64)
         place = rng.integers(0, draws + 1, replicates)
         for wanted in (place, draws - place):
             eta = truth

@@ -85,7 +85,7 @@ class ExactSampler:
 
 def build_sampler(target: Target) -> ExactSampler:
     """Prepare the exact sampler of a posterior."""
-    origin = target.proper_prior.mean
+    origin = target.origin
     entries = target.region.cone_map[:, UPPER].reshape(-1, target.size)
     both = np.vstack([target.region.rows, entries])
     region = Cone(both @ target.basis, both @ origin, len(target.region.rows))

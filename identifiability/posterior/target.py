@@ -17,6 +17,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.held import Held, Plane
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.posterior.prior import Prior
 
@@ -110,6 +111,9 @@ class Target:
         Integrated autocorrelation time of the residual [samples].
     variance : float, optional [torque²]
         Known noise variance of a sample; without it, it is marginalised.
+    held : Held, optional
+        Combinations of the p parameters that keep their k values, so that q = p − k coordinates are
+        left; `region` must not bound what is held by itself.
     """
 
     data: LeastSquares
@@ -117,6 +121,7 @@ class Target:
     region: PhysicalSet
     iact: float = 1.0
     variance: float | None = None
+    held: Held | None = None
 
     def __post_init__(self) -> None:
         """Check that all parts speak of the same parameters."""
@@ -142,26 +147,60 @@ class Target:
         return _make_proper(self.data, self.prior)
 
     @cached_property
+    def plane(self) -> Plane:
+        """What is held, in distances from the prior's mean [prior sd]; along it (p, q) is free."""
+        prior, held = self.proper_prior, self.held or Held.none(self.size)
+        return Held(held.rows, held.value - held.rows @ prior.mean).scaled(prior.sd)
+
+    @cached_property
+    def seen(self) -> Array:
+        """Torque (r, q) that a prior sd makes along the plane: the data where a prior is one."""
+        seen: Array = (self.data.R * self.proper_prior.sd) @ self.plane.along
+        return seen
+
+    @cached_property
     def rotation(self) -> tuple[Array, Array, Array]:
-        """Singular value decomposition of ``R diag(sd)``: U (r, r), s (min(r, p),), Vᵀ (p, p)."""
-        U, s, Vt = np.linalg.svd(self.data.R * self.proper_prior.sd, full_matrices=True)
+        """Singular value decomposition of `seen`: U (r, r), s (min(r, q),), Vᵀ (q, q)."""
+        U, s, Vt = np.linalg.svd(self.seen, full_matrices=True)
         return U, s, Vt
 
     @cached_property
+    def axes(self) -> Array:
+        """Directions (q, p) of the coordinates eta, in prior sd."""
+        axes: Array = self.rotation[2] @ self.plane.along.T
+        return axes
+
+    @cached_property
     def basis(self) -> Array:
-        """(p, p): ``phi = mean + basis @ eta``."""
-        return self.proper_prior.sd[:, None] * self.rotation[2].T
+        """(p, q): ``phi = origin + basis @ eta``."""
+        return self.proper_prior.sd[:, None] * self.axes.T
+
+    @cached_property
+    def origin(self) -> Array:
+        """The parameters (p,) in the plane that the prior likes best."""
+        prior, plane = self.proper_prior, self.plane
+        origin: Array = prior.mean + prior.sd * (plane.normal @ plane.value)
+        return origin
+
+    @cached_property
+    def root(self) -> Array:
+        """(p, q): ``root rootᵀ`` is the covariance with data and prior, without the region."""
+        scaled = self.seen / np.sqrt(self.data.variance * self.iact)
+        # inv(I + SᵀS) by QR: its diagonal is never negative, however exact the data are.
+        factor = np.linalg.qr(np.vstack([np.eye(scaled.shape[1]), scaled]), mode="r")
+        free = self.proper_prior.sd[:, None] * self.plane.along
+        return np.asarray(free @ np.linalg.inv(factor))
 
     @cached_property
     def diagonal(self) -> Diagonal:
         """The Gaussian part in coordinates ``eta``."""
         U, s, _ = self.rotation
-        rank = _numerical_rank(self.data.R)
-        gain = np.zeros(self.size)
+        rank = _numerical_rank(self.seen)
+        gain = np.zeros(len(self.axes))
         gain[:rank] = s[:rank]
         tempered = None if self.variance is None else self.variance * self.iact
-        seen = (self.data.z - self.data.R @ self.proper_prior.mean) @ U
-        signal = np.zeros(self.size)
+        seen = (self.data.z - self.data.R @ self.origin) @ U
+        signal = np.zeros(len(self.axes))
         signal[:rank] = seen[:rank]
         # Noise-free data leave nothing to estimate a variance from.
         floor = 1e-6 * self.data.unit**2
@@ -170,14 +209,13 @@ class Target:
         return Diagonal(gain, signal, rest, shape, tempered)
 
     def to_phi(self, eta: Array) -> Array:
-        """Parameters ``(..., p)`` of coordinates ``(..., p)``."""
-        phi: Array = self.proper_prior.mean + eta @ self.basis.T
-        return phi
+        """Parameters ``(..., p)`` of coordinates ``(..., q)``."""
+        phi: Array = self.origin + eta @ self.basis.T
+        return phi if self.held is None else self.held.settle(phi)
 
     def to_eta(self, phi: Array) -> Array:
-        """Coordinates ``(..., p)`` of parameters ``(..., p)``."""
-        prior = self.proper_prior
-        eta: Array = ((phi - prior.mean) / prior.sd) @ self.rotation[2].T
+        """Coordinates ``(..., q)`` of parameters ``(..., p)``, the nearest of the plane."""
+        eta: Array = ((phi - self.origin) / self.proper_prior.sd) @ self.axes.T
         return eta
 
 

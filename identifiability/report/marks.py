@@ -41,6 +41,7 @@ MARKS = {
     "constraint": Mark("purple", "◆", "D"),
     "prior": Mark("sky", "◇", "D", "none"),
     "structure": Mark("grey", "✕", "x"),
+    "model": Mark("grey", "○", "o", "none"),
     "pass": Mark("green", "✓"),
     "partly": Mark("amber", "◐", "o", "left"),
     "differs": Mark("vermilion", "✕", "x"),

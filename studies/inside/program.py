@@ -6,7 +6,7 @@ import cvxpy as cp
 import numpy as np
 from peers.cvxpy_rows import pseudo_inertia
 
-from identifiability.physical.feasibility import FittedModel, physical_set
+from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.project import project
 from identifiability.workflows.analyze import Analysis
 from inside.pair import Pair, all_rows, timed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identifiability.physical.feasibility import FittedModel, physical_set
+from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.project import project
 from identifiability.regression.reduction import full_rung
 from peers import ours

@@ -49,7 +49,7 @@ def test_bootstrap_refits(benchmark, analysis):
 
 
 def test_semidefinite_program_again(benchmark, analysis):
-    from identifiability.physical.feasibility import FittedModel, physical_set
+    from identifiability.physical.fitted_model import FittedModel, physical_set
     from identifiability.physical.project import Projection
 
     full, structure = analysis.full, analysis.structure

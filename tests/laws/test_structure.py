@@ -8,7 +8,7 @@ import pytest
 
 import identifiability
 from identifiability.foundation.names import INERTIAL
-from identifiability.physical.feasibility import physical_set
+from identifiability.physical.fitted_model import physical_set
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.model import Model
 from identifiability.regression.structure import Structure

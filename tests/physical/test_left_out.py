@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.held import Held, find_held
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import Projection, project
 from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.workflows.analyze.belief import Effort, Source
+from identifiability.workflows.analyze.form_belief import form_belief
 
 EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
 
@@ -102,3 +105,34 @@ def test_a_sum_of_what_cannot_be_negative_is_zero_part_by_part(robot):
     assert held.fixed.nonzero()[0].tolist() == outside[:2].tolist()
     kept = find_held(region, G, np.ones((1, 1)), np.zeros(1))
     assert not len(kept.rows)
+
+
+def test_what_a_rung_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_posterior(simulated):
+    rung = RungEntry(
+        name="reduced", effects=EFFECTS, zero=["elbow.Fc", "link1.mz"], hold={"elbow.Ia": 0.05},
+        tie={"Fv": ["shoulder.Fv", "elbow.Fv"]},
+    )  # fmt: skip
+    log = simulated("two-link", "a", 0)
+    found = analyze("two-link", log, ladder=LadderEntry(models=[rung]), replicates=0)
+    reduced = found.models[-1]
+    model = FittedModel.of(
+        found.structure, reduced.rung, found.information, reduced.estimate.estimator
+    )
+    belief = form_belief(
+        model, 1.0, np.random.default_rng(0), Effort(walkers=4, draws=20, warmup=10)
+    )
+    known = belief.standard
+    draws = dict(zip(known.names, known.chains.reshape(-1, len(known.names)).T, strict=True))
+    assert (draws["elbow.Fc"] == 0.0).all()
+    assert (draws["elbow.Ia"] == 0.05).all()
+    np.testing.assert_allclose(draws["shoulder.Fv"], draws["elbow.Fv"], rtol=1e-9)
+    by = dict(zip(known.names, known.source, strict=True))
+    assert by["elbow.Fc"] is by["elbow.Ia"] is Source.MODEL
+    assert by["shoulder.Fv"] is Source.DATA
+    base = known.chains.reshape(-1, len(known.names)) @ found.base.G.T
+    mz = base[:, list(found.base.names).index("link1.mz")]
+    full = found.models[0].estimate
+    sigma = full.sigma[list(full.columns).index("link1.mz")]  # of what noise would fit to it
+    assert np.abs(mz.mean()) < sigma
+    assert mz.std() < 1.2 * sigma
+    assert np.isfinite(belief.physical.convergence.rhat).all()

@@ -7,7 +7,8 @@ import pytest
 
 from identifiability import Robot, analyze, estimate, simulate
 from identifiability.estimation.estimator import settle_signs
-from identifiability.physical.feasibility import FittedModel, assess_feasibility
+from identifiability.physical.feasibility import assess_feasibility
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.prune.stability import Stability
 

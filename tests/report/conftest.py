@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from identifiability import analyze
-from identifiability.physical.feasibility import FittedModel
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion

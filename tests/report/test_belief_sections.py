@@ -89,7 +89,9 @@ def test_every_standard_parameter_is_shown_once_and_listed(believed_analysis):
     assert Source.STRUCTURE not in {known.source[k] for k in first}
     table = sections(believed_analysis)["standard"].blocks[-1].blocks[0]
     assert [row[0].text for row in table.rows] == list(known.names)
-    assert dict(table.words) == {s.value: known.source.count(s) for s in Source}
+    assert dict(table.words) == {
+        s.value: known.source.count(s) for s in Source if s in known.source
+    }
     assert all(known.contraction[k] > LEARNED for k in range(85) if known.source[k] is Source.DATA)
 
 

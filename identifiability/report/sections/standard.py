@@ -58,6 +58,7 @@ _WORDS = {
     Source.CONSTRAINT: "constraint that bodies can exist",
     Source.PRIOR: "prior",
     Source.STRUCTURE: "structure (no motion shows them)",
+    Source.MODEL: "model (it leaves them out or holds them)",
 }
 
 

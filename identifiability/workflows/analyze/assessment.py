@@ -14,7 +14,8 @@ from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verd
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasibility import FittedModel, PhysicalResult
+from identifiability.physical.feasibility import PhysicalResult
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 

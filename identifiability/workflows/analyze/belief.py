@@ -23,6 +23,9 @@ from identifiability.workflows.analyze.assessment import RungResult
 #: Margin of the point inside the cone that the samplers start from.
 START_MARGIN = 1e-3
 
+#: Distance of that point from the edge of a sign, in prior standard deviations.
+OFF_EDGE = 1e-4
+
 #: A parameter without a nominal value gets a prior sd that makes this many times the torque.
 WIDE = 10.0
 
@@ -40,6 +43,7 @@ class Source(StrEnum):
     CONSTRAINT = "constraint"
     PRIOR = "prior"
     STRUCTURE = "structure"
+    MODEL = "model"
 
 
 @frozen
@@ -107,8 +111,9 @@ class StandardBelief:
     source : tuple of Source
     chains : (E, K, N, p)
         All draws by ensemble and walker, in order.
-    root : (p, p)
-        ``root rootᵀ`` is the covariance with data and prior, without the constraints.
+    root : (p, q)
+        ``root rootᵀ`` is the covariance with data and prior, without the constraints; the model
+        leaves q directions free.
     """
 
     names: tuple[str, ...]

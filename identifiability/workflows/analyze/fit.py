@@ -12,12 +12,12 @@ from identifiability.estimation.prediction import Task, leave_out, take_turns
 from identifiability.estimation.torque_errors import choose_folds
 from identifiability.foundation.names import Array
 from identifiability.physical.feasibility import (
-    FittedModel,
     PhysicalResult,
     assess_feasibility,
     find_nearest,
     leave_undecided,
 )
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure

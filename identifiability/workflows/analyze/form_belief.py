@@ -10,8 +10,10 @@ import numpy as np
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS
-from identifiability.physical.feasibility import FittedModel, check_nominal, physical_set
+from identifiability.physical.feasibility import check_nominal
 from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.fitted_model import FittedModel
+from identifiability.physical.held import Held
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import Convergence, diagnose_convergence
@@ -25,6 +27,7 @@ from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.assessment import RungResult
 from identifiability.workflows.analyze.belief import (
     LEARNED,
+    OFF_EDGE,
     SHOWN,
     START_MARGIN,
     WIDE,
@@ -163,31 +166,38 @@ def _sample_physical(
     effort: Effort,
     progress: Progress | None,
 ) -> tuple[Summary, StandardBelief]:
-    """Sample the standard parameters on the cone and look at them through the model."""
-    structure, region = model.structure, physical_set(model.structure)
-    data = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
-    target = Target(data, prior, region, max(iact, 1.0))
-    start = project(data, region, margin=START_MARGIN, reference=structure.nominal).phi
+    """Sample the standard parameters on the cone and look at them through the model.
+
+    What the model leaves out, holds or ties is so in every draw; what bodies cannot do without
+    counts as error in full, as in the nearest real robot.
+    """
+    structure, region, held = model.structure, model.region, model.held
+    own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
+    data = own.beside(*model.left_out)
+    target = Target(data, prior, region, max(iact, 1.0), held=held)
+    options = {"margin": START_MARGIN, "reference": structure.nominal, "held": held}
+    start = np.array(project(data, region, **options).phi)
+    # The start must lie inside: the projection ends on the edge of signs, or by rounding outside.
+    signed = region.signed
+    start[signed] = np.maximum(start[signed], OFF_EDGE * prior.sd[signed])
     posterior = sample_posterior(target, start, rng, progress=progress, **vars(effort))
-    convergence = diagnose_convergence(posterior, region.columns)
+    moving = np.flatnonzero(~held.fixed)
+    walked = replace(posterior, draws=posterior.draws[..., moving])
+    convergence = diagnose_convergence(walked, [region.columns[k] for k in moving])
     summary = _summarise(posterior.draws @ model.to_x.T, model.rung, rng, convergence)
     return summary, _look_at_standard(structure, target, posterior)
 
 
 def _look_at_standard(structure: Structure, target: Target, posterior: Posterior) -> StandardBelief:
-    proper = target.proper_prior
-    scaled = target.data.R * proper.sd / np.sqrt(target.data.variance * target.iact)
-    # inv(I + SᵀS) by QR: its diagonal is never negative, however exact the data are.
-    root = np.linalg.qr(np.vstack([np.eye(scaled.shape[1]), scaled]), mode="r")
-    spread = proper.sd[:, None] * np.linalg.inv(root)
-    data_sd = np.linalg.norm(spread, axis=1)
+    proper, fixed = target.proper_prior, (target.held or Held.none(target.size)).fixed
+    data_sd = np.linalg.norm(target.root, axis=1)
     flat = posterior.flat()
     sd = flat.std(0, ddof=1)
     idle = ~np.any(structure.G, axis=0)
     enough = LEARNED * proper.sd
     sources = np.select(
-        [idle, data_sd < enough, sd < enough],
-        [Source.STRUCTURE, Source.DATA, Source.CONSTRAINT],
+        [idle, fixed, data_sd < enough, sd < enough],
+        [Source.STRUCTURE, Source.MODEL, Source.DATA, Source.CONSTRAINT],
         Source.PRIOR,
     )
     return StandardBelief(
@@ -199,7 +209,7 @@ def _look_at_standard(structure: Structure, target: Target, posterior: Posterior
         sd=sd,
         source=tuple(map(Source, sources.tolist())),
         chains=posterior.draws,
-        root=spread,
+        root=target.root,
     )
 
 

@@ -25,8 +25,8 @@ from identifiability.estimation.torque_errors import (
 )
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasibility import physical_set
 from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.fitted_model import physical_set
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import Projection
 from identifiability.regression.information import Information

@@ -12,7 +12,8 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import Samples
-from identifiability.physical.feasibility import FittedModel, assess_feasibility
+from identifiability.physical.feasibility import assess_feasibility
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.mass import real_robot_dict
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import full_rung

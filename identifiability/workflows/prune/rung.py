@@ -12,7 +12,8 @@ from identifiability.estimation.uncertainty import Uncertainty, resample
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasibility import FittedModel, PhysicalResult
+from identifiability.physical.feasibility import PhysicalResult
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.workflows.analyze.assessment import (

@@ -8,7 +8,7 @@ from identifiability.effects import FAMILIES, AlongAxes, Family, forget, registe
 from identifiability.effects.holding import held_by_file, stated_numbers
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs import Log
-from identifiability.physical.feasibility import physical_set
+from identifiability.physical.fitted_model import physical_set
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot

@@ -10,7 +10,7 @@ from identifiability.estimation.bootstrap import merge_blocks
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Thresholds
-from identifiability.physical.feasibility import FittedModel
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Rung
 from identifiability.workflows.analyze.assessment import (
     assess_ladder,
