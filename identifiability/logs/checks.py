@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,10 +63,9 @@ def find_joints(columns: list[str], source: str) -> list[str]:
     return joints
 
 
-def wanted_columns(columns: Sequence[str], joints: Sequence[str]) -> list[str]:
-    """Return the columns that a log is made of, in the order of the table."""
-    known = {f"{j}.{kind}" for j in joints for kind in CHANNELS}
-    return [c for c in columns if c == "t" or c in known]
+def find_channels(joints: Sequence[str], columns: Collection[str]) -> tuple[str, ...]:
+    """Return which of `CHANNELS` some columns hold for every joint."""
+    return tuple(c for c in CHANNELS if all(f"{j}.{c}" in columns for j in joints))
 
 
 def _loose(columns: list[str], joint: str) -> list[str]:

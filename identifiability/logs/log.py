@@ -20,7 +20,7 @@ from identifiability.foundation.options import FilePath, check_option, checked
 from identifiability.foundation.output import write_bytes, write_text
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
-from identifiability.logs.checks import CHANNELS, Clock
+from identifiability.logs.checks import CHANNELS, Clock, find_channels
 from identifiability.logs.source import Reading, scan_file
 from identifiability.logs.tables import is_parquet
 
@@ -130,8 +130,8 @@ class Log:
         LogError
             If samples are missing. A step is a gap when it stands out from the jitter.
         """
-        windows = signals.spread_windows(len(self))
-        return even_step(self.name, self.clock, [self.t[a:b] for a, b in windows])
+        windows = [self.rows(a, b) for a, b in signals.spread_windows(len(self))]
+        return even_step(self.clock, windows)
 
     def to_frame(self) -> pd.DataFrame:
         """Return the log as a DataFrame that `from_frame` accepts."""
@@ -198,31 +198,29 @@ def join_logs(logs: Sequence[Log]) -> Log:
     return replace(logs[0], **joined)
 
 
-def even_step(name: str, clock: Clock, windows: Sequence[Array]) -> tuple[float, str]:
-    """Return the sampling step [s] and a remark on its jitter.
+def even_step(clock: Clock, windows: Sequence[Log]) -> tuple[float, str]:
+    """Return the sampling step [s] of a log and a remark on its jitter.
 
     Parameters
     ----------
-    name : str
-        Of the log.
     clock : Clock
         Its longest and its shortest step.
-    windows : sequence of (N,) [s]
-        Times on which the usual step and the usual jitter are measured.
+    windows : sequence of Log
+        Where the usual step and the usual jitter are measured.
 
     Raises
     ------
     LogError
         If samples are missing. A step is a gap when it stands out from the jitter.
     """
-    steps = np.concatenate([np.diff(t) for t in windows])
+    steps = np.concatenate([np.diff(w.t) for w in windows])
     dt = float(np.median(steps))
     usual = float(np.quantile(np.abs(steps / dt - 1), 0.95))
     worst = max(clock.longest, clock.shortest, key=lambda s: abs(s.length / dt - 1))
     jitter = abs(worst.length / dt - 1)
     if jitter > min(max(0.5, 5 * usual), 3.0):
         raise LogError(
-            f"{name} has a gap of {worst.length:.3g} s after t = {worst.t:.6g} s "
+            f"{windows[0].name} has a gap of {worst.length:.3g} s after t = {worst.t:.6g} s "
             f"(data row {worst.row + 1}) at a sampling step of {dt:.3g} s; velocity and "
             "acceleration cannot be computed across it: split the log there."
         )
@@ -234,7 +232,6 @@ def even_step(name: str, clock: Clock, windows: Sequence[Array]) -> tuple[float,
 def build_log(name: str, joints: Sequence[str], values: Mapping[str, Array], digest: str) -> Log:
     """Return the log of some columns, each (N,), that were checked."""
     channels: dict[str, Any] = dict.fromkeys(CHANNELS)
-    for kind in CHANNELS:
-        if all(f"{j}.{kind}" in values for j in joints):
-            channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints], 1)
+    for kind in find_channels(joints, values):
+        channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints], 1)
     return Log(name=name, joints=tuple(joints), t=values["t"], sha256=digest, **channels)

@@ -12,7 +12,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.checks import CHANNELS, Clock
+from identifiability.logs.checks import Clock, find_channels
 from identifiability.logs.log import Log, build_log
 from identifiability.logs.source import Reading, is_long, scan_file
 from identifiability.logs.tables import Table, parsing
@@ -90,7 +90,7 @@ class LogFile:
         return LogFile(
             name=path.name,
             joints=tuple(reading.joints),
-            channels=tuple(c for c in CHANNELS if all(f"{j}.{c}" in known for j in reading.joints)),
+            channels=find_channels(reading.joints, known),
             table=table,
             columns=tuple(c for c in table.columns if c.strip() in known),
             clock=reading.clock,

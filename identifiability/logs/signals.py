@@ -164,10 +164,14 @@ class FourierFit:
         return q, dq, ddq
 
 
+def _fourier_basis(t: Array, period: float, harmonics: int) -> Array:
+    w = 2 * np.pi / period * np.arange(1, harmonics + 1)
+    return np.hstack([np.ones((len(t), 1)), np.sin(np.outer(t, w)), np.cos(np.outer(t, w))])
+
+
 def fit_fourier(t: Array, q: Array, period: float, harmonics: int) -> FourierFit:
     """Fit a finite Fourier series to q (N, n) by least squares [Swevers 1997]."""
-    w = 2 * np.pi / period * np.arange(1, harmonics + 1)
-    basis = np.hstack([np.ones((len(t), 1)), np.sin(np.outer(t, w)), np.cos(np.outer(t, w))])
+    basis = _fourier_basis(t, period, harmonics)
     return FourierFit(period, np.linalg.lstsq(basis, q, rcond=None)[0])
 
 
@@ -183,14 +187,13 @@ def fit_fourier_pieces(
     period : float [s]
     harmonics : int
     """
-    w = 2 * np.pi / period * np.arange(1, harmonics + 1)
     gram: Array | float = 0.0
     right: Array | float = 0.0
     squares, count = 0.0, 0
     origin: Array | None = None
     for t, q in pieces:
         origin = q.mean(0) if origin is None else origin  # small numbers, small rounding
-        basis = np.hstack([np.ones((len(t), 1)), np.sin(np.outer(t, w)), np.cos(np.outer(t, w))])
+        basis = _fourier_basis(t, period, harmonics)
         y = q - origin
         gram, right = gram + basis.T @ basis, right + basis.T @ y
         squares, count = squares + float((y**2).sum()), count + y.size

@@ -11,15 +11,8 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.logs.bags import hash_files, is_bag, read_bag, split_topic
-from identifiability.logs.checks import Clock, Numbers, find_joints, wanted_columns
-from identifiability.logs.tables import (
-    Table,
-    is_parquet,
-    open_parquet,
-    parsing,
-    scan_csv,
-    scan_parquet,
-)
+from identifiability.logs.checks import CHANNELS, Clock, Numbers, find_joints
+from identifiability.logs.tables import Table, is_parquet, open_parquet, parsing, scan_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,9 +60,9 @@ class Reading:
         frame = frame.set_axis([str(c).strip() for c in frame.columns], axis=1)
         if not self.joints:
             self.joints = find_joints(list(frame.columns), self.source)
-            wanted = wanted_columns(list(frame.columns), self.joints)
-            self.numbers = {c: Numbers(c, self.source) for c in wanted}
-            self._kept = {c: [] for c in wanted}
+            known = {"t", *(f"{j}.{kind}" for j in self.joints for kind in CHANNELS)}
+            self.numbers = {c: Numbers(c, self.source) for c in frame.columns if c in known}
+            self._kept = {c: [] for c in self.numbers}
         for column, numbers in self.numbers.items():
             values = numbers.add(frame[column])
             if column == "t" and not numbers.bad:
@@ -121,8 +114,7 @@ def scan_file(path: Path, each: Callable[[pd.DataFrame], None]) -> tuple[str, Ta
     with parsing(path):
         if not path.is_file():
             raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
-        scan = scan_parquet if is_parquet(path) else scan_csv
-        return hash_files(path), scan(path, each)
+        return hash_files(path), scan_table(path, each)
 
 
 def read_table(path: str | Path) -> pd.DataFrame:

@@ -163,8 +163,10 @@ def open_parquet(path: Path) -> Table:
     return Table(path, tuple(str(n) for n in names), pieces)
 
 
-def scan_parquet(path: Path, each: Callable[[pd.DataFrame], None]) -> Table:
+def scan_table(path: Path, each: Callable[[pd.DataFrame], None]) -> Table:
     """Call a function with every piece in order, at least once; return the table."""
+    if not is_parquet(path):
+        return _scan_csv(path, each)
     table = open_parquet(path)
     if not table.rows:
         with _opened(path) as file:
@@ -174,13 +176,13 @@ def scan_parquet(path: Path, each: Callable[[pd.DataFrame], None]) -> Table:
     return table
 
 
-def scan_csv(path: Path, each: Callable[[pd.DataFrame], None]) -> Table:
-    """Call a function with every piece in order, at least once; return the table."""
-    _check_separator(path)
+def _scan_csv(path: Path, each: Callable[[pd.DataFrame], None]) -> Table:
     with path.open("rb") as file:
-        columns = tuple(_read_header(path))
         header, rest = _split_header(file.read(PIECE_BYTES))
-        table = Table(path, columns, (), header)
+        names = header.decode("utf-8-sig").strip()
+        _check_separator(path, names)
+        columns = next(csv.reader([names], skipinitialspace=True), [])
+        table = Table(path, tuple(columns), (), header)
         row, byte, ended = 0, len(header), False
         pieces = [(row, byte)]
         while not ended:
@@ -215,10 +217,8 @@ def _floats(column: Any) -> Array:
     return to_floats(column.to_pandas())
 
 
-def _check_separator(path: Path) -> None:
+def _check_separator(path: Path, header: str) -> None:
     """Refuse a table whose header is separated by something else than commas."""
-    with path.open(encoding="utf-8-sig", errors="replace") as stream:
-        header = stream.readline(1 << 16).strip()
     if "," in header:
         return
     for mark, name in ((";", "';'"), ("\t", "tabs"), ("|", "'|'"), (" ", "spaces")):
@@ -228,12 +228,6 @@ def _check_separator(path: Path) -> None:
                 f"{path} is separated by {name}, not by commas; write it as CSV with "
                 f"commas{decimal}."
             )
-
-
-def _read_header(path: Path) -> list[str]:
-    """Return the names in the first line of a CSV that has any."""
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        return next((row for row in csv.reader(stream, skipinitialspace=True) if row), [])
 
 
 def _split_header(start: bytes) -> tuple[bytes, bytes]:

@@ -7,8 +7,12 @@ item, and the program text. A changed input or program is therefore new work, ne
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
+import shlex
+import stat
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +20,7 @@ import joblib
 
 from identifiability.foundation.engines.fingerprint import fingerprint
 from identifiability.foundation.engines.mapping import Engine, Item, Result
-from identifiability.foundation.engines.private_folder import is_private, open_private
+from identifiability.foundation.errors import OutputError
 from identifiability.foundation.output import write_bytes
 
 _MAGIC = b"identifiability result 1\n"
@@ -54,7 +58,7 @@ class Resumed(Engine):
 
     def __init__(self, engine: Engine, folder: str | Path) -> None:
         self.engine = engine
-        self.folder = open_private(folder)
+        self.folder = _open_private(folder)
         self.found = self.done = 0
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
@@ -91,7 +95,7 @@ class Resumed(Engine):
 def _read(path: Path) -> bytes | None:
     """Return the pickled result, or None if there is none that can be believed."""
     try:
-        if not (is_private(path.parent) and is_private(path)):
+        if not (_is_private(path.parent) and _is_private(path)):
             return None
         whole = path.read_bytes()
     except OSError:
@@ -100,3 +104,87 @@ def _read(path: Path) -> bytes | None:
     content = whole[start:]
     good = whole[:start] == _MAGIC + hashlib.sha256(content).digest()
     return content if good else None
+
+
+def _open_private(folder: str | Path) -> Path:
+    """Return the real place of a folder that only the user can write to; it is made if missing.
+
+    Where users cannot be told apart (Windows) any folder will do.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made, belongs to somebody else, or others can write to it or put another
+        one in its place.
+    """
+    folder = Path(folder)
+    try:
+        if folder.is_symlink() and not _trusts(folder.lstat()):
+            raise _refusal(folder, "is a link of another user", "give a folder of your own")
+        place = folder.resolve()
+        for parent in (*reversed(place.parents), place):
+            parent.mkdir(mode=0o700, exist_ok=True)
+        _check(folder, place)
+    except (OSError, RuntimeError, ValueError) as error:  # RuntimeError: links in a circle
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(
+            f"'{folder}' cannot keep finished work: {reason}; give a folder."
+        ) from None
+    return place
+
+
+def _is_private(path: Path) -> bool:
+    """Return whether a path is no link, belongs to the user, and nobody else can write to it."""
+    status = path.lstat()
+    return not stat.S_ISLNK(status.st_mode) and _owns(status) and not _others_write(status)
+
+
+def _check(folder: Path, place: Path) -> None:
+    status = place.stat()
+    if not _owns(status):
+        raise _refusal(folder, "belongs to another user", "give a folder of your own")
+    if _others_write(status):
+        remedy = f"run 'chmod 700 {shlex.quote(str(folder))}', or give another folder"
+        raise _refusal(folder, "can be written to by others", remedy)
+    for below, parent in pairwise((place, *place.parents)):
+        status = parent.stat()
+        # In a sticky folder, such as /tmp, others cannot rename what is not theirs.
+        kept = status.st_mode & stat.S_ISVTX and _trusts(below.stat())
+        if not _trusts(status) or (_others_write(status) and not kept):
+            what = f"can be replaced by others, who can write to '{parent}'"
+            raise _refusal(folder, what, "give a folder elsewhere, such as one in your home")
+
+
+def _owns(status: os.stat_result) -> bool:
+    """Return whether something belongs to the user, as far as users can be told apart."""
+    return not hasattr(os, "getuid") or status.st_uid == os.getuid()
+
+
+def _trusts(status: os.stat_result) -> bool:
+    """Return whether something belongs to the user or to who can do everything anyway."""
+    return _owns(status) or status.st_uid in (0, Path("/").stat().st_uid)
+
+
+def _others_write(status: os.stat_result) -> bool:
+    if not hasattr(os, "getuid"):
+        return False
+    group = status.st_mode & stat.S_IWGRP and not _alone_in(status.st_gid)
+    return bool(status.st_mode & stat.S_IWOTH or group)
+
+
+def _alone_in(group: int) -> bool:
+    """Return whether a group is the user's private one, as many systems make one for each user."""
+    import grp  # noqa: PLC0415 - not on Windows
+    import pwd  # noqa: PLC0415
+
+    try:
+        user, found = pwd.getpwuid(os.getuid()), grp.getgrgid(group)
+    except KeyError:
+        return False
+    return found.gr_name == user.pw_name and set(found.gr_mem) <= {user.pw_name}
+
+
+def _refusal(folder: Path, what: str, remedy: str) -> OutputError:
+    return OutputError(
+        f"'{folder}' {what}, and finished work that is kept there is run as a program: {remedy}."
+    )

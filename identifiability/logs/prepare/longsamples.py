@@ -14,7 +14,7 @@ from operator import add
 import numpy as np
 
 from identifiability.foundation.engines.mapping import Engine, Steps
-from identifiability.foundation.errors import ClosureError, LogError
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.values import frozen
@@ -83,22 +83,13 @@ class Stretch:
         """
         rows, reach = (self.first, self.last), self.plan.reach
         for first, last, origin, log in self.file.overlapping(*rows, self.piece, reach):
-            yield self._prepare(log, origin, (first, last))
+            own = (first, last)
+            yield prepare_rows(self.robot, log, origin, self.plan, own, anywhere=False)
 
     def pieces(self, size: int) -> Iterator[Piece]:
         """Yield pieces of about `size` input samples."""
         for part in self.parts():
             yield from part.pieces(size)
-
-    def _prepare(self, log: Log, origin: int, own: tuple[int, int]) -> Samples:
-        try:
-            return prepare_rows(self.robot, log, origin, self.plan, own)
-        except ClosureError:  # nowhere here; elsewhere they may
-            reach = self.plan.reach - self.plan.filter_reach
-            low, high = max(origin, own[0] - reach), min(origin + len(log), own[1] + reach)
-            motion = _no_motion(self.robot, np.arange(low, high))
-            tau, decimation = motion.actuated_q, self.plan.decimation
-            return Samples(log.name, motion, tau, decimation, (), log.sha256, own)
 
 
 @frozen
@@ -269,14 +260,3 @@ def _try_loops(robot: Robot, file: LogFile) -> None:
     middles = [(a + b) // 2 for a, b in signals.spread_windows(len(file))]
     log = joint_log(robot, join_logs([file.rows(m, m + TRIED) for m in middles]))
     complete_motion(robot, log.t, log.q, 0 * log.q, 0 * log.q)
-
-
-def _no_motion(robot: Robot, rows: np.ndarray) -> Motion:
-    """Return the motion of rows at which the loops do not close."""
-    n = len(robot.actuated)
-    tree, joint = np.empty((0, robot.nv)), np.empty((0, n))
-    X = np.empty((0, len(robot.dependent), n)) if robot.closed else None
-    none = np.empty(0, int)
-    return Motion(
-        np.empty(0), np.empty((0, len(robot.home))), tree, tree, joint, joint, joint, X, none, rows
-    )

@@ -121,7 +121,7 @@ def _plan_derivatives(
 
 
 def _plan_filter(log: Log | LogFile, windows: Sequence[Log], plan: Plan, how: Preparation) -> Plan:
-    dt, jitter = even_step(log.name, log.clock, [w.t for w in windows])
+    dt, jitter = even_step(log.clock, windows)
     given = [w.q for w in windows]
     cutoff = signals.cutoff_of_windows(given, dt) if how.cutoff is None else how.cutoff
     lowest = 1.0 / (log.clock.last - log.clock.first)
@@ -139,7 +139,18 @@ def _plan_filter(log: Log | LogFile, windows: Sequence[Log], plan: Plan, how: Pr
 
 
 def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation) -> Plan:
-    _check_series(log, plan.step, how)
+    count = 2 * how.harmonics + 1
+    if 2 * count > len(log):
+        raise LogError(
+            f"{log.name} has {len(log)} samples, too few for the {count} coefficients of "
+            f"{how.harmonics} harmonics; give fewer harmonics."
+        )
+    low, high = 4 * how.harmonics * plan.step, 2 * (log.clock.last - log.clock.first)
+    if how.period is not None and not low <= how.period <= high:
+        raise LogError(
+            f"The period {how.period:g} s does not fit {log.name}: with {how.harmonics} harmonics "
+            f"it must lie between {low:.4g} s (its sampling) and {high:.4g} s (its length)."
+        )
     if isinstance(log, Log):
         whole = joint_log(robot, log)
         t = whole.t - plan.start
@@ -160,22 +171,6 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
         f"{period:.6g} s (rms residual {left:.2g}) and differentiated analytically"
     )
     return replace(plan, series=fit, notes=(note,))
-
-
-def _check_series(log: Log | LogFile, step: float, how: Preparation) -> None:
-    """Refuse a Fourier series that the samples cannot determine."""
-    count = 2 * how.harmonics + 1
-    if 2 * count > len(log):
-        raise LogError(
-            f"{log.name} has {len(log)} samples, too few for the {count} coefficients of "
-            f"{how.harmonics} harmonics; give fewer harmonics."
-        )
-    low, high = 4 * how.harmonics * step, 2 * (log.clock.last - log.clock.first)
-    if how.period is not None and not low <= how.period <= high:
-        raise LogError(
-            f"The period {how.period:g} s does not fit {log.name}: with {how.harmonics} harmonics "
-            f"it must lie between {low:.4g} s (its sampling) and {high:.4g} s (its length)."
-        )
 
 
 def _rest_rule(plan: Plan, windows: Sequence[Log]) -> RestRule | None:

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -117,13 +117,11 @@ class Samples:
     def survey(self) -> Survey:
         """What there is to know of the whole log."""
         n = self.tau.shape[1]
-        torque, low, high = np.zeros(n), np.full(n, np.inf), np.full(n, -np.inf)
-        for piece in self.pieces(SURVEYED):
-            tau = piece.down(piece.tau)
-            torque += tau.sum(0)
-            low = np.minimum(low, tau.min(0, initial=np.inf))
-            high = np.maximum(high, tau.max(0, initial=-np.inf))
-        return Survey.of(self.motion, self.own, self.outputs, torque, np.stack([low, high]))
+        parts = [piece.down(piece.tau) for piece in self.pieces(SURVEYED)]
+        torque = sum((tau.sum(0) for tau in parts), np.zeros(n))
+        tau = np.concatenate([np.empty((0, n)), *parts])
+        span = np.stack([tau.min(0, initial=np.inf), tau.max(0, initial=-np.inf)])
+        return Survey.of(self.motion, self.own, self.outputs, torque, span)
 
     def pieces(self, size: int) -> Iterator[Piece]:
         """Yield pieces of about `size` input samples."""
@@ -156,7 +154,9 @@ class Samples:
         return times
 
 
-def prepare_rows(robot: Robot, log: Log, origin: int, plan: Plan, own: Rows) -> Samples:
+def prepare_rows(
+    robot: Robot, log: Log, origin: int, plan: Plan, own: Rows, *, anywhere: bool = True
+) -> Samples:
     """Prepare some rows of a log by a plan.
 
     Parameters
@@ -169,6 +169,8 @@ def prepare_rows(robot: Robot, log: Log, origin: int, plan: Plan, own: Rows) -> 
     plan : Plan
     own : (int, int)
         Rows of the whole log at which outputs are wanted.
+    anywhere : bool
+        The loops must close somewhere in these rows.
 
     Raises
     ------
@@ -178,7 +180,12 @@ def prepare_rows(robot: Robot, log: Log, origin: int, plan: Plan, own: Rows) -> 
     q, dq, ddq = plan.derive(log)
     reach = plan.reach - plan.filter_reach
     part = slice(max(0, own[0] - reach - origin), min(len(log), own[1] + reach - origin))
-    motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part])
+    try:
+        motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part])
+    except ClosureError:
+        if anywhere:
+            raise
+        motion = _no_motion(robot, np.arange(part.stop - part.start))
     tau = log.tau[part][motion.kept]
     if plan.rest is not None:
         still = plan.rest.find(dq)[part][motion.kept]
@@ -189,15 +196,20 @@ def prepare_rows(robot: Robot, log: Log, origin: int, plan: Plan, own: Rows) -> 
     return Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
 
 
+def _no_motion(robot: Robot, rows: np.ndarray) -> Motion:
+    """Return the motion of rows at which the loops do not close, as if it had none."""
+    n = len(robot.actuated)
+    tree, joint, none = np.empty((0, robot.nv)), np.empty((0, n)), np.empty(0, int)
+    q, X = np.empty((0, len(robot.home))), np.empty((0, len(robot.dependent), n))
+    return Motion(np.empty(0), q, tree, tree, joint, joint, joint, X, none, rows)
+
+
 def join_motions(motions: Sequence[Motion]) -> Motion:
     """Return motions one after the other."""
     first, none = motions[0], np.empty(0, int)
     names = ("t", "q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "kept", "X")
-    joined = {
-        name: np.concatenate([getattr(m, name) for m in motions])
-        for name in names
-        if getattr(first, name) is not None
-    }
+    known = [n for n in names if getattr(first, n) is not None]
+    joined = {n: np.concatenate([getattr(m, n) for m in motions]) for n in known}
     condition = max(m.condition for m in motions)
     return replace(first, **joined, condition=condition, dropped=none, near_singular=none)
 
