@@ -180,18 +180,18 @@ class Clock:
         self.rows = 0
         self.first = self.last = self._usual = np.nan
         self.longest, self.shortest = Step(0, 0.0, -np.inf), Step(0, 0.0, np.inf)
+        self._before = np.empty(0)
         self._back: Step | None = None
 
     def add(self, t: Array) -> None:
         """Take in the next times, (N,) [s]."""
         if not len(t):
             return
-        start = max(self.rows - 1, 0)
-        if self.rows:
-            t = np.concatenate([[self.last], t])
-        else:
+        if not self.rows:
             self.first = float(t[0])
-        self.rows, self.last = start + len(t), float(t[-1])
+        start = self.rows - len(self._before)
+        t = np.concatenate([self._before, t])
+        self.rows, self.last, self._before = start + len(t), float(t[-1]), t[-1:]
         steps = np.diff(t)
         if not len(steps):
             return

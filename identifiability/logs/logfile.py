@@ -150,33 +150,28 @@ class LogFile:
     def _arrays(self, start: int, stop: int) -> Iterator[Array]:
         """Yield the columns (N, c) of the rows [start, stop)."""
         self._check_unchanged()
-        count = 0
+        count, first = 0, self.span[0]
         try:
-            first = self.span[0]
             for values in self.table.arrays(first + start, first + stop, self.columns):
                 count += len(values)
                 yield values
         except LogError:
             self._check_unchanged()
             raise
-        self._check_unchanged()
-        if count != stop - start:
-            raise self._changed()
+        self._check_unchanged(whole=count == stop - start)
 
     def _log(self, values: Array) -> Log:
         columns = {c.strip(): values[:, k] for k, c in enumerate(self.columns)}
         return build_log(self.name, self.joints, columns, self.sha256)
 
-    def _check_unchanged(self) -> None:
-        with parsing(self.table.path):
-            if _stamp(self.table.path) != self.stamp:
-                raise self._changed()
-
-    def _changed(self) -> LogError:
-        return LogError(
-            f"{self.table.path} changed while it was analysed; wait until it is complete, then "
-            "start again."
-        )
+    def _check_unchanged(self, *, whole: bool = True) -> None:
+        path = self.table.path
+        with parsing(path):
+            if not whole or _stamp(path) != self.stamp:
+                raise LogError(
+                    f"{path} changed while it was analysed; wait until it is complete, then start "
+                    "again."
+                )
 
 
 def _stamp(path: Path) -> tuple[int, int]:

@@ -22,7 +22,7 @@ class RestRule:
 
     Attributes
     ----------
-    limit : (n,)
+    limit : (n,) [rad/s or m/s]
         Speed below which a joint stands still.
     least : float [samples]
         Only stops that last longer count; shorter ones are reversals.
@@ -54,7 +54,7 @@ def choose_rest_rule(q: Sequence[Array], dq: Sequence[Array], dt: float) -> Rest
 
     Parameters
     ----------
-    q, dq : sequences of (N, n)
+    q, dq : sequences of (N, n) [rad or m; rad/s or m/s]
         Windows of equal length.
     dt : float [s]
     """
