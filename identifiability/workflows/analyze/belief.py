@@ -13,6 +13,7 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.names import Array
@@ -207,7 +208,7 @@ def belief_dict(result: RungResult, belief: Belief) -> dict[str, Any]:
             out[name] = None
             continue
         c = summary.convergence
-        entry: dict[str, Any] = {
+        out[name] = {
             "trustworthy": summary.trustworthy,
             "reasons": list(c.reasons),
             "rhat": float(np.max(c.rhat)),
@@ -215,20 +216,13 @@ def belief_dict(result: RungResult, belief: Belief) -> dict[str, Any]:
             "acceptance": c.acceptance,
         }
         if summary.trustworthy:
-            entry["parameters"] = [
-                {"name": n, "mean": m, "sd": s, "interval95": list(i)}
-                for n, m, s, i in zip(
-                    result.rung.columns, summary.mean, summary.sd, summary.interval, strict=True
-                )
-            ]
-        out[name] = entry
-    known = belief.standard
-    if known is not None and belief.physical is not None and belief.physical.trustworthy:
-        out["standard"] = [
-            {"name": n, "mean": m, "sd": s, "prior_mean": pm, "prior_sd": ps, "determined_by": d}
-            for n, m, s, pm, ps, d in zip(
-                known.names, known.mean, known.sd, known.prior_mean, known.prior_sd, known.source,
-                strict=True,
-            )
-        ]  # fmt: skip
+            known = {"name": result.rung.columns, "mean": summary.mean, "sd": summary.sd}
+            frame = pd.DataFrame({**known, "interval95": summary.interval.tolist()})
+            out[name]["parameters"] = frame.to_dict("records")
+    standard = belief.standard
+    if standard is not None and belief.physical is not None and belief.physical.trustworthy:
+        names = {"name": "names", "determined_by": "source"}
+        shown = ("name", "mean", "sd", "prior_mean", "prior_sd", "determined_by")
+        frame = pd.DataFrame({key: getattr(standard, names.get(key, key)) for key in shown})
+        out["standard"] = frame.to_dict("records")
     return out

@@ -10,6 +10,7 @@ from identifiability.effects import Effect, Part, Placed, find_effect, stated_ef
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.foundation.options import check_choice
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters
@@ -96,11 +97,7 @@ def pose_question(
     ------
     ModelError, IdentifiabilityError
     """
-    if criterion not in EFFECTS:
-        raise IdentifiabilityError(
-            f"There is no criterion '{criterion}'{near_match(criterion, EFFECTS)} "
-            f"The criteria are {listing(EFFECTS)}."
-        )
+    check_choice("criterion", criterion, tuple(EFFECTS))
     _check_fit(criterion, parameters, separate)
     pair = [_place_effect(robot, text) for text in separate or ()]
     usual = (*EFFECTS[criterion], *(stated_effects(robot) if criterion != "condition" else ()))
