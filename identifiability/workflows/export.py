@@ -53,7 +53,7 @@ class Result(_Entry):
     nothing: str | None = None
 
 
-@frozen
+@frozen(kw_only=True)
 class Exported:
     """What was exported.
 
@@ -200,12 +200,11 @@ def export(robot: RobotLike, result: FilePath, out: FilePath) -> Exported:
     families = reversed(FAMILIES.values())  # of two with the same parameter the first has it
     effect_of = {p.name: f for f in families for p in f.effect.parameters(robot)}
     _check(robot, Path(result), content, {*effect_of, *robot.nominal})
-    loaded = any(value and effect_of[n].loaded for n, value in physical.parameters.items()
-                 if n in effect_of)  # fmt: skip
-    written = write_parameters(
-        robot, physical.parameters, out, keep=False, shapes=physical.shapes,
-        reference=reference_values(robot) if loaded else {},
-    )  # fmt: skip
+    given = physical.parameters
+    loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
+    reference = reference_values(robot) if loaded else {}
+    shapes = physical.shapes
+    written = write_parameters(robot, given, out, keep=False, shapes=shapes, reference=reference)
     beside: dict[str, list[str]] = {}
     for name in written.beside:
         if name not in effect_of and name[:-1] in written.beside:
@@ -213,10 +212,13 @@ def export(robot: RobotLike, result: FilePath, out: FilePath) -> Exported:
         title = effect_of[name].title if name in effect_of else name
         beside.setdefault(title, []).append(name)
     return Exported(
-        written.robot, written.sidecar, {t: tuple(n) for t, n in beside.items()},
-        physical.error_ra, physical.error_ra_file,
-        state_mass(robot, physical.parameters, physical.cad_prior),
-    )  # fmt: skip
+        robot=written.robot,
+        sidecar=written.sidecar,
+        beside={title: tuple(names) for title, names in beside.items()},
+        error_ra=physical.error_ra,
+        error_ra_file=physical.error_ra_file,
+        mass=state_mass(robot, given, physical.cad_prior),
+    )
 
 
 def _check(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
