@@ -218,7 +218,7 @@ def refit(information: Information, weights: Array, counts: Array) -> Array:
     inverse = solve_triangular(S[:k, :k], np.eye(k))
     out = []
     for batch in (counts[start : start + BATCH] for start in range(0, len(counts), BATCH)):
-        grams = np.matmul(batch, flat, out=allot((len(batch), flat.shape[1])))
+        grams = np.matmul(batch, flat, out=allot((len(batch), flat.shape[1]), 1))
         grams = grams.reshape(-1, k + 1, k + 1)
         out += [_solve_replicates(grams[at], S) for at in batches(grams)]
     values: Array = np.concatenate(out) @ inverse.T

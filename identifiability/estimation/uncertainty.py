@@ -148,10 +148,9 @@ def resample(
             drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
         except IdentifiabilityError as error:
             note = str(error)
-    return Uncertainty(
-        fit.sigma, inflated, drawn, scatter_scores(information, fit, time), times, length,
-        float(np.sum(information.samples / times)), note,
-    )  # fmt: skip
+    scores = scatter_scores(information, fit, time)
+    independent = float(np.sum(information.samples / times))
+    return Uncertainty(fit.sigma, inflated, drawn, scores, times, length, independent, note)
 
 
 def residual_times(residual: Array, series: np.ndarray) -> tuple[Array, float]:

@@ -21,8 +21,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
 #: Blocks larger than this are held in a file and worked on in batches of this size [bytes]: of a
-#: long log of a robot with many joints they would fill the memory.
-MOST_BYTES = 2**28
+#: long log of a robot with many joints they would fill the memory. Of one actuator of many they
+#: are held there sooner, by this factor.
+MOST_BYTES, SOONER = 2**28, 8
 
 #: Directions that a basis' rows do not excite get this share of their column's length.
 FLOOR = 1e-6
@@ -145,10 +146,10 @@ def fill(place: Array, held: Array) -> None:
     place[: len(held)] = held
 
 
-def allot(shape: tuple[int, ...]) -> Array:
+def allot(shape: tuple[int, ...], sooner: int = SOONER) -> Array:
     """Return zeros: in memory, or where they are large in a file that vanishes with them."""
     size = 8 * int(np.prod(shape))
-    if size <= MOST_BYTES:
+    if sooner * size <= MOST_BYTES:
         return np.zeros(shape)
     with tempfile.TemporaryFile() as file:
         try:

@@ -161,7 +161,7 @@ class Information:
 
     def blocks(self, weights: Array) -> Array:
         """Return ``Zᵀ Z`` of each block, actuators weighted, (B, k + 1, k + 1)."""
-        out = allot((len(self.counts), self.size + 1, self.size + 1))
+        out = allot((len(self.counts), self.size + 1, self.size + 1), 1)
         for weight, part, Q in zip(weights, self.parts, self._common[1], strict=True):
             for at in batches(part.blocks):
                 out[at] += part.grams(np.sqrt(weight) * Q, at)

@@ -8,6 +8,7 @@ friction and rotor inertia decide, which cannot be negative.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -58,8 +59,8 @@ def find_mix_up(regression: Regression, nonnegative: np.ndarray) -> str:
     owners = np.array([p.name.rpartition(".")[0] for p in regression.parameters])
     own = np.stack([nonnegative & (owners == j) for j in joints])
     W, tau = _thinned(regression)
-    spread = np.sum((tau - tau.mean(0)) ** 2, 0)
-    if len(tau) * len(spread) <= 2 * W.shape[2] or not (spread > 0).all():
+    n, spread = len(joints), np.sum((tau - tau.mean(0)) ** 2, 0)
+    if len(tau) * n <= 2 * W.shape[2] or not (spread > 0).all():
         return ""
     length = np.sqrt(np.einsum("kap,kap->p", W, W))
     W = W / np.where(length > 0, length, 1.0)
@@ -69,8 +70,8 @@ def find_mix_up(regression: Regression, nonnegative: np.ndarray) -> str:
 
     def fit(order: tuple[int, ...], signs: tuple[int, ...]) -> _Fit:
         weight = 1.0 / spread[list(order)]
-        g = sum(s * w * cross[a, b] for a, (b, s, w) in
-                enumerate(zip(order, signs, weight, strict=True)))  # fmt: skip
+        rows = zip(range(n), order, signs, weight, strict=True)
+        g = sum(s * w * cross[a, b] for a, b, s, w in rows)
         G = np.tensordot(weight, gram, 1)
         inverse = np.linalg.pinv(G, rcond=1e-10, hermitian=True)
         x = inverse @ g
@@ -83,9 +84,8 @@ def find_mix_up(regression: Regression, nonnegative: np.ndarray) -> str:
         if wrong.sum() >= 2 and not right.any():
             negative[:] = True
         negative = tuple(negative.tolist())
-        return _Fit(order, signs, (left / len(spread)) ** 0.5, negative)
+        return _Fit(order, signs, (left / n) ** 0.5, negative)
 
-    n = len(spread)
     given = fit(tuple(range(n)), (1,) * n)
     best = min((fit(*c) for c in _candidates(n)), key=lambda f: f.error, default=given)
     if best.error**2 >= FAR * given.error**2:
@@ -97,7 +97,7 @@ def _thinned(regression: Regression) -> tuple[Array, Array]:
     """Return regressor (N, n, p) and torque (N, n) of some samples."""
     each = max(1, ENOUGH // len(regression.samples))
     few = tuple(s.thin(max(1, s.survey.kept // each)) for s in regression.samples)
-    thin = Regression(regression.robot, regression.model, few, regression.columns)
+    thin = replace(regression, samples=few, instruments=None)
     W, tau = zip(*((W.copy(), tau) for _, _, W, tau in thin.chunks()), strict=True)
     return np.concatenate(W), np.concatenate(tau)
 
@@ -123,8 +123,8 @@ def _describe(joints: tuple[str, ...], given: _Fit, best: _Fit) -> str:
     turned = [(s < 0) != n for s, n in zip(best.signs, best.negative, strict=True)]
     flipped = [j for j, turn in zip(joints, turned, strict=True) if turn]
     which = "all joints" if all(turned) else listing(flipped, 6)
-    moved = [f"'{joints[a]}.tau' from '{joints[b]}.tau'"
-             for a, b in enumerate(best.order) if a != b]  # fmt: skip
+    pairs = ((joints[a], joints[b]) for a, b in enumerate(best.order) if a != b)
+    moved = [f"'{to}.tau' from '{of}.tau'" for to, of in pairs]
     sizes = f"would err by {100 * best.error:.2g} % instead of {100 * given.error:.2g} %"
     if moved:
         also = f", and the sign of {which}" if flipped else ""

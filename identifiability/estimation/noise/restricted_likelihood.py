@@ -15,6 +15,8 @@ BOUND = 3.5
 #: White noise that is taken to be there beside the residual, as a share of its variance: logs that
 #: were filtered before they were stored have empty bands, which whitening would blow up.
 FLOOR = 0.05
+#: When the search of one order ends.
+STOP = {"maxiter": 30, "ftol": 1e-7}
 
 
 class RestrictedLikelihood:
@@ -32,15 +34,14 @@ class RestrictedLikelihood:
         P = HIGHEST_ORDER
         self.gram = np.zeros((P + 1, P + 1, P + 1, Z.shape[1], Z.shape[1]))
         for p in range(P + 1):
+            long = [z for z in self.parts if len(z) > p]
+            lagged = [[z[p - i : len(z) - i] for z in long] for i in range(p + 1)]
             for i in range(p + 1):
                 for j in range(i + 1):
-                    G = sum(z[p - i : len(z) - i].T @ z[p - j : len(z) - j]
-                            for z in self.parts if len(z) > p)  # fmt: skip
+                    G = sum(a.T @ b for a, b in zip(lagged[i], lagged[j], strict=True))
                     self.gram[p, i, j] = G
                     self.gram[p, j, i] = np.transpose(G)
-                self.gram[p, i, i, -1, -1] += self.floor * sum(
-                    max(len(z) - p, 0) for z in self.parts
-                )
+                self.gram[p, i, i, -1, -1] += self.floor * sum(len(z) - p for z in long)
 
     def _whitened(self, theta: Array) -> tuple[Array, float]:
         """Return the Gram matrix of the whitened columns and the log-determinant."""
@@ -96,10 +97,8 @@ class RestrictedLikelihood:
         best = theta = np.empty(0)
         least = self.deviance(theta)
         for order in range(1, HIGHEST_ORDER + 1):
-            found = minimize(
-                self.deviance, np.append(theta, 0.3 if order == 1 else 0.0), method="L-BFGS-B",
-                bounds=[(-BOUND, BOUND)] * order, options={"maxiter": 30, "ftol": 1e-7},
-            )  # fmt: skip
+            start, bounds = np.append(theta, 0.3 if order == 1 else 0.0), [(-BOUND, BOUND)] * order
+            found = minimize(self.deviance, start, method="L-BFGS-B", bounds=bounds, options=STOP)
             theta = found.x
             value = found.fun + order * np.log(self.dof)
             if value < least - 1e-9:

@@ -162,22 +162,19 @@ def choose_model(model: ModelLike | None, default: Sequence[str]) -> Model:
     """
     if isinstance(model, Model):
         return model
-    if isinstance(model, HasLadder):
-        return ladder_model(model.to_ladder())
-    if isinstance(model, (str, Path)):
-        return ladder_model(read_ladder(model))
+    if isinstance(model, (HasLadder, str, Path)):
+        return ladder_model(_ladder_of(model))
     return Model.of(*(default if model is None else model))
+
+
+def _ladder_of(model: HasLadder | str | Path) -> LadderEntry:
+    return read_ladder(model) if isinstance(model, (str, Path)) else model.to_ladder()
 
 
 def free_again(model: ModelLike | None) -> tuple[str, ...]:
     """Return the sentence that a model file's reductions were not used, if it has any."""
-    if isinstance(model, HasLadder):
-        rungs = model.to_ladder().models
-    elif isinstance(model, (str, Path)):
-        rungs = read_ladder(model).models
-    else:
-        return ()
-    if len(rungs) == 1 and not any((r.zero or r.hold or r.tie or r.keep) for r in rungs):
+    rungs = _ladder_of(model).models if isinstance(model, (HasLadder, str, Path)) else []
+    if len(rungs) <= 1 and not any((r.zero or r.hold or r.tie or r.keep) for r in rungs):
         return ()
     return (
         "Of the model file only the effects were used: what its models leave out, hold or tie is "

@@ -58,12 +58,17 @@ class Rung:
 
     def without(self, columns: Sequence[str]) -> Rung:
         """Return the rung with some parameters held at zero."""
-        kept = [k for k, c in enumerate(self.columns) if c not in set(columns)]
+        return self._keep([k for k, c in enumerate(self.columns) if c not in set(columns)])
+
+    def _keep(self, kept: list[int]) -> Rung:
+        def of(words: tuple[str, ...]) -> tuple[str, ...]:
+            return tuple(words[k] for k in kept)
+
         return replace(
             self,
-            columns=tuple(self.columns[k] for k in kept),
-            labels=tuple(self.labels[k] for k in kept),
-            units=tuple(self.units[k] for k in kept),
+            columns=of(self.columns),
+            labels=of(self.labels),
+            units=of(self.units),
             M=self.M[:, kept],
             nonnegative=self.nonnegative[kept],
         )
@@ -79,24 +84,16 @@ class Rung:
         labels[first] = " = ".join(self.labels[k] for k in at)
         nonnegative = self.nonnegative.copy()
         nonnegative[first] = self.nonnegative[at].any()
-        kept = [k for k in range(len(self)) if k not in others]
-        return replace(
-            self,
-            columns=tuple(names[k] for k in kept),
-            labels=tuple(labels[k] for k in kept),
-            units=tuple(self.units[k] for k in kept),
-            M=M[:, kept],
-            nonnegative=nonnegative[kept],
+        every = replace(
+            self, columns=tuple(names), labels=tuple(labels), M=M, nonnegative=nonnegative
         )
+        return every._keep([k for k in range(len(self)) if k not in others])
 
 
 def full_rung(base: BaseParameters, name: str = "full model", description: str = "") -> Rung:
     """Return the rung of all base parameters."""
-    b = len(base)
-    return Rung(
-        name, description, base.names, base.labels, base.units, np.eye(b), np.zeros(b),
-        base.nonnegative,
-    )  # fmt: skip
+    M, held = np.eye(len(base)), np.zeros(len(base))
+    return Rung(name, description, base.names, base.labels, base.units, M, held, base.nonnegative)
 
 
 def build_ladder(entry: LadderEntry, structure: Structure) -> tuple[Rung, ...]:
@@ -184,8 +181,10 @@ def rung_entry(rung: Rung, base: BaseParameters, effects: Sequence[str]) -> Rung
     }
     gone = [k for k in range(len(base)) if not rung.M[k].any()]
     return RungEntry(
-        name=rung.name, description=rung.description, effects=list(effects),
+        name=rung.name,
+        description=rung.description,
+        effects=list(effects),
         zero=[names[k] for k in gone if rung.held[k] == 0],
         hold={names[k]: float(rung.held[k]) for k in gone if rung.held[k] != 0},
         tie={c: m for c, m in members.items() if m != [c]},
-    )  # fmt: skip
+    )
