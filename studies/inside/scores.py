@@ -10,10 +10,9 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.diagnose.evidence import Whitened, score_candidates
-from identifiability.workflows.diagnose.material import gather
+from identifiability.workflows.diagnose.material import Setting, gather
 from identifiability.workflows.diagnose.motion import prepare_rows
 from identifiability.workflows.diagnose.rows import Candidate
-from identifiability.workflows.diagnose.rules import Setting
 from identifiability.workflows.diagnose.workflow import usual_effects
 from inside.pair import Array, Pair, timed
 

@@ -12,11 +12,10 @@ from identifiability.workflows.diagnose.findings import NamedEffect, Placement
 from identifiability.workflows.diagnose.gates import Naming
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.lookalikes import Alias, find_aliases
-from identifiability.workflows.diagnose.material import Material, gather
+from identifiability.workflows.diagnose.material import Material, Rules, Setting, gather
 from identifiability.workflows.diagnose.naming import name_effects
 from identifiability.workflows.diagnose.residual import Discrepancy, find_discrepancies
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.rules import Rules, Setting
 from identifiability.workflows.diagnose.workflow import BASE_EFFECTS, diagnose
 
 __all__ = [

@@ -9,23 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from identifiability.effects import Effect, Family, bring, find_families
+from identifiability.effects import Family, bring, find_families
+from identifiability.estimation.estimate import estimate
 from identifiability.estimation.noise.autoregression import colour, durbin
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.information import Information
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.result import Diagnosis, pick
 from identifiability.workflows.diagnose.workflow import diagnose
 from identifiability.workflows.opening import LogLike, Progress, in_memory, read_logs
 
@@ -82,10 +84,10 @@ class FalseNames:
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
         return {
-            "trials": self.trials, "false_names": len(self.named), "rate": self.rate,
-            "interval95": list(self.interval), "named": list(self.named),
-            "detectable": self.to_frame().to_dict("records"), "statement": self.statement,
-        }  # fmt: skip
+            **pick(self, "trials", "rate", "named", "statement", interval95="interval"),
+            "false_names": len(self.named),
+            "detectable": self.to_frame().to_dict("records"),
+        }
 
     @property
     def statement(self) -> str:
@@ -132,99 +134,91 @@ def measure_false_names(
     say = progress or (lambda what, share: None)
     train, held = (in_memory(read_logs(x), Log) for x in (logs, validate))
     found = diagnose(robot, train, held, model=model, quick=True, seed=seed)
-    make = null_maker(found, [*train, *held])
-    work = partial(_diagnose_null, make, len(train), found.base_effects, find_families(None))
+    null = null_of(found, train, held)
     items = [(seed + k, s) for k, s in enumerate(np.random.SeedSequence(seed).spawn(trials))]
     results = (engine or Serial()).map(
-        work, items, progress=lambda done, total: say(f"repetition {done}", done / total)
+        null, items, progress=lambda done, total: say(f"repetition {done}", done / total)
     )
-    named, sizes = [], []
-    for name, detectable in results:
-        named += [name] if name else []
-        sizes.append(detectable)
+    names, sizes = zip(*results, strict=True)
     families = dict.fromkeys(name for s in sizes for name in s)
     per_family = {f: np.array([s[f] for s in sizes if f in s]) for f in families}
-    return FalseNames(trials, tuple(named), per_family)
-
-
-def _diagnose_null(
-    make: NullMaker,
-    fitted: int,
-    model: tuple[Effect, ...],
-    families: tuple[Family, ...],
-    item: tuple[int, np.random.SeedSequence],
-) -> tuple[str, dict[str, float]]:
-    """Return the name given to one repetition, if any, and what would have stood out."""
-    seed, stream = item
-    fake = make(np.random.default_rng(stream))
-    d = diagnose(
-        make.robot, fake[:fitted], fake[fitted:], model=Model(model), effects=bring(families),
-        quick=True, seed=seed,
-    )  # fmt: skip
-    name = "; ".join(f"{e.name} in {', '.join(e.joints)}" for e in d.effects)
-    return name, dict(d.remainder.detectable)
+    return FalseNames(trials, tuple(filter(None, names)), per_family)
 
 
 @frozen
-class NullMaker:
-    """Makes logs of the same motion with base torque and like noise.
+class Null:
+    """Logs of the same motion with base torque and like noise, and how they are diagnosed.
 
     Attributes
     ----------
-    robot : Robot
-    logs : tuple of Log
-        With the robot's joints alone.
-    kept : tuple of (N,) int
-        Rows of each log whose torque is replaced.
-    torque : tuple of (N, n)
-        Of the base model.
+    structure : Structure
+        What is diagnosed.
+    families : tuple of Family
+        All that may be named.
+    logs : tuple of (Log, (N,) int, (N, n))
+        With the robot's joints alone, rows whose torque is replaced, and torque of the model
+        there [N·m or N].
+    fitted : int
+        How many of the logs are fitted; the others verify.
     series : tuple of ((p,), float)
         Autoregression and innovation of each joint's noise.
     """
 
-    robot: Robot
-    logs: tuple[Log, ...]
-    kept: tuple[np.ndarray, ...]
-    torque: tuple[Array, ...]
+    structure: Structure
+    families: tuple[Family, ...]
+    logs: tuple[tuple[Log, np.ndarray, Array], ...]
+    fitted: int
     series: tuple[tuple[Array, float], ...]
 
-    def __call__(self, rng: np.random.Generator) -> list[Log]:
+    def make(self, rng: np.random.Generator) -> list[Log]:
         """Return new logs."""
         out = []
-        for log, kept, tau in zip(self.logs, self.kept, self.torque, strict=True):
+        for log, kept, tau in self.logs:
             fake = np.array(log.tau)
             noise = [sigma * colour(rng.standard_normal(len(tau)), p) for p, sigma in self.series]
             fake[kept] = tau + np.stack(noise, axis=1)
             out.append(replace(log, tau=fake))
         return out
 
+    def __call__(self, item: tuple[int, np.random.SeedSequence]) -> tuple[str, dict[str, float]]:
+        """Return the name given to one repetition, if any, and what would have stood out."""
+        seed, stream = item
+        fake = self.make(np.random.default_rng(stream))
+        train, held = fake[: self.fitted], fake[self.fitted :]
+        names, model = bring(self.families), self.structure.model
+        d = diagnose(
+            self.structure.robot, train, held, model=model, effects=names, quick=True, seed=seed
+        )
+        name = "; ".join(f"{e.name} in {', '.join(e.joints)}" for e in d.effects)
+        return name, dict(d.remainder.detectable)
 
-def null_maker(found: Diagnosis, logs: Sequence[Log]) -> NullMaker:
-    """Return what makes logs of the same motion with base torque and like noise.
+
+def null_of(found: Diagnosis, train: Sequence[Log], held: Sequence[Log]) -> Null:
+    """Return logs of the same motion with base torque and like noise.
 
     The torque is that of the base model as it is fitted beside the named effects; the noise is
     autoregressive with the covariance of what both leave.
     """
-    robot = found.robot
+    robot, logs = found.robot, [*train, *held]
     samples = [prepare_samples(robot, log, Preparation(decimate=1, keep_rest=True)) for log in logs]
     W = [found.model.regressor(robot, s.motion) for s in samples]
-    value = _fit(np.concatenate(W), np.concatenate([s.tau for s in samples]))
+    columns, tau = np.concatenate(W), np.concatenate([s.tau for s in samples])
+    size = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-12)  # joints weigh by their torque
+    names, log = found.completed.columns, np.zeros(len(tau), int)
+    information = Information.of_rows(names, columns / size[:, None], tau / size, log, len(tau))
+    value = estimate(information, "ols").value
     width = len(found.structure.parameters)
-    torque = tuple(w[:, :, :width] @ value[:width] for w in W)
     left = [s.tau - w @ value for s, w in zip(samples, W, strict=True)]
-    series = tuple(durbin(_covariance([r[:, j] for r in left])) for j in range(left[0].shape[1]))
-    chosen = tuple(log.select(robot.joints) for log in logs)
-    return NullMaker(robot, chosen, tuple(s.motion.kept for s in samples), torque, series)
-
-
-def _fit(W: Array, tau: Array) -> Array:
-    """Return least-squares values, joints weighted by the size of their torque."""
-    weight = 1.0 / np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-12)
-    A = (W * weight[:, None]).reshape(-1, W.shape[2])
-    length = np.linalg.norm(A, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    value: Array = np.linalg.lstsq(A / length, (tau * weight).ravel(), rcond=1e-8)[0] / length
-    return value
+    return Null(
+        structure=found.structure,
+        families=find_families(None),
+        logs=tuple(
+            (log.select(robot.joints), s.motion.kept, w[:, :, :width] @ value[:width])
+            for log, s, w in zip(logs, samples, W, strict=True)
+        ),
+        fitted=len(train),
+        series=tuple(durbin(_covariance(own)) for own in zip(*(r.T for r in left), strict=True)),
+    )
 
 
 def _covariance(parts: Sequence[Array]) -> Array:

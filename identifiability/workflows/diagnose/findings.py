@@ -14,9 +14,9 @@ from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.diagnose.gates import Step, Survival
 from identifiability.workflows.diagnose.held_out import Gap
 from identifiability.workflows.diagnose.lookalikes import Alias, Rival
+from identifiability.workflows.diagnose.material import Setting
 from identifiability.workflows.diagnose.residual import Discrepancy, Remainder
 from identifiability.workflows.diagnose.rows import Refusal
-from identifiability.workflows.diagnose.rules import Setting
 
 
 @frozen

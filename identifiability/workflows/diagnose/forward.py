@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -106,12 +105,6 @@ class ForwardGap:
             f"by {before:.2g} % of the distance moved before and {after:.2g} % after (95 %: "
             f"{low:+.2g} … {high:+.2g} points)."
         ).replace("-", "−")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the gap for JSON."""
-        told = {name: getattr(self, name) for name in ("error_before", "error_after", "note")}
-        interval = {"change_interval95": list(self.interval)}
-        return {"horizon": self.horizon, "stretches": len(self.before), **told, **interval}
 
 
 @frozen

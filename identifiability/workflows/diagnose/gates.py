@@ -13,8 +13,8 @@ import numpy as np
 
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.rows import Candidate
-from identifiability.workflows.diagnose.rules import Rules
 
 Chosen = list[Candidate]
 

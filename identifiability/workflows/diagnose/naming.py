@@ -23,8 +23,8 @@ from identifiability.workflows.diagnose.gates import (
     keep_useful,
 )
 from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.rows import Candidate
-from identifiability.workflows.diagnose.rules import Rules
 
 #: Rounds in which shapes are searched again after an addition.
 ROUNDS = 3

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, ClassVar
 
+import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
+from identifiability.effects.holding import held_by_file
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.prediction import predict
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Placement
-from identifiability.workflows.diagnose.physical import nearest_dict
+from identifiability.logs.prepare import Samples
+from identifiability.physical.feasibility import assess_feasibility
+from identifiability.physical.fitted_model import FittedModel
+from identifiability.physical.mass import real_robot_dict
+from identifiability.regression.gather import gather_information
+from identifiability.regression.reduction import full_rung
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
+from identifiability.workflows.diagnose.findings import Findings, NamedEffect
+from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
 from identifiability.workflows.diagnose.words import state, state_remainder
 
 #: Similarity from which on another effect is told in JSON.
@@ -75,64 +89,57 @@ class Diagnosis(Result, Findings):
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
         left, joints = self.remainder, self.robot.joints
+        smooth = {"smooth_share": "smooth", "smooth_share_limit": "smooth_limit"}
+        hidden = {"effect": "family", "joint": "place", "hidden_behind": "behind"}
         return {
             "schema": self.schema,
             "robot": pick(self.robot, "name", "title"),
             "model": list(self.base),
-            **pick(self, "fixed", "statement", "hints"),
-            "before": {"error_ra": self.error_before, "error_ra_validation": self.held_before},
+            **pick(self, "fixed", "statement", "hints", "seed", "physical"),
+            "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [_effect_row(e) for e in self.refuted],
-            "after": {"error_ra": self.error_after, "error_ra_validation": self.held_after},
+            "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
+                **pick(self, chosen="chosen_by", verified="verified_on"),
                 "fitted": [s.name for s in self.samples],
-                "chosen": self.chosen_by,
-                "verified": self.verified_on,
                 "verified_logs": [s.name for s in self.validation],
             },
-            "physical": self.physical,
-            "real_robot": {"error_ra_before": self.real_before, "error_ra_after": self.real_after},
-            "forward": None if self.forward is None else self.forward.to_dict(),
+            "real_robot": pick(self, error_ra_before="real_before", error_ra_after="real_after"),
+            "forward": None if self.forward is None else _forward_row(self.forward),
             "unexplained": {
                 "statement": self.unexplained,
                 "rms": dict(zip(joints, left.rms.tolist(), strict=True)),
-                "detectable": left.detectable,
-                "smooth_share": left.smooth,
-                "smooth_share_limit": left.smooth_limit,
+                **pick(left, "detectable", **smooth),
             },
-            "aliases": [
-                {
-                    "effect": a.family,
-                    "joint": a.place,
-                    "remaining": a.remaining,
-                    "hidden_behind": list(a.behind),
-                }
-                for a in self.aliases
-                if a.structural
-            ],
+            "aliases": [pick(a, "remaining", **hidden) for a in self.aliases if a.structural],
             "not_applicable": [vars(r) for r in self.refusals],
             "steps": [pick(s, "best", "p_value", "gain", "accepted", "reason") for s in self.steps],
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
-            "seed": self.seed,
             "provenance": dict(self.provenance),
         }
 
 
-def pick(value: Any, *names: str) -> dict[str, Any]:
-    """Return some attributes by name, as JSON has them."""
-    held = {name: getattr(value, name) for name in names}
+def pick(value: Any, *names: str, **renamed: str) -> dict[str, Any]:
+    """Return some attributes as JSON has them, by their names or by others."""
+    held = {new: getattr(value, name) for new, name in ({n: n for n in names} | renamed).items()}
     return {name: list(x) if isinstance(x, tuple) else x for name, x in held.items()}
 
 
+def _forward_row(gap: ForwardGap) -> dict[str, Any]:
+    errors = pick(gap, "error_before", "error_after", change_interval95="interval")
+    return {**pick(gap, "horizon", "note"), "stretches": len(gap.before), **errors}
+
+
 def _effect_row(e: NamedEffect) -> dict[str, Any]:
+    verified = {
+        "error_ra_validation_before": "before",
+        "error_ra_validation_after": "after",
+        "change_interval95": "interval",
+    }
     return {
-        "effect": e.name,
-        **pick(e, "joints", "p_value"),
-        "error_ra_validation_before": e.before,
-        "error_ra_validation_after": e.after,
-        "change_interval95": list(e.interval),
-        "confirmed": e.confirmed,
+        **pick(e, "joints", "p_value", "confirmed", effect="name", **verified),
         "error_ra_real_before": e.real[0],
         "error_ra_real_after": e.real[1],
         "or": list(e.alternatives),
@@ -141,11 +148,85 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
             for name, similarity in e.similar.items()
             if similarity > SIMILAR
         ],
-        "places": [_place_row(p) for p in e.placements],
+        "places": [
+            {
+                **pick(p, "shape", "p_value", "rms", "fragile", joint="place"),
+                "parameters": {name: value for name, value, *_ in p.rows},
+            }
+            for p in e.placements
+        ],
     }
 
 
-def _place_row(p: Placement) -> dict[str, Any]:
-    parameters = {name: value for name, value, *_ in p.rows}
-    told = pick(p, "shape", "p_value", "rms", "fragile")
-    return {"joint": p.place, **told, "parameters": parameters}
+def fit_physical(structure: Structure, samples: Sequence[Samples]) -> Physical:
+    """Return the real robot that explains some logs best under a model.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the solver finds none.
+    """
+    information = gather_information(structure.regression(samples))
+    rung, fit = full_rung(structure.base), estimate(information)
+    found = assess_feasibility(FittedModel(structure, rung, information, information, fit))
+    if found.nearest is None:
+        raise IdentifiabilityError(found.sentence)
+    return Physical(structure, found.parameters())
+
+
+def real_robot(d: Findings, structure: Structure) -> Physical:
+    """Return the real robot of a diagnosis under the model without or with the named effects.
+
+    With the file's values kept (``fixed``) it is these and what the named effects add.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the solver finds none.
+    """
+    if not d.fixed:
+        return fit_physical(structure, d.samples)
+    values = dict.fromkeys(structure.columns, 0.0)
+    for p in d.structure.parameters:
+        values[p.name] = d.robot.nominal.get(p.name, 0.0)
+    named = d.effects if structure is d.completed else ()
+    for placement in (p for e in named for p in e.placements):
+        for name, value, *_ in placement.rows:
+            values[name] += value
+    return Physical(structure, values)
+
+
+def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
+    """Return the gap in motion of a diagnosis, on the motion that verified it."""
+    try:
+        before, after = (real_robot(d, s) for s in (d.structure, d.completed))
+    except IdentifiabilityError as error:
+        return ForwardGap.none(str(error))
+    return compare_forward(before, after, d.validation, rng)
+
+
+def nearest_dict(d: Findings) -> dict[str, Any]:
+    """Return the real robot with the named effects, with its errors on the fitted logs."""
+    structure = d.completed
+    try:
+        values = dict(real_robot(d, structure).values)
+    except IdentifiabilityError as error:
+        return {**real_robot_dict(d.robot, {}, (np.nan, np.nan), {}), "reason": str(error)}
+    # A named effect may have the columns of one in the model: these stand for both.
+    names = structure.columns
+    first = np.array([names.index(n) == k for k, n in enumerate(names)])
+    phi = np.array([[v[n] for n in names] for v in (values, held_by_file(d.robot, values))]).T
+    regression = Regression(d.robot, d.model, d.samples)
+    errors = predict(regression, phi * first[:, None]).relative_error()
+    held = (float(errors[0]), float(errors[1]))
+    return real_robot_dict(d.robot, _fold(values), held, structure.shapes)
+
+
+def _fold(values: dict[str, float]) -> dict[str, float]:
+    """Return values in which no joint has a Coulomb level for both directions and one for each."""
+    out = dict(values)
+    for name in [n for n in values if n.endswith(".Fc") and f"{n}+" in values]:
+        level = out.pop(name)
+        for way in (f"{name}+", f"{name}-"):
+            out[way] = out.get(way, 0.0) + level
+    return out

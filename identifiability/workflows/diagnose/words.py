@@ -48,12 +48,10 @@ def headline(d: Findings) -> str:
             f"({d.verified_on}) with an error of {_percent(d.held_before)}.{_state_refused(d)}"
         )
     named = ". ".join(_state_effect(e) for e in d.effects)
-    low, high = d.interval
     verb = "falls" if d.held_after < d.held_before else "goes"
     change = (
-        f"On {d.verified_on}, which took no part in fitting or choosing, the error {verb} from "
-        f"{_percent(d.held_before)} to {_percent(d.held_after)} (95 %: {_points(low)} … "
-        f"{_points(high)} points)."
+        f"On {d.verified_on}, which took no part in fitting or choosing, the error {verb} "
+        f"{_change(d.held_before, d.held_after, d.interval)}."
     )
     return " ".join([f"{named}.", change, *(_state_rivals(e) for e in d.effects if e.alternatives)])
 
@@ -91,10 +89,8 @@ def remarks(d: Findings) -> list[Remark]:
         return always
     out = []
     if np.isfinite(d.real_after):
-        text = (
-            f"With bodies that can exist the error goes from {_percent(d.real_before)} to "
-            f"{_percent(d.real_after)}."
-        )
+        change = _change(d.real_before, d.real_after)
+        text = f"With bodies that can exist the error goes {change}."
         out.append(Remark("A real robot", text, d.real_after < d.real_before))
     if d.forward is not None and d.forward.measured:
         better = d.forward.interval[1] < 0
@@ -109,11 +105,9 @@ def _state_effect(e: NamedEffect) -> str:
 
 
 def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
-    low, high = e.interval
     return (
         f"{_state_effect(e)} stood out from the fitted motion and is refuted: on {verified_on} it "
-        f"raises the error from {_percent(e.before)} to {_percent(e.after)} (95 %: "
-        f"{_points(low)} … {_points(high)} points)."
+        f"raises the error {_change(e.before, e.after, e.interval)}."
     )
 
 
@@ -168,18 +162,12 @@ def state_remainder(d: Findings) -> str:
 
 def _looks(d: Findings) -> str:
     """Return what the residual depends on most, in words."""
-    best, where, joint = max(
-        (
-            (share, name, x.joint)
-            for x in d.discrepancies_after
-            for name, share in x.explained.items()
-        ),
-        key=lambda found: found[0],
-    )
+    most = max(d.discrepancies_after, key=lambda x: max(x.explained.values()))
+    where, best = max(most.explained.items(), key=lambda x: x[1])
     if best < VISIBLE:
         return "noise: it depends on none of velocity, position, acceleration, load or time"
     kind = LOOKS.get(where, f"a function of {where}")
-    return f"{kind} in {joint} ({_percent(best, 2)} of its variance)"
+    return f"{kind} in {most.joint} ({_percent(best, 2)} of its variance)"
 
 
 def _percent(x: float, digits: int = 3) -> str:
@@ -192,5 +180,8 @@ def _percent(x: float, digits: int = 3) -> str:
     return f"{100 * x:.0f} %" if "e" in text else f"{text} %"
 
 
-def _points(x: float) -> str:
-    return f"{100 * x:+.2g}".replace("-", "−")
+def _change(before: float, after: float, interval: tuple[float, ...] = ()) -> str:
+    """Return how an error changes, with the 95 % interval of that."""
+    text = f"from {_percent(before)} to {_percent(after)}"
+    ends = [f"{100 * x:+.2g}".replace("-", "−") for x in interval]
+    return f"{text} (95 %: {' … '.join(ends)} points)" if ends else text

@@ -16,12 +16,10 @@ from identifiability.regression.reduction import ModelLike, choose_model, free_a
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.diagnose.conclude import conclude
-from identifiability.workflows.diagnose.material import DRAWS, gather
+from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting, gather
 from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows
 from identifiability.workflows.diagnose.naming import name_effects
-from identifiability.workflows.diagnose.physical import simulate_forward
-from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.rules import Rules, Setting
+from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.stress import stress_named
 from identifiability.workflows.opening import (
     Logs,

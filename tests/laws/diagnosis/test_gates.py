@@ -16,7 +16,7 @@ from identifiability.workflows.diagnose.gates import (
 )
 from identifiability.workflows.diagnose.held_out import Gain
 from identifiability.workflows.diagnose.lookalikes import Rival
-from identifiability.workflows.diagnose.rules import Rules
+from identifiability.workflows.diagnose.material import Rules
 
 
 @dataclass

@@ -8,6 +8,7 @@ from scipy import stats
 
 from identifiability.workflows.diagnose.gates import Naming, Step, Survival, keep_surviving
 from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.naming import (
     best_by_group,
     list_options,
@@ -15,7 +16,6 @@ from identifiability.workflows.diagnose.naming import (
     price,
     signature,
 )
-from identifiability.workflows.diagnose.rules import Rules
 
 
 def run(world, torque, columns, candidates, draws=199, present=(), **rules):
