@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.report.blocks import Block, Fold, Picture, Prose, Section, Tile
+from identifiability.report.blocks import Fold, Picture, Section, Tile
 from identifiability.report.figures.calibration import (
     draw_coverage,
     draw_each,
@@ -14,7 +14,7 @@ from identifiability.report.figures.calibration import (
 from identifiability.report.numbers import NONE, digits, format_number, rough_percent, whole_percent
 from identifiability.report.page import Page
 from identifiability.report.tables import Column, Table
-from identifiability.report.words import columns, picture, section, words
+from identifiability.report.words import columns, picture, section, sentence
 from identifiability.workflows.calibrate.calibration import Calibration
 from identifiability.workflows.calibrate.outcome import Cell
 from identifiability.workflows.calibrate.ranks import PRIOR_WIDTH, RankCheck
@@ -137,31 +137,27 @@ def _names(found: FalseNames) -> Section:
     for family, size in sorted(found.detectable.items(), key=lambda x: x[1]):
         least, most = (format_number(100 * x, 2) for x in found.detectable_interval(family))
         rows.append((family.replace("_", " "), size, f"{least} … {most} %"))
-    low, high = found.interval
-    given = "; ".join(found.named)
-    text = (
-        f"Every repetition is made from the raw logs on: {len(found.named)} of {found.trials} were "
-        f"given a name (95 %: {100 * low:.0f} … {100 * high:.0f} %)"
-        + (f": {given}." if given else ".")
-    )
+    low, high = (100 * x for x in found.interval)
+    given = f": {'; '.join(found.named)}" if found.named else ""
+    numbers = {"named": len(found.named), "trials": found.trials, "low": low, "high": high}
+    text = sentence("calibration.named", given=given, **numbers)
     caption = "Sizes that stand out from the noise in four of five logs, at the best place"
-    blocks = (Prose((text,)), Table.of(caption, own, rows))
-    return section("calibration.names", *blocks, statement=found.statement)
+    table = Table.of(caption, own, rows)
+    return section("calibration.names", text, table, statement=found.statement)
 
 
 def _method(calibration: Calibration) -> Section:
     counts = [c.trials for c in calibration.cells]
-    how = words("calibration.how", trials=counts[-1], first=counts[0], seed=calibration.seed)
-    text = how["how"]
+    repeated = {"trials": counts[-1], "first": counts[0], "seed": calibration.seed}
+    text = sentence("calibration.how", "how", **repeated)
     if calibration.ranks is not None:
         numbers = {"replicates": calibration.ranks.replicates, "width": f"{PRIOR_WIDTH:g}"}
-        text += words("calibration.ranks", **numbers)["how"]
-    blocks: list[Block] = [Prose((text,))]
-    own = calibration.own
+        text += sentence("calibration.ranks", "how", **numbers)
+    table, own = None, calibration.own
     if own is not None:
         rows = zip(calibration.joints, own.orders, own.sd, own.times, strict=True)
-        blocks.append(Table.of("Noise like the residual", NOISE, rows))
-    return section("calibration.method", *blocks)
+        table = Table.of("Noise like the residual", NOISE, rows)
+    return section("calibration.method", text, table)
 
 
 NOISE = columns(

@@ -5,24 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.effects import find_effect, title_of
-from identifiability.report.blocks import (
-    Block,
-    Note,
-    Notes,
-    Picture,
-    Prose,
-    Section,
-    Term,
-    Terms,
-    Tile,
-)
+from identifiability.report.blocks import Note, Notes, Prose, Section, Term, Terms, Tile
 from identifiability.report.figures.diagnosis import draw_against, draw_evidence, draw_gap
 from identifiability.report.numbers import digits, format_number, percent, rough_percent
 from identifiability.report.page import Page
 from identifiability.report.sections.effects import section_effects, section_forward
 from identifiability.report.sections.facts import torque_units, velocity_units
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.report.words import gallery, picture, section
+from identifiability.report.words import gallery, note, picture, section, sentence
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.words import headline, remarks
 
@@ -75,8 +65,8 @@ def _summary(d: Diagnosis) -> Notes:
     for e in d.effects:
         for p in e.placements:
             if p.fragile:
-                text = f"{e.title} in {p.place} would not be believed with: {', '.join(p.fragile)}."
-                notes.append(Note("note", "Fragile", text))
+                variations = ", ".join(p.fragile)
+                notes.append(note("fragile", effect=e.title, place=p.place, variations=variations))
     notes.append(Note("note", "What is left", d.unexplained))
     return Notes(tuple(notes))
 
@@ -91,20 +81,18 @@ def _section_gap(d: Diagnosis) -> Section:
     for k, joint in enumerate(d.robot.joints[:SHOWN]):
         pair = residual[:, k, 0], residual[:, k, -1]
         figure = draw_gap(rows.t[part], pair[0][part], pair[1][part], joint, units[k])
-        over_time.append(Picture(figure, alt=f"Residual of {joint} before and after"))
+        over_time.append(picture("gap", figure, joint=joint))
         for what, x, unit in (
             ("velocity", rows.dq[:, k], speeds[k]),
             ("position", rows.q[:, k], speeds[k].removesuffix("/s")),
             ("load", rows.measured[:, k], units[k]),
         ):
             figure = draw_against(x, *pair, joint, (unit, units[k]), what)
-            against.append(Picture(figure, alt=f"Residual of {joint} over {what}"))
-    real = (
-        f" With bodies that can exist the error goes from {percent(d.real_before)} to "
-        f"{percent(d.real_after)}."
-    )
+            against.append(picture("against", figure, joint=joint, what=what))
+    errors = {"before": percent(d.real_before), "after": percent(d.real_after)}
+    real = sentence("diagnosis.real", **errors) if np.isfinite(d.real_after) else ""
     galleries = gallery("gap", over_time, seconds=f"{STRETCH:g}"), gallery("against", against)
-    return section("diagnosis.gap", *galleries, real=real if np.isfinite(d.real_after) else "")
+    return section("diagnosis.gap", *galleries, real=real)
 
 
 def _section_where(d: Diagnosis) -> Section:
@@ -164,14 +152,10 @@ def _section_aliases(d: Diagnosis) -> Section:
     refused = tuple(
         Term(f"{r.family.replace('_', ' ')} {r.place}".strip(), r.reason) for r in d.refusals
     )
-    blocks: list[Block] = []
-    if hidden:
-        blocks.append(Table.of("Cannot be named from this motion", HIDDEN, hidden))
-    if refused:
-        blocks.append(Terms(refused))
-    if not blocks:
-        blocks.append(Prose(("Every family is visible in this motion.",)))
-    return section("diagnosis.aliases", *blocks)
+    if not hidden and not refused:
+        return section("diagnosis.aliases", "Every family is visible in this motion.")
+    table = Table.of("Cannot be named from this motion", HIDDEN, hidden) if hidden else None
+    return section("diagnosis.aliases", table, Terms(refused) if refused else None)
 
 
 HIDDEN = (
@@ -188,12 +172,9 @@ def _section_remainder(d: Diagnosis) -> Section:
         Column("smallest that is named", rough_percent, hint="Rms over residual."),
     )
     sizes = sorted(d.remainder.detectable.items(), key=lambda x: x[1])
-    blocks: list[Block] = [Prose((d.unexplained,))]
-    if sizes:
-        caption = "Sizes that are named in four of five logs like these, at the best place"
-        rows = [(name.replace("_", " "), size) for name, size in sizes]
-        blocks.append(Table.of(caption, columns, rows))
-    return section("diagnosis.remainder", *blocks)
+    caption = "Sizes that are named in four of five logs like these, at the best place"
+    table = Table.of(caption, columns, [(name.replace("_", " "), size) for name, size in sizes])
+    return section("diagnosis.remainder", d.unexplained, table if sizes else None)
 
 
 def _section_method(d: Diagnosis) -> Section:
@@ -203,8 +184,5 @@ def _section_method(d: Diagnosis) -> Section:
         for name, e in ((n, find_effect(n)) for n in names)
     ]
     prepared = tuple(f"{s.name}: {'; '.join(s.notes)}." for s in (*d.samples, *d.validation))
-    roles = (
-        f"Names were chosen {d.chosen_by} and verified on {d.verified_on}, which took no part in "
-        "fitting or choosing."
-    )
+    roles = sentence("diagnosis.roles", chosen=d.chosen_by, verified=d.verified_on)
     return section("diagnosis.method", Terms(tuple(terms)), Prose((roles, *prepared)))

@@ -11,7 +11,6 @@ from identifiability.report.blocks import (
     Gallery,
     Note,
     Notes,
-    Picture,
     Prose,
     Section,
     Tile,
@@ -20,7 +19,7 @@ from identifiability.report.figures.excitation import draw_gain, draw_joint, dra
 from identifiability.report.numbers import digits, format_count, format_number, whole_percent
 from identifiability.report.page import Page
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.report.words import note, picture, section, words
+from identifiability.report.words import note, picture, section, sentence, words
 from identifiability.workflows.excite.result import CONFUSABLE, Excitation
 
 TITLES = {
@@ -53,20 +52,17 @@ def section_motion(result: Excitation) -> Section:
     pictures = []
     for k, joint in enumerate(limits.joints):
         unit = "m" if result.robot.is_prismatic(int(result.robot.actuated[k])) else "rad"
-        bounds = [
-            (float(limits.low[k]), float(limits.high[k])),
-            (-float(limits.speed[k]), float(limits.speed[k])),
-            (-float(limits.acceleration[k]), float(limits.acceleration[k])),
-        ]
-        figure = draw_joint(t, [x[:, k] for x in parts], bounds, joint, unit)
-        pictures.append(Picture(figure, alt=f"Motion of {joint} between its limits"))
+        highest = np.array([limits.high[k], limits.speed[k], limits.acceleration[k]])
+        lowest = np.array([limits.low[k], -limits.speed[k], -limits.acceleration[k]])
+        figure = draw_joint(t, [x[:, k] for x in parts], (lowest, highest), joint, unit)
+        pictures.append(picture("joint", figure, joint=joint))
     caption = "What each joint does, and may do [SI units]"
-    blocks = (
+    return section(
+        "excitation.motion",
         Gallery(tuple(pictures)),
         Table.of(caption, LIMITS, result.to_frame().itertuples()),
         Fold("Coefficients", (_coefficients(result),)),
     )
-    return section("excitation.motion", *blocks)
 
 
 def _range(row: Any) -> Cell:
@@ -120,7 +116,7 @@ def section_method(result: Excitation) -> Section:
         seconds=f"{result.seconds:.0f}",
         seed=result.seed,
         effects=", ".join(result.effects),
-        measured=words("excitation.measured", logs=logs)["text"] if logs else "",
+        measured=sentence("excitation.measured", logs=logs) if logs else "",
     )
     return section("excitation.method", Prose((text["how"], text["model"], text["run_in"])))
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -31,9 +32,9 @@ class Page:
     sections : tuple of Section
     overline, subtitle : str
         What kind of page this is, and what it is about.
-    tiles : tuple of Tile
+    tiles : sequence of Tile
         Headline numbers.
-    summary : tuple of blocks
+    summary : sequence of blocks
         What belongs to the answer: caveats, a short list.
     """
 
@@ -42,8 +43,8 @@ class Page:
     sections: tuple[Section, ...] = ()
     overline: str = ""
     subtitle: str = ""
-    tiles: tuple[Tile, ...] = ()
-    summary: tuple[Block, ...] = ()
+    tiles: Sequence[Tile] = ()
+    summary: Sequence[Block] = ()
 
 
 def render_page(page: Page, template: str = "page.html.j2") -> str:
@@ -60,15 +61,7 @@ def render_page(page: Page, template: str = "page.html.j2") -> str:
 
 
 def write_page(
-    title: str,
-    statement: str,
-    sections: Sequence[Section],
-    path: str | Path,
-    *,
-    overline: str = "",
-    subtitle: str = "",
-    tiles: Sequence[Tile] = (),
-    summary: Sequence[Block] = (),
+    title: str, statement: str, sections: Sequence[Section], path: str | Path, **more: Any
 ) -> Path:
     """Write a page of any content, whole or not at all.
 
@@ -78,18 +71,14 @@ def write_page(
         What the page is about, and the answer in plain words.
     sections : sequence of Section
     path : str or Path
-    overline, subtitle : str
-        Small print above and below the title.
-    tiles : sequence of Tile
-    summary : sequence of blocks
-        Shown right below the answer.
+    more
+        `overline`, `subtitle`, `tiles` and `summary` of the `Page`.
 
     Raises
     ------
     OutputError
     """
-    page = Page(title, statement, tuple(sections), overline, subtitle, tuple(tiles), tuple(summary))
-    return write_text(path, render_page(page))
+    return write_text(path, render_page(Page(title, statement, tuple(sections), **more)))
 
 
 @cache

@@ -24,7 +24,7 @@ from identifiability.report.numbers import (
 from identifiability.report.page import Page
 from identifiability.report.sections.facts import SIGMA, UNIT, VALUE, VERDICT, found_cell
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.report.words import columns, note, picture, section, words
+from identifiability.report.words import columns, note, picture, section, sentence, words
 from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.prune.rung import PrunedRung
 
@@ -89,21 +89,8 @@ def section_ladder(ladder: Ladder) -> Section:
     ).T
     figure = draw_ladder(sizes, fitted, unseen, spread, ladder.selected, ladder.least)
     table = Table.of("", MOVES, ladder.rungs, marked=ladder.selected)
-    return section("pruning.ladder", picture("ladder", figure), table, why=_why(ladder))
-
-
-def _why(ladder: Ladder) -> str:
-    rows = "Each row is one move from the row above. The model to use "
-    near = f"{rows}is the smallest whose error lies within one standard error of the"
-    more = (
-        "what is not identifiable goes as well while the error stays within its own standard error"
-    )
-    return {
-        "identifiable": f"{near} difference to the best; from there, {more}.",
-        "one-se-of-difference": f"{near} difference to the best.",
-        "one-se": f"{near} best.",
-        "best": f"{rows}has the least error.",
-    }[ladder.criterion]
+    why = sentence("pruning.why", ladder.criterion)
+    return section("pruning.ladder", picture("ladder", figure), table, why=why)
 
 
 def _move_cell(r: PrunedRung) -> Cell:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from numbers import Integral, Real
 from operator import attrgetter
 from typing import Any, ClassVar, Literal, TypeAlias
 
@@ -216,21 +217,21 @@ def as_cell(x: Any, digits: int = 4) -> Cell:
         return replace(badge_cell(x.word, x.reason), text=x.text or x.word)
     if isinstance(x, (bool, np.bool_)):
         return Cell("yes" if x else "no")
-    if isinstance(x, (int, np.integer)):
+    if isinstance(x, Integral):
         return Cell(str(x).replace("-", "−"), float(x))
-    if isinstance(x, (float, np.floating)):
+    if isinstance(x, Real):
         return Cell(format_number(float(x), digits), float(x))
     return Cell(NONE if x is None else str(x))
 
 
 def _kind(values: Sequence[Any], *, first: bool) -> Kind:
-    if not first and values and all(_is_number(x) for x in values):
+    if (
+        not first
+        and values
+        and all(isinstance(x, Real) and not isinstance(x, bool) for x in values)
+    ):
         return "number"
     return "badge" if any(isinstance(x, Check) for x in values) else "text"
-
-
-def _is_number(x: Any) -> bool:
-    return isinstance(x, (int, float, np.integer, np.floating)) and not isinstance(x, bool)
 
 
 def _rank(word: str) -> tuple[int, str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from identifiability.report.blocks import Block, Gallery, Note, Picture, Section, Term
+from identifiability.report.blocks import Block, Gallery, Note, Picture, Prose, Section, Term
 from identifiability.report.drawing import TEMPLATES
 from identifiability.report.tables import Column
 
@@ -26,9 +26,19 @@ def words(name: str, /, **holes: Any) -> dict[str, Any]:
     return {what: text.format(**holes) for what, text in _WORDS[name].items()}
 
 
-def section(name: str, /, *blocks: Block, **holes: Any) -> Section:
-    """Return a section with its title and lead; its anchor is the last part of its name."""
-    return Section(name.rpartition(".")[2], **words(name, **holes), blocks=blocks)
+def sentence(name: str, what: str = "text", /, **holes: Any) -> str:
+    """Return one of the words of some name, with its holes filled."""
+    filled: str = _WORDS[name][what].format(**holes)
+    return filled
+
+
+def section(name: str, /, *blocks: Block | str | None, **holes: Any) -> Section:
+    """Return a section with its title and lead; its anchor is the last part of its name.
+
+    A text becomes a paragraph, None is left out.
+    """
+    kept = (Prose((b,)) if isinstance(b, str) else b for b in blocks if b is not None)
+    return Section(name.rpartition(".")[2], **words(name, **holes), blocks=tuple(kept))
 
 
 def picture(name: str, figure: Figure, /, **holes: Any) -> Picture:

@@ -33,7 +33,7 @@ from identifiability.report.numbers import format_number
 
 @drawn
 def draw_joint(
-    t: Array, parts: Sequence[Array], bounds: Sequence[tuple[float, float]], title: str, unit: str
+    t: Array, parts: Sequence[Array], bounds: tuple[Array, Array], title: str, unit: str
 ) -> Figure:
     """Draw position, velocity and acceleration of a joint between their limits.
 
@@ -41,12 +41,13 @@ def draw_joint(
     ----------
     t : (N,) [s]
     parts : three of (N,) [unit, unit/s, unit/s²]
-    bounds : three of (low, high)
+    bounds : (3,), (3,)
+        Least and largest of each.
     title, unit : str
     """
     figure, axes = canvas(400, 330, (66, 10, 34, 38), (1, 1, 1))
     labels = (f"q [{unit}]", f"q̇ [{unit}/s]", f"q̈ [{unit}/s²]")
-    for ax, y, (low, high), label in zip(axes, parts, bounds, labels, strict=True):
+    for ax, y, low, high, label in zip(axes, parts, *bounds, labels, strict=True):
         for bound in (low, high):
             ax.axhline(bound, color=VERMILION, **DASHED)
         ax.plot(t, y, color=BLUE, linewidth=1.4)

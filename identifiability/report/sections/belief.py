@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,12 @@ import numpy as np
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.shares import REACH
 from identifiability.posterior.diagnostics import Thresholds
-from identifiability.report.blocks import Gallery, Note, Notes, Picture, Section
+from identifiability.report.blocks import Gallery, Note, Notes, Section
 from identifiability.report.figures.belief import draw_forest, draw_pair
 from identifiability.report.numbers import whole_percent
 from identifiability.report.sections.facts import model_title, stated_values
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.report.words import columns, gallery, note, section
+from identifiability.report.words import columns, gallery, note, picture, section, words
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import Summary
 
@@ -48,10 +49,14 @@ def summaries(analysis: Analysis) -> dict[str, Summary | None]:
 def section_posterior(analysis: Analysis) -> Section:
     """Return the parameters of the selected model by every road, beside each other."""
     notes = posterior_notes(analysis)
-    caveats = (Notes(notes),) if notes else ()
-    pictures = (forest_gallery(analysis), *pair_gallery(analysis))
-    blocks = (*caveats, *pictures, convergence_table(analysis))
-    return section("analysis.posterior", *blocks, title=model_title(analysis.chosen))
+    return section(
+        "analysis.posterior",
+        Notes(notes) if notes else None,
+        forest_gallery(analysis),
+        pair_gallery(analysis),
+        convergence_table(analysis),
+        title=model_title(analysis.chosen),
+    )
 
 
 def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
@@ -82,7 +87,7 @@ def forest_gallery(analysis: Analysis) -> Gallery:
     for kind, rows in forest_groups(names):
         shown_names, own = [names[k] for k in rows], {n: v[rows] for n, v in layers.items()}
         figure = draw_forest(shown_names, own, stated[rows], analysis.robot.path.name)
-        pictures.append(Picture(figure, f"{kind.capitalize()}.", f"95 % intervals of {kind}"))
+        pictures.append(picture("forest", figure, kind=kind, group=kind.capitalize()))
     return gallery("forest", pictures)
 
 
@@ -135,13 +140,13 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
     return layers, (stated - centre) / scale
 
 
-def pair_gallery(analysis: Analysis) -> tuple[Gallery, ...]:
+def pair_gallery(analysis: Analysis) -> Gallery | None:
     """Return the draws of the most correlated pairs of parameters, if any is worth a picture."""
     posteriors = shown(analysis)
     name = SIGNS if posteriors[BODIES] is None else BODIES
     summary = posteriors[name]
     if summary is None:
-        return ()
+        return None
     rho, verdicts = summary.correlation, analysis.chosen.verdicts
     labels = [f"{v.name} [{v.unit}]" for v in verdicts]
     pictures = []
@@ -152,8 +157,8 @@ def pair_gallery(analysis: Analysis) -> tuple[Gallery, ...]:
             (verdicts[i].value, verdicts[j].value),
             float(rho[i, j]),
         )
-        pictures.append(Picture(figure, alt=f"Draws of {labels[i]} and {labels[j]}"))
-    return (gallery("pairs", pictures, posterior=name),) if pictures else ()
+        pictures.append(picture("pair", figure, one=labels[i], other=labels[j]))
+    return gallery("pairs", pictures, posterior=name) if pictures else None
 
 
 def strongest_pairs(rho: Array) -> list[tuple[int, int]]:
@@ -175,14 +180,6 @@ def convergence_table(analysis: Analysis) -> Table:
             word = Cell("yes" if good else "no", badge="pass" if good else "differs")
             rows.append((name, *numbers, word))
     limits = Thresholds()
-    least = f"≥ {limits.ess:g}"
-    limit = (
-        f"≤ {limits.rhat:g}",
-        least,
-        least,
-        f"draws ≥ {limits.lengths:g} ×",
-        f"≥ {100 * limits.acceptance:g} %",
-        "",
-    )
-    rows.append(("limit", *(Cell(text, np.nan) for text in limit)))
+    limit = words("analysis.limits", **asdict(limits), percent=100 * limits.acceptance)
+    rows.append(("limit", *(Cell(text, np.nan) for text in limit.values())))
     return Table.of("Convergence of the chains", CONVERGENCE, rows)

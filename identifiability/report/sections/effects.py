@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.report.blocks import Block, Gallery, Picture, Prose, Section
+from identifiability.report.blocks import Gallery, Section
 from identifiability.report.figures.diagnosis import draw_curve, draw_forward, draw_shrink
 from identifiability.report.numbers import digits, format_number, percent
 from identifiability.report.sections.facts import torque_units, velocity_units
@@ -40,18 +40,15 @@ def section_effects(d: Diagnosis) -> Section:
             first = (Cell(e.names, note=shape), p.place)
             last = (p.p_value, p.rms, close[0] if close else "nothing")
             rows += [(*first, *row, *last) for row in p.rows]
-    blocks: list[Block] = []
-    if rows:
-        blocks.append(Table.of("Effects that were added", EFFECTS, rows))
-        labels = ["model as it was", *(f"+ {e.title}" for e in d.effects)]
-        errors = np.array([d.held_before, *(e.after for e in d.effects)])
-        blocks.append(Picture(draw_shrink(labels, errors), f"Error on {d.verified_on}."))
-        blocks.append(_curves(d))
-    elif not d.refuted:
-        blocks.append(Prose(("No effect stands out from the noise and helps on unseen motion.",)))
-    if d.refuted:
-        blocks.append(_table_refuted(d))
-    return section("diagnosis.effects", *blocks)
+    if not rows and not d.refuted:
+        nothing = "No effect stands out from the noise and helps on unseen motion."
+        return section("diagnosis.effects", nothing)
+    labels = ["model as it was", *(f"+ {e.title}" for e in d.effects)]
+    errors = np.array([d.held_before, *(e.after for e in d.effects)])
+    shrink = picture("shrink", draw_shrink(labels, errors), motion=d.verified_on)
+    found = (Table.of("Effects that were added", EFFECTS, rows), shrink, _curves(d))
+    refuted = _table_refuted(d) if d.refuted else None
+    return section("diagnosis.effects", *(found if rows else ()), refuted)
 
 
 def _table_refuted(d: Diagnosis) -> Table:
@@ -78,7 +75,7 @@ def _curves(d: Diagnosis) -> Gallery:
         labels = (f"{c.against} [{_unit(d, c)}]", f"torque [{units[c.joint]}]")
         title = f"{c.title}, {d.robot.joints[c.joint]}"
         figure = draw_curve(c.x, c.learned, c.spread, c.data, title, labels)
-        pictures.append(Picture(figure, alt=f"{title} as learned from the data"))
+        pictures.append(picture("curve", figure, title=title))
     return gallery("curves", pictures)
 
 
@@ -92,7 +89,7 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
     """Return the section on simulated motion before and after the named effects."""
     horizon = format_number(gap.horizon, 2)
     if not gap.measured:
-        return section("diagnosis.motion", Prose((f"Not done: {gap.note}",)), horizon=horizon)
+        return section("diagnosis.motion", f"Not done: {gap.note}", horizon=horizon)
     figure = draw_forward(gap.t, *gap.shares())
     columns = (
         Column("joint"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identifiability.estimation.estimator import PAPER_FACTOR
@@ -31,7 +33,7 @@ from identifiability.report.sections.facts import (
     stated_values,
 )
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.report.words import columns, gallery, picture, section
+from identifiability.report.words import columns, gallery, picture, section, sentence
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
 
@@ -44,18 +46,16 @@ def section_ladder(analysis: Analysis) -> Section:
 
 
 def _why(analysis: Analysis) -> str:
-    chosen, title = analysis.chosen, model_title(analysis.chosen)
+    chosen = analysis.chosen
     if len(analysis.models) == 1:
-        return f"The ladder has one model, {title}; there was nothing to choose from."
-    if not np.isfinite([m.error_ra_validation for m in analysis.models]).any():
-        return f"No model's error on unseen motion could be computed; {title} is shown."
-    good = (
-        "Among the models whose error on unseen motion lies within one standard error of the best, "
-        f"{title} is the smallest"
-    )
-    if chosen.feasible:
-        return f"{good} that a real robot can be."
-    return f"{good} without a forbidden sign." if chosen.signs_possible else f"{good}."
+        reason = "only"
+    elif not np.isfinite([m.error_ra_validation for m in analysis.models]).any():
+        reason = "unknown"
+    elif chosen.feasible:
+        reason = "possible"
+    else:
+        reason = "signs" if chosen.signs_possible else "smallest"
+    return sentence("analysis.why", reason, title=model_title(chosen))
 
 
 def ladder_pictures(analysis: Analysis) -> Gallery:
@@ -119,15 +119,10 @@ def section_full_model(analysis: Analysis) -> Section:
     """Return the same for the unpruned model, folded."""
     full, title = analysis.full, model_title(analysis.full)
     if full is analysis.chosen:
-        lead = f"The model to use, {title}, is the unpruned one; see above."
-        return section("analysis.full-model", lead=lead)
-    lead = (
-        f"All {len(full.rung)} parameters that the structure allows to tell apart "
-        f"({title}). What the smaller models leave out can be looked up here."
-    )
+        return replace(section("analysis.same-model", title=title), name="full-model")
     summary = f"All {format_count(len(full.rung), 'parameter')} of {title}"
     fold = Fold(summary, parameter_blocks(analysis, full))
-    return section("analysis.full-model", fold, lead=lead)
+    return section("analysis.full-model", fold, size=len(full.rung), title=title)
 
 
 def parameter_blocks(analysis: Analysis, result: RungResult) -> tuple[Gallery, Table]:

@@ -9,7 +9,7 @@ import numpy as np
 from identifiability.estimation.noise.autocorrelation import autocorrelation
 from identifiability.estimation.torque_errors import WINDOW, WINDOWS
 from identifiability.foundation.names import Array
-from identifiability.report.blocks import Block, Fold, Gallery, Picture, Section
+from identifiability.report.blocks import Block, Fold, Gallery, Section
 from identifiability.report.figures.motion import (
     choose_stretch,
     draw_autocorrelation,
@@ -25,7 +25,7 @@ from identifiability.report.sections.facts import (
     velocity_units,
 )
 from identifiability.report.tables import Column, Table
-from identifiability.report.words import columns, gallery, picture, section
+from identifiability.report.words import columns, gallery, picture, section, sentence
 from identifiability.workflows.analyze import Analysis
 
 #: Joints that are shown at once; those beyond are folded.
@@ -45,20 +45,18 @@ def section_prediction(analysis: Analysis) -> Section:
     first = analysis.held_out.series[: len(times)] == analysis.held_out.series[:1]
     part = choose_stretch(times[first])
     shown = times[part]
-    windows = (
-        " Errors are of every sample; pictures and autocorrelations are of "
-        f"{WINDOWS} windows of {WINDOW} samples of each long log."
-    )
+    whole = analysis.held_out.whole and analysis.fitted.whole
+    windows = sentence("analysis.windows", windows=WINDOWS, window=WINDOW)
     return section(
         "analysis.prediction",
         *torque_pictures(analysis, part),
         joint_table(analysis),
-        *((log_table(analysis),) if len(analysis.held_out.t) > 1 else ()),
+        log_table(analysis) if len(analysis.held_out.t) > 1 else None,
         log=samples.name,
         span=f", t = {shown[0]:.3g} … {shown[-1]:.3g} s," if len(shown) > 1 else "",
         model=model_title(analysis.chosen),
         kind="a log that" if analysis.validation else "stretches of a log that",
-        windows="" if analysis.held_out.whole and analysis.fitted.whole else windows,
+        windows="" if whole else windows,
     )
 
 
@@ -76,8 +74,7 @@ def torque_pictures(analysis: Analysis, part: slice) -> tuple[Block, ...]:
     for k, joint in enumerate(joints):
         title = f"{joint}, error {error_text(errors[k])}"
         figure = draw_torque(t, tau[:, k], predicted[:, k], title, units[k], most, width)
-        alt = f"Measured and predicted torque of {joint} over time, and the residual"
-        pictures.append(Picture(figure, alt=alt))
+        pictures.append(picture("torque", figure, joint=joint))
     return fold_gallery(Gallery(tuple(pictures)))
 
 
@@ -165,7 +162,7 @@ def velocity_pictures(analysis: Analysis) -> tuple[Block, ...]:
     for k, joint in enumerate(robot.joints):
         pair = velocity[:, k], residual[:, k]
         figure = draw_residual_velocity(*pair, joint, (speeds[k], forces[k]), most)
-        pictures.append(Picture(figure, alt=f"Residual of {joint} over its velocity"))
+        pictures.append(picture("velocity", figure, joint=joint))
     return fold_gallery(gallery("velocity", pictures))
 
 

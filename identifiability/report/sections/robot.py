@@ -6,14 +6,14 @@ import numpy as np
 
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.physical.mass import state_mass
-from identifiability.report.blocks import Block, Fold, Gallery, Picture, Prose, Section, Term, Terms
+from identifiability.report.blocks import Fold, Gallery, Picture, Prose, Section, Term, Terms
 from identifiability.report.figures.models import draw_conditions, draw_errors, draw_spectrum
 from identifiability.report.figures.parameters import draw_pulls
 from identifiability.report.numbers import error_text, format_count, format_number, stated_text
 from identifiability.report.sections.facts import model_title, sigma_percents
 from identifiability.report.sections.models import pulls_from
 from identifiability.report.tables import Column, Table
-from identifiability.report.words import picture, section
+from identifiability.report.words import picture, section, sentence
 from identifiability.workflows.analyze import Analysis
 
 
@@ -23,10 +23,10 @@ def section_physics(analysis: Analysis) -> Section:
     physical = chosen.physical
     mass = state_mass(analysis.robot, physical.parameters(), physical.cad_weight)
     certificate = f"{physical.sentence} {mass}".rstrip()
-    blocks: tuple[Block, ...] = (nearest_fold(analysis),)
+    way = None
     if not chosen.feasible:
-        blocks = (Gallery((nearest_picture(analysis), cost_picture(analysis))), *blocks)
-    return section("analysis.physics", *blocks, certificate=certificate)
+        way = Gallery((nearest_picture(analysis), cost_picture(analysis)))
+    return section("analysis.physics", way, nearest_fold(analysis), certificate=certificate)
 
 
 def nearest_picture(analysis: Analysis) -> Picture:
@@ -66,11 +66,7 @@ def nearest_fold(analysis: Analysis) -> Fold:
         Column("unit"),
     )
     rows = [(name, value, known.get(name), units.get(name, "")) for name, value in nearest.items()]
-    text = (
-        "One of the robots that fit the logs equally well: the logs determine combinations, not "
-        "these values one by one. It stays as near to the robot file as they allow, and a "
-        "simulator accepts it."
-    )
+    text = sentence("analysis.one-of-them")
     summary = f"All {len(rows)} parameters of the nearest real robot"
     return Fold(summary, (Prose((text,)), Table.of("", columns, rows)))
 
@@ -80,8 +76,8 @@ def section_structure(analysis: Analysis) -> Section:
     base = analysis.base
     last, first = (format_number(x, 2) for x in base.gap)
     size = format_count(len(base.parameters), "parameter")
-    idle = (idle_fold(base.without_effect),) if base.without_effect else ()
-    blocks = (structure_pictures(analysis), grouping_fold(analysis), *idle)
+    idle = idle_fold(base.without_effect) if base.without_effect else None
+    blocks = (structure_pictures(analysis), grouping_fold(analysis), idle)
     return section("analysis.structure", *blocks, rank=base.rank, size=size, last=last, first=first)
 
 

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from identifiability.report.blocks import (
-    Block,
-    Fold,
-    Gallery,
-    Notes,
-    Picture,
-    Section,
-    Term,
-    Terms,
-)
+from identifiability.report.blocks import Fold, Gallery, Notes, Section, Term, Terms
 from identifiability.report.figures.belief import draw_contraction, draw_margins
 from identifiability.report.numbers import digits, format_count, join, stated_text
 from identifiability.report.sections.belief import BODIES, posterior_notes, shown
 from identifiability.report.tables import Column, Table, badge_cell, measured_cells
-from identifiability.report.words import gallery, note, picture, section
+from identifiability.report.words import gallery, note, picture, section, sentence
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.belief import LEARNED, Source, StandardBelief
 
@@ -35,31 +26,24 @@ def section_standard(analysis: Analysis) -> Section:
     if belief.standard is None or shown(analysis)[BODIES] is None:
         notes = [n for n in posterior_notes(analysis) if "bodies" in n.title]
         why = " ".join(f"{n.title} {n.text}" for n in notes)
-        return section("analysis.standard", Notes((note("no-standard", why=why),)), lead="")
+        doubt = Notes((note("no-standard", why=why),))
+        return replace(section("analysis.no-standard", doubt), name="standard")
     known = belief.standard
-    counts = [f"{known.source.count(kind)} by the {words}" for kind, words in _WORDS.items()]
-    lead = (
-        f"The logs determine combinations; of the {len(known.names)} standard parameters behind "
-        f"them {join(counts)} are determined. Contraction is the share of the prior's sd that is "
-        "gone after the data."
+    counts = [
+        sentence("analysis.sources", kind.value, n=known.source.count(kind)) for kind in Source
+    ]
+    size, (first, rest) = len(known.names), contraction_order(known)
+    others = Fold(
+        f"The other {format_count(len(rest), 'parameter')}", (_contraction_gallery(known, rest),)
     )
-    first, rest = contraction_order(known)
-    blocks: list[Block] = [_contraction_gallery(known, first)]
-    if len(rest):
-        summary = f"The other {format_count(len(rest), 'parameter')}"
-        blocks.append(Fold(summary, (_contraction_gallery(known, rest),)))
-    table = standard_table(analysis, known)
-    blocks.append(Fold(f"All {len(known.names)} standard parameters", (table,)))
-    return section("analysis.standard", *blocks, lead=lead)
-
-
-_WORDS = {
-    Source.DATA: "data",
-    Source.CONSTRAINT: "constraint that bodies can exist",
-    Source.PRIOR: "prior",
-    Source.STRUCTURE: "structure (no motion shows them)",
-    Source.MODEL: "model (it leaves them out or holds them)",
-}
+    return section(
+        "analysis.standard",
+        _contraction_gallery(known, first),
+        others if len(rest) else None,
+        Fold(f"All {size} standard parameters", (standard_table(analysis, known),)),
+        size=size,
+        counts=join(counts),
+    )
 
 
 STANDARD = (
@@ -87,7 +71,7 @@ def _contraction_gallery(known: StandardBelief, rows: np.ndarray) -> Gallery:
     for part in np.array_split(rows, max(1, -(-len(rows) // ROWS))):
         names, sources = [known.names[k] for k in part], [known.source[k].value for k in part]
         figure = draw_contraction(names, known.contraction[part], sources, LEARNED)
-        pictures.append(Picture(figure, alt="Contraction of standard parameters"))
+        pictures.append(picture("contraction", figure))
     return gallery("contraction", pictures)
 
 
@@ -116,17 +100,8 @@ def section_bodies(analysis: Analysis) -> Section:
     active = () if nearest is None else nearest.active_bodies
     held, origin = [n in active for n in region.names], analysis.robot.path.name
     figure = draw_margins(region.names, margins, nominal, held, origin)
-    blocks: list[Block] = [picture("bodies", figure)]
     signs = () if nearest is None else nearest.active_rows
-    if signs:
-        blocks.append(Terms((Term("also at their limit", join(signs, 12)),)))
-    return section("analysis.bodies", *blocks, held=_held_text(active))
-
-
-def _held_text(active: Sequence[str]) -> str:
-    if not active:
-        return (
-            "No body of the nearest real robot is at the edge: the data alone keep them possible."
-        )
-    verb = "is" if len(active) == 1 else "are"
-    return f"In the nearest real robot {join(tuple(active))} {verb} held at the edge."
+    also = Terms((Term("also at their limit", join(signs, 12)),)) if signs else None
+    amount = ("none", "one")[len(active)] if len(active) < 2 else "several"
+    held_text = sentence("analysis.held", amount, names=join(tuple(active)) if active else "")
+    return section("analysis.bodies", picture("bodies", figure), also, held=held_text)

@@ -1,0 +1,40 @@
+"""The file of words and the pages that use it hold the same names."""
+
+import re
+import tomllib
+
+import pytest
+
+from identifiability.report.drawing import TEMPLATES
+from identifiability.report.words import note, section, sentence
+
+WORDS = tomllib.loads((TEMPLATES / "words.toml").read_text(encoding="utf-8"))
+CODE = "\n".join(p.read_text(encoding="utf-8") for p in TEMPLATES.parent.rglob("*.py"))
+
+
+def test_no_words_are_left_that_no_page_uses():
+    for name in WORDS.keys() - {"glossary", "thresholds"}:
+        kind, _, rest = name.partition(".")
+        short = kind in ("picture", "gallery", "note", "hints")
+        assert f'"{rest if short else name}"' in CODE, name
+
+
+def test_every_hint_is_of_a_column():
+    titles = set(re.findall(r'Column\(\s*"([^"]*)"', CODE))
+    for name, hints in WORDS.items():
+        if name.startswith("hints."):
+            assert hints.keys() <= titles, name
+
+
+def test_texts_become_paragraphs_and_nothing_is_left_out():
+    found = section("diagnosis.remainder", "One sentence.", None)
+    assert (found.name, found.title, found.lead) == ("remainder", "What is left", "")
+    assert [b.paragraphs for b in found.blocks] == [("One sentence.",)]
+
+
+def test_holes_are_filled_as_they_are():
+    hostile = "{a} <b> %s"
+    assert note("hint", hint=hostile).text == hostile
+    assert sentence("analysis.held", "one", names=hostile).count(hostile) == 1
+    with pytest.raises(KeyError):
+        note("hint")
