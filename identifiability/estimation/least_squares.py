@@ -32,9 +32,6 @@ ALONE = 0.05
 #: Replicates whose Gram matrices are summed at a time.
 BATCH = 1000
 
-#: Keeps a fold solvable in which a column never acts; columns have about unit length.
-RIDGE = 1e-9
-
 
 @frozen
 class OrdinaryLeastSquares:
@@ -245,79 +242,3 @@ def _solve_replicates(G: Array, S: Array) -> Array:
                 y[i] = np.linalg.solve(gram[:k, :k], gram[:k, k])
     unknowns: Array = S[:k, k] + S[k, k] * y
     return unknowns
-
-
-def refits_like_least_squares(estimator: Estimator) -> bool:
-    """Return whether `UpdatedRefits` are the refits of an estimator: it has none of its own."""
-    own = getattr(type(estimator), "refit", None)
-    return own is OrdinaryLeastSquares.refit
-
-
-@frozen
-class UpdatedRefits:
-    """Fits to everything (first) and without each of F folds, under linear constraints.
-
-    A constraint costs k², for all folds at once. Coordinates are ``y = R x`` in which the
-    information of everything is the unit matrix, so nothing is lost by squaring.
-
-    Attributes
-    ----------
-    centre : (k,)
-        y of the unconstrained fit to everything.
-    delta : (F + 1, k)
-        ``y - centre`` of each fit.
-    inverses : (F + 1, k, k)
-        Inverse information of each fit under the constraints so far.
-    """
-
-    centre: Array
-    delta: Array
-    inverses: Array
-
-    @staticmethod
-    def of(held: Array, centre: Array, scale: float) -> UpdatedRefits:
-        """Return the unconstrained fits.
-
-        Parameters
-        ----------
-        held : (F, k + 1, k + 1)
-            Gram matrix Z of each fold; the residual is ``Z (centre - y, scale)``.
-        centre : (k,)
-        scale : float
-            Root of the residual sum of squares of the fit to everything.
-        """
-        k = len(centre)
-        whole = held.sum(0)
-        A = np.concatenate([whole[None], whole - held])
-        C = np.linalg.inv(A[:, :k, :k] + RIDGE * np.eye(k))
-        delta = np.einsum("fij,fj->fi", C, A[:, :k, k]) * scale
-        return UpdatedRefits(centre, delta, 0.5 * (C + C.transpose(0, 2, 1)))
-
-    @property
-    def C(self) -> Array:
-        """Inverse information of everything, (k, k)."""
-        whole: Array = self.inverses[0]
-        return whole
-
-    def constrain(self, L: Array, _model: Array) -> UpdatedRefits:
-        """Return the fits under more constraints ``L y = 0``, L (r, k) of full rank."""
-        gain, C = constrain_inverse(self.inverses, L)
-        miss = (self.centre + self.delta) @ L.T
-        delta = self.delta - np.einsum("fij,fj->fi", gain, miss)
-        return UpdatedRefits(self.centre, delta, C)
-
-
-def constrain_inverse(C: Array, L: Array) -> tuple[Array, Array]:
-    """Return how values follow ``L y`` and the inverse information once ``L y = 0``.
-
-    Parameters
-    ----------
-    C : (..., k, k)
-        Inverse information.
-    L : (r, k)
-        Constraints of full rank.
-    """
-    CL = C @ L.T
-    gain: Array = CL @ np.linalg.inv(L @ CL)
-    after: Array = C - gain @ CL.swapaxes(-1, -2)
-    return gain, after

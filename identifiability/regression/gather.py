@@ -103,16 +103,19 @@ def _join(pieces: Iterable[_Piece]) -> Iterator[_Piece]:
         yield reduce(add, same)
 
 
-def _pieces(found: Iterable[tuple[list[_Piece], Array]], missed: Array) -> Iterator[_Piece]:
+def _pieces(found: Iterable[tuple[Iterable[_Piece], Array]], missed: Array) -> Iterator[_Piece]:
     for pieces, unseen in found:
-        missed += unseen
         yield from pieces
+        missed += unseen
 
 
 def _gather_part(
     part: Part, seen: np.ndarray, bases: Sequence[Array], size: int
-) -> tuple[list[_Piece], Array]:
-    """Return the blocks of a part, and the squared lengths (n, k) of columns not in `seen`."""
+) -> tuple[Iterable[_Piece], Array]:
+    """Return the blocks of a part, and the squared lengths (n, k) of columns not in `seen`.
+
+    Both are whole once the blocks were gone through, which are made one at a time.
+    """
     missed = np.zeros(seen.shape)
     own = [(np.flatnonzero(s), invert_basis(S)) for s, S in zip(seen, bases, strict=True)]
 
@@ -129,7 +132,8 @@ def _gather_part(
                 yield _Piece((chunk.log, block), [hold(rows[at:stop]) for rows in Z], stop - at)
                 at = stop
 
-    return list(_join(pieces())), missed
+    blocks = _join(pieces())
+    return list(blocks) if part.remote else blocks, missed
 
 
 def _survey(regression: Regression) -> list[Array]:

@@ -19,8 +19,12 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.least_squares import UpdatedRefits, refits_like_least_squares
-from identifiability.estimation.refits import Asked, Refits
+from identifiability.estimation.refits import (
+    Asked,
+    Refits,
+    UpdatedRefits,
+    refits_like_least_squares,
+)
 from identifiability.estimation.torque_errors import divide_blocks
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
