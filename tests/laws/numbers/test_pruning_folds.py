@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
+from identifiability.estimation.refits import RIDGE
 from identifiability.workflows.prune.folds import Errors, gather_folds
 from identifiability.workflows.prune.moves import Kind, Move
 
@@ -178,3 +179,39 @@ def test_a_rise_has_the_spread_of_the_differences():
     assert rise == pytest.approx(0.6)
     assert spread == pytest.approx(np.std([0.1, 0.2, 0.1, 0.2], ddof=1) * 2)
     assert other.above(one) == pytest.approx((-0.6, spread))
+
+
+@pytest.mark.parametrize(("seed", "drawn"), [(0, 40), (1, 40), (2, 18)])
+def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
+    """40 columns, nearly alike in tens, of 80 samples that a replicate draws unevenly."""
+    rng = np.random.default_rng(seed)
+    k, names = 40, tuple(f"p{j}" for j in range(40))
+    W = rng.normal(size=(80, 1, k)) + 1e3 * np.repeat(rng.normal(size=(80, 1, 4)), 10, 2)
+    tau = rng.normal(size=(80, 1))
+    information = gather(W, tau, size=2, columns=names)
+    folds = gather_folds(information, estimate(information, "ols"), np.zeros(k, bool))
+    counts = rng.multinomial(drawn, np.full(40, 1 / 40)).astype(float)
+    at = np.repeat(np.arange(80), np.repeat(counts, 2).astype(int))
+    fold = np.repeat(folds.fold[folds.stretch], 2)[at]
+    fit, compared = folds.fit(counts), 0
+    ties = [Move(Kind.TIE, tie=((f"p{j}", f"p{j + 1}"),)) for j in range(9)]
+    drops = [Move(Kind.DROP, (names[j],)) for j in rng.permutation(k)[:-1]]
+    for move in [*ties, *drops]:
+        fit = fit.after(move)
+        M = fit.partition.matrix
+        whole = np.linalg.pinv(W[at, 0] @ M)
+        C = fit.refits.C
+        found, ridge = (folds.inverse @ x @ folds.inverse.T for x in (C, RIDGE * C @ C))
+        for f in range(-1, folds.count):
+            mine = fold != f
+            A = W[at, 0][mine] @ M
+            if not M.size or np.linalg.cond(A) > 1e5:  # the replicate does not determine it
+                continue
+            x = M @ np.linalg.lstsq(A, tau[at, 0][mine], rcond=None)[0]
+            np.testing.assert_allclose(fit.values[f + 1], x, atol=1e-8 * np.abs(x).max())
+            if f < 0:
+                expected = M @ whole @ whole.T @ M.T
+                atol = 1e-8 * np.abs(expected).max() + np.abs(ridge).max()
+                np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
+            compared += 1
+    assert compared > 200
