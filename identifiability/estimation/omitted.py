@@ -1,0 +1,133 @@
+"""What a reduced model's numbers stand for, and how far that is from their labels.
+
+A parameter that is left out although it is not zero does not vanish: the survivors take it over.
+With base parameters β, a rung ``β = held + M x`` and its fit ``x = P (β - held)`` of torque without
+noise, P is the pseudo-inverse of M in the distance that the fit minimises. A label means
+``M⁺ (β - held)`` instead; the difference ``D (β - held)``, ``D = P - M⁺``, is no noise, so no
+interval of the residual holds it. How large it can be is what the robot file knows of bodies:
+their masses and where these lie, to ± `SHARE`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identifiability.estimation.estimator import Estimate
+from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import Rung
+from identifiability.regression.structure import Structure
+
+#: How far a body's mass, first and second moments are taken to lie from the robot file's, relative
+#: to m, m·r and m·r² with r the rms distance of its mass from its frame.
+SHARE = 0.3
+
+#: Coefficients below this share of a row's largest are rounding.
+ROUNDING = 1e-9
+
+#: Members of what a number stands for that a sentence names, and the least share of σ of one.
+NAMED, LEAST = 3, 0.1
+
+_M = INERTIAL.index("m")
+_DIAGONAL = tuple(INERTIAL.index(k) for k in ("Ixx", "Iyy", "Izz"))
+
+
+@frozen(kw_only=True)
+class LeftOut:
+    """What the parameters that a rung leaves out do to the k that it keeps.
+
+    Attributes
+    ----------
+    sigma : (k,) [unit of each parameter]
+        Standard deviation of value less label: what the file's own robot would show, and the
+        scatter of robots around it, as independent. Zero where nothing is left out or known.
+    projected : (k,)
+        Values that the fit would find on the robot of the file.
+    stands_for : tuple of str
+        Each value as the combination that it is, such as ``slider1.Jr + 0.02·platform.m``; empty
+        where it is its label.
+    unknown : bool
+        Whether something is left out of which the robot file knows nothing.
+    """
+
+    sigma: Array
+    projected: Array
+    stands_for: tuple[str, ...]
+    unknown: bool
+
+
+def body_scatter(structure: Structure) -> Array:
+    """Return how far the bodies' parameters may lie from the file's, (p,) [their units].
+
+    Zero for what is no body's, and for bodies of which the file states no mass.
+    """
+    scatter = np.zeros(len(structure.columns))
+    rows = structure.inertial
+    theta = structure.nominal[rows]
+    mass = np.maximum(theta[:, _M], 0.0)
+    # tr I = 2 ∫ r² dm about the origin of the body's frame.
+    second = np.maximum(0.5 * theta[:, _DIAGONAL].sum(1), 0.0)
+    sizes = {"m": mass, "mx": np.sqrt(mass * second)}
+    for k, kind in enumerate(INERTIAL):
+        size = sizes["m"] if kind == "m" else sizes["mx"] if kind[0] == "m" else second
+        scatter[rows[:, k]] = SHARE * size
+    return scatter
+
+
+def find_left_out(
+    structure: Structure, rung: Rung, information: Information, fit: Estimate
+) -> LeftOut:
+    """Return what the left-out parameters do to those that a rung keeps.
+
+    Parameters
+    ----------
+    structure : Structure
+    rung : Rung
+    information : Information
+        About all b base parameters.
+    fit : Estimate
+        Of the rung.
+    """
+    kept = list(fit.kept)
+    R = information.factor(fit.weights)[:, :-1]
+    P = np.linalg.lstsq(R @ rung.M[:, kept], R, rcond=None)[0]
+    difference = P - np.linalg.pinv(rung.M)[kept]
+    difference[np.abs(difference) < ROUNDING * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
+    stated = structure.nominal_base - rung.held
+    scatter = body_scatter(structure)
+    spread = (difference @ structure.G) * scatter
+    by_file = difference @ stated
+    sigma, projected = np.zeros(len(rung)), np.full(len(rung), np.nan)
+    sigma[kept] = np.hypot(by_file, np.linalg.norm(spread, axis=1))
+    projected[kept] = P @ stated
+    texts = [""] * len(rung)
+    size = np.abs(stated) + np.linalg.norm(structure.G * scatter, axis=1)
+    for row, column in enumerate(kept):
+        texts[column] = _combination(
+            rung.columns[column], structure.base.names, difference[row], size
+        )
+    bodies = structure.inertial.ravel()
+    lost = (difference @ structure.G[:, bodies]).any()
+    return LeftOut(
+        sigma=sigma,
+        projected=projected,
+        stands_for=tuple(texts),
+        unknown=bool(lost and not scatter.any()),
+    )
+
+
+def _combination(name: str, members: Sequence[str], coefficients: Array, size: Array) -> str:
+    """Return a parameter with the left-out ones that it stands for, the largest first."""
+    share = np.abs(coefficients) * size
+    order = np.argsort(-share, kind="stable")
+    shown = [j for j in order[:NAMED] if share[j] > LEAST * np.linalg.norm(share)]
+    if not shown:
+        return ""
+    text = name
+    for j in shown:
+        sign = "−" if coefficients[j] < 0 else "+"
+        text += f" {sign} {abs(coefficients[j]):.2g}·{members[j]}"
+    return f"{text} + …" if np.count_nonzero(share) > len(shown) else text
