@@ -70,10 +70,9 @@ def body_scatter(structure: Structure) -> Array:
     mass = np.maximum(theta[:, _M], 0.0)
     # tr I = 2 ∫ r² dm about the origin of the body's frame.
     second = np.maximum(0.5 * theta[:, _DIAGONAL].sum(1), 0.0)
-    sizes = {"m": mass, "mx": np.sqrt(mass * second)}
     for k, kind in enumerate(INERTIAL):
-        size = sizes["m"] if kind == "m" else sizes["mx"] if kind[0] == "m" else second
-        scatter[rows[:, k]] = SHARE * size
+        moments = {"m": mass, "I": second}.get(kind.rstrip("xyz"), np.sqrt(mass * second))
+        scatter[rows[:, k]] = SHARE * moments
     return scatter
 
 
@@ -104,7 +103,7 @@ def find_left_out(
     sigma[kept] = np.hypot(by_file, np.linalg.norm(spread, axis=1))
     projected[kept] = P @ stated
     texts = [""] * len(rung)
-    size = np.abs(stated) + np.linalg.norm(structure.G * scatter, axis=1)
+    size = np.linalg.norm(structure.G * scatter, axis=1)
     for row, column in enumerate(kept):
         texts[column] = _combination(
             rung.columns[column], structure.base.names, difference[row], size

@@ -170,11 +170,23 @@ def _mean_time(times: Array, fit: Estimate) -> float:
     return float((share * times).sum() / total) if total > 0 else float(times.mean())
 
 
-def recurrence(fit: Estimate, uncertainty: Uncertainty, rules: Thresholds) -> Array:
-    """Return the share of replicates in which a parameter would be called well known, (k,)."""
+def recurrence(
+    fit: Estimate, uncertainty: Uncertainty, rules: Thresholds, omitted: Array | float = 0.0
+) -> Array:
+    """Return the share of replicates in which a parameter would be called well known, (k,).
+
+    Parameters
+    ----------
+    fit : Estimate
+    uncertainty : Uncertainty
+    rules : Thresholds
+    omitted : (k,)
+        How far values may lie from their labels by what the model leaves out.
+    """
     if uncertainty.bootstrap is None:
         return np.full(len(fit.columns), np.nan)
     values = uncertainty.bootstrap.values
-    known = uncertainty.robust <= 0.01 * rules.sigma_percent * np.abs(values)
+    sigma = np.hypot(uncertainty.robust, omitted)
+    known = sigma <= 0.01 * rules.sigma_percent * np.abs(values)
     share: Array = (known & (np.sign(values) == np.sign(fit.value))).mean(0)
     return share

@@ -8,10 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
-from identifiability.estimation.estimator import PAPER_FACTOR, Estimate
-from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Share, check_fields
 from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
@@ -32,7 +29,8 @@ class Class(StrEnum):
 #: Attributes of a verdict that stand in a row under their own names.
 IN_A_ROW = (
     "name", "label", "unit", "value", "sigma", "sigma_percent", "sigma_robust_percent",
-    "interval95", "data_interval95", "paper_rule", "verdict", "reason",
+    "sigma_omit", "interval95", "data_interval95", "paper_rule", "verdict", "reason", "stands_for",
+    "nominal", "projected",
 )  # fmt: skip
 
 
@@ -83,7 +81,8 @@ class Verdict:
     value, sigma, sigma_robust : float
         Estimate and its standard deviations under white and under autocorrelated noise.
     interval95 : tuple of float
-        ``value ± 1.96 σ_robust``, or the physical posterior's where that decided the verdict.
+        For the label: ``value ± 1.96 √(σ_robust² + σ_omit²)``, or the physical posterior's where
+        that decided the verdict.
     share : float
         Torque that the parameter makes, rms, relative to the measured torque's.
     paper_rule : bool
@@ -94,6 +93,12 @@ class Verdict:
         Value that the robot file states.
     believed : tuple of float or None
         Central 95 % of the physical posterior, where constraints or prior decided the verdict.
+    sigma_omit : float
+        How far the value may lie from its label because the model leaves parameters out.
+    stands_for : str
+        What the value is in truth, such as ``slider1.Jr + 0.02·platform.m``; empty if its label.
+    projected : float or None
+        Value that this fit would find on the robot of the file.
     """
 
     name: str
@@ -108,34 +113,45 @@ class Verdict:
     reason: str
     nominal: float | None = None
     believed: tuple[float, float] | None = None
+    sigma_omit: float = 0.0
+    stands_for: str = ""
+    projected: float | None = None
 
     @property
     def interval95(self) -> tuple[float, float]:
-        """The 95 % interval that the verdict rests on."""
-        return self.data_interval95 if self.believed is None else self.believed
+        """The 95 % interval that the verdict rests on, for what the label says."""
+        if self.believed is not None:
+            return self.believed
+        half = REACH * self.sigma_label
+        return self.value - half, self.value + half
 
     @property
     def data_interval95(self) -> tuple[float, float]:
-        """The 95 % interval that the data alone leave."""
+        """The 95 % interval that the data alone leave, for what the value stands for."""
         half = REACH * self.sigma_robust
         return self.value - half, self.value + half
 
     @property
+    def sigma_label(self) -> float:
+        """Standard deviation from what the label says: of noise and of what is left out."""
+        return float(np.hypot(self.sigma_robust, self.sigma_omit))
+
+    @property
     def sigma_percent(self) -> float:
         """σ relative to the value [%]."""
-        return _percent(self.sigma, self.value)
+        return percent_of(self.sigma, self.value)
 
     @property
     def sigma_robust_percent(self) -> float:
         """Robust σ relative to the value [%]."""
-        return _percent(self.sigma_robust, self.value)
+        return percent_of(self.sigma_robust, self.value)
 
     def to_row(self) -> dict[str, Any]:
         """Return the verdict as one row of a table or of a JSON result."""
         row = {name: getattr(self, name) for name in IN_A_ROW}
         row |= {name: list(row[name]) for name in ("interval95", "data_interval95")}
         row["verdict"] = self.verdict.value
-        return row | {"torque_share": self.share, "nominal": self.nominal}
+        return row | {"torque_share": self.share}
 
 
 def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
@@ -144,149 +160,13 @@ def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
     return tuple(replace(v, verdict=Class.NOT_IDENTIFIABLE, reason=reason) for v in verdicts)
 
 
-def _digits(percent: float) -> str:
+def digits(percent: float) -> str:
     """Return a percentage with two or three digits, never in powers of ten."""
     if percent < 1000:
         return f"{percent:.2g}" if percent < 10 else f"{percent:.3g}"
     return f"{percent:.0f}" if percent < 1e5 else "more than 100000"
 
 
-def _percent(sigma: float, value: float) -> float:
+def percent_of(sigma: float, value: float) -> float:
+    """Return a standard deviation relative to a value [%]."""
     return 100 * sigma / abs(value) if value else float("inf")
-
-
-@frozen
-class Evidence:
-    """What the verdicts of one model rest on, arrays over its k parameters.
-
-    Attributes
-    ----------
-    estimate : Estimate
-    sigma_robust : (k,)
-    recurrence : (k,)
-        Share of bootstrap replicates in which the parameter is known as well, with the same sign;
-        NaN without a bootstrap.
-    column_rms : (k,)
-        Root mean square of each column of the regressor: torque per unit of the parameter.
-    column_noise : (k,)
-        The largest over joints of the column's rms in units of the joint's own residual: robots
-        have joints of very different size.
-    tau_rms : float
-        Of the measured torque.
-    aliases : tuple of str
-        For columns that are not determined: what they cannot be told from.
-    unjudged : str
-        Why nothing can be said of those that are; nothing if it can.
-    """
-
-    estimate: Estimate
-    sigma_robust: Array
-    recurrence: Array
-    column_rms: Array
-    column_noise: Array
-    tau_rms: float
-    aliases: tuple[str, ...]
-    unjudged: str = ""
-
-
-def holm(p: Array) -> Array:
-    """Return p-values adjusted for their number by Holm's step-down method."""
-    order = np.argsort(p)
-    m = len(p)
-    stepped = np.maximum.accumulate((m - np.arange(m)) * p[order])
-    adjusted = np.empty(m)
-    adjusted[order] = np.minimum(stepped, 1.0)
-    return adjusted
-
-
-def judge(
-    labels: Sequence[str],
-    units: Sequence[str],
-    evidence: Evidence,
-    nominal: Array | None = None,
-    thresholds: Thresholds | None = None,
-) -> tuple[Verdict, ...]:
-    """Return the verdict on every parameter of a model."""
-    rules = thresholds or Thresholds()
-    e = evidence.estimate
-    sigma = evidence.sigma_robust
-    with np.errstate(divide="ignore", invalid="ignore"):
-        z = np.where(e.determined & (sigma > 0), np.abs(e.value) / sigma, 0.0)
-        z = np.where(e.determined & (sigma == 0) & (e.value != 0), np.inf, z)
-    certain = holm(2 * norm.sf(z)) < rules.sign_level
-    paper = e.paper_rule
-    least = float(e.sigma_percent.min(initial=np.inf))
-    out = []
-    for k, name in enumerate(e.columns):
-        reach = abs(e.value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
-        percent = _percent(float(sigma[k]), float(e.value[k]))
-        kind, reason = _decide(
-            evidence, k, bool(certain[k]), percent, float(reach * evidence.column_noise[k]), rules
-        )
-        reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
-        share = abs(e.value[k]) * evidence.column_rms[k] / max(evidence.tau_rms, 1e-300)
-        out.append(
-            Verdict(
-                name, labels[k], units[k], float(e.value[k]), float(e.sigma[k]), float(sigma[k]),
-                float(share), bool(paper[k]), kind, reason,
-                None if nominal is None else float(nominal[k]),
-            )
-        )  # fmt: skip
-    return tuple(out)
-
-
-def _decide(
-    evidence: Evidence, k: int, certain: bool, percent: float, effect: float, rules: Thresholds
-) -> tuple[Class, str]:
-    if not evidence.estimate.determined[k]:
-        return Class.NOT_IDENTIFIABLE, evidence.aliases[k]
-    recurrence = float(evidence.recurrence[k])
-    if evidence.unjudged or np.isnan(recurrence):
-        why = evidence.unjudged or "No logs were resampled, so nothing can be said of it."
-        return Class.NOT_JUDGED, why
-    known = certain and percent <= rules.sigma_percent
-    about, often = _digits(percent), f"{100 * recurrence:.0f} %"
-    least = f"{100 * rules.recurrence:.0f} %"
-    cases = (
-        (
-            known and recurrence >= rules.recurrence,
-            Class.IDENTIFIABLE,
-            f"Known to ±{about} % (limit {rules.sigma_percent:g} %) and its sign is certain.",
-        ),
-        (
-            effect <= rules.negligible_share and not certain,
-            Class.NEGLIGIBLE,
-            "No value in its interval moves the torque of any joint by more than "
-            f"{100 * effect:.2g} % of its residual: about zero for this motion, safe to leave out.",
-        ),
-        (
-            known,
-            Class.WEAK,
-            f"Its sign is certain and it is known to ±{about} %, but only {often} of the resampled "
-            f"logs say so (limit {least}).",
-        ),
-        (certain, Class.WEAK, f"Its sign is certain, but it is known only to ±{about} %."),
-        (
-            percent < 100,
-            Class.NOT_IDENTIFIABLE,
-            f"σ is {about} % of the value: with this many parameters even the sign may be chance.",
-        ),
-    )
-    otherwise = f"σ is {about} % of the value: zero and the other sign fit as well."
-    found = ((kind, reason) for holds, kind, reason in cases if holds)
-    return next(found, (Class.NOT_IDENTIFIABLE, otherwise))
-
-
-def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
-    """Return why the paper's rule says otherwise, if it does."""
-    if kind is Class.NOT_JUDGED or paper == (kind is Class.IDENTIFIABLE):
-        return ""
-    does, than, why = "rejects", ">", " only because another parameter is known much better."
-    if paper:
-        does, than = "passes", "<"
-        why = ": that rule is relative to the best parameter of the model and knows no "
-        why += "autocorrelation."
-    return (
-        f" The {PAPER_FACTOR:g}× rule {does} it (white-noise σ {_digits(percent)} % {than} "
-        f"{PAPER_FACTOR:g} × {_digits(least)} %){why}"
-    )

@@ -7,10 +7,12 @@ from typing import Any, Self
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate, settle_signs
+from identifiability.estimation.judge import Evidence, judge
 from identifiability.estimation.least_squares import MIXED, dependence
+from identifiability.estimation.omitted import LeftOut, find_left_out
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty, recurrence
-from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, judge, withdraw
+from identifiability.estimation.verdict import Class, Thresholds, Verdict, withdraw
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -61,6 +63,13 @@ class JudgedModel:
     def paper_identified(self) -> int:
         """How many parameters pass the 10× rule."""
         return int(self.estimate.paper_rule.sum())
+
+    @property
+    def contradicted(self) -> str:
+        """What is identifiable with a sign that physics forbids, for after "because", if any is."""
+        names = [v.name for v in self.verdicts if v.verdict is Class.IDENTIFIABLE]
+        wrong = [n for n in names if n in self.infeasible]
+        return f"{listing(wrong, 4)} would have a sign that physics forbids" if wrong else ""
 
     @property
     def unjudged(self) -> str:
@@ -183,13 +192,14 @@ def assess_ladder(
         uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
         nominal = model.structure.nominal_base - rung.held
         stated = np.linalg.lstsq(rung.M, nominal, rcond=None)[0]
+        left_out = find_left_out(model.structure, rung, model.whole, fit)
         aliases = _aliases(reduced, fit, rung)
         result = RungResult(
             rung=rung,
             estimate=fit,
             uncertainty=uncertainty,
             verdicts=judge_rung(
-                rung, reduced, fit, uncertainty, torque, aliases, thresholds, stated
+                rung, reduced, fit, uncertainty, torque, aliases, thresholds, stated, left_out
             ),
             error_ra=float(error[k]),
             error_ra_validation=float(held_error[k]),
@@ -213,6 +223,7 @@ def judge_rung(
     aliases: Sequence[str],
     thresholds: Thresholds,
     stated: Array | None = None,
+    left_out: LeftOut | None = None,
 ) -> tuple[Verdict, ...]:
     """Return the verdicts on the k parameters of a model.
 
@@ -226,16 +237,20 @@ def judge_rung(
         What each parameter cannot be told from, where the motion leaves it open.
     stated : (k,), optional
         Values that the robot file states.
+    left_out : LeftOut, optional
+        What the parameters that the model leaves out do to its own.
     """
+    omitted = 0.0 if left_out is None else left_out.sigma
     evidence = Evidence(
         fit,
         uncertainty.robust,
-        recurrence(fit, uncertainty, thresholds),
+        recurrence(fit, uncertainty, thresholds, omitted),
         column_rms(information),
         column_noise(information, fit),
         torque,
         tuple(aliases),
         uncertainty.why_unjudged(len(fit.kept), thresholds),
+        left_out,
     )
     return judge(rung.labels, rung.units, evidence, stated, thresholds)
 
@@ -284,8 +299,9 @@ def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, 
 def select_model(results: Sequence[RungResult]) -> int:
     """Return the smallest model within one standard error of the best.
 
-    Among those that predict as well as the best, models that a real robot can have come first,
-    then those without forbidden signs.
+    Among those that predict as well as the best, models come last of which the data call something
+    identifiable that physics forbids, and models that a real robot can have first, then those
+    without forbidden signs.
     """
     error = np.array([r.error_ra_validation for r in results])
     if not np.isfinite(error).any():
@@ -293,8 +309,14 @@ def select_model(results: Sequence[RungResult]) -> int:
     best = float(np.nanmin(error))
     good = [k for k, r in enumerate(results) if error[k] <= best + np.nan_to_num(r.error_se)]
 
-    def rank(k: int) -> tuple[bool, bool, int, float]:
+    def rank(k: int) -> tuple[bool, bool, bool, int, float]:
         r = results[k]
-        return not r.feasible, not r.signs_possible, len(r.rung), float(error[k])
+        return (
+            bool(r.contradicted),
+            not r.feasible,
+            not r.signs_possible,
+            len(r.rung),
+            float(error[k]),
+        )
 
     return min(good, key=rank)

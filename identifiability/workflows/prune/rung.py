@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.omitted import find_left_out
 from identifiability.estimation.prediction import Prediction, Task, predict_all, take_turns
+from identifiability.estimation.scores import scatter_scores
 from identifiability.estimation.torque_errors import standard_error
 from identifiability.estimation.uncertainty import Uncertainty, resample
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
@@ -214,7 +216,8 @@ def measure_rungs(
     )
     if not opening.validation:
         result = replace(result, error_ra_validation=rungs[chosen].error_ra_unseen)
-    nothing = "" if len(result.rung) and error_unseen[chosen] < unseen.constant_error() else WORSE
+    better = len(result.rung) and error_unseen[chosen] < unseen.constant_error()
+    nothing = result.contradicted if better else WORSE
     if nothing:
         rungs = tuple(r.withdraw(nothing) for r in rungs)
         result = result.withdraw(nothing)
@@ -244,4 +247,19 @@ def _judge(
     own = resample(part, fit, spread.times, spread.block, rng, replicates)
     torque = float(np.linalg.norm(part.factor()[:, -1]) / np.sqrt(max(part.rows, 1)))
     unknown = ("This motion determines it in combination with others only, or not at all.",)
-    return judge_rung(model.rung, part, fit, own, torque, unknown * len(model.rung), Thresholds())
+    left_out = find_left_out(model.structure, model.rung, model.whole, fit)
+    aliases = unknown * len(model.rung)
+    return judge_rung(model.rung, part, fit, own, torque, aliases, Thresholds(), left_out=left_out)
+
+
+def contradicts(model: FittedModel) -> bool:
+    """Return whether a sign that physics forbids is so sure that its verdict would be known."""
+    scatter = scatter_scores(model.information, model.estimate, 1.0)
+    if scatter is None:
+        return False
+    left = find_left_out(model.structure, model.rung, model.whole, model.estimate)
+    known = np.hypot(scatter.widened, left.sigma) * 100 <= (
+        Thresholds().sigma_percent * np.abs(model.estimate.value)
+    )
+    wrong = forbidden_signs(model.rung, model.information, model.estimate)
+    return any(c in wrong for c, sure in zip(model.rung.columns, known, strict=True) if sure)

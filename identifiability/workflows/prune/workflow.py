@@ -46,7 +46,7 @@ from identifiability.workflows.opening import (
 from identifiability.workflows.prune.absorption import absorb
 from identifiability.workflows.prune.proposals import merge_moves, propose_moves
 from identifiability.workflows.prune.result import Ladder
-from identifiability.workflows.prune.rung import Question, measure_rungs
+from identifiability.workflows.prune.rung import Question, contradicts, measure_rungs
 from identifiability.workflows.prune.search import (
     Criterion,
     Search,
@@ -223,7 +223,9 @@ def _choose(
     steps = search.path.steps
     asked: list[tuple[int, PhysicalResult]] = []
     problems: list[IdentifiabilityError] = []
-    for k in good_steps(steps, criterion)[:CERTIFIED]:
+    good = good_steps(steps, criterion)
+    sound = [k for k in good if not contradicts(question.fit(steps[k]))]
+    for k in (sound or good)[:CERTIFIED]:
         try:
             physical = assess_feasibility(question.fit(steps[k]), cad_weight)
         except IdentifiabilityError as error:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
+from identifiability.estimation.judge import Evidence, judge
 from identifiability.estimation.scores import FEWEST, scatter_scores
 from identifiability.estimation.uncertainty import assess_uncertainty, recurrence
-from identifiability.estimation.verdict import Class, Evidence, Thresholds, judge
+from identifiability.estimation.verdict import Class, Thresholds
 
 from .made import ar1, fit_of, gather
 

@@ -31,6 +31,7 @@ class Judged:
     error_se: float = 0.0
     feasible: bool = True
     signs_possible: bool = True
+    contradicted: str = ""
 
     @property
     def rung(self):
@@ -57,6 +58,15 @@ def test_of_models_that_predict_as_well_one_that_a_real_robot_can_have_comes_fir
     assert select_model(models) == 1  # no forbidden sign, though no real robot
     models[0].signs_possible = models[1].signs_possible = False
     assert select_model(models) == 2
+
+
+def test_a_model_that_is_sure_of_something_impossible_comes_last():
+    models = [Judged(9, 0.1), Judged(5, 0.1, 0.01, contradicted="m would be negative")]
+    assert select_model(models) == 0
+    models[0].feasible = models[0].signs_possible = False
+    assert select_model(models) == 0
+    models[0].contradicted = "so would another"
+    assert select_model(models) == 1
 
 
 def test_possible_models_come_first_only_among_those_that_predict_as_well():
@@ -87,7 +97,14 @@ def rung(name, kept, names, nonnegative=()):
 
 def fitted_model(model, every, nominal):
     """Return a model fitted to information about all four columns, of which a file states some."""
-    structure = SimpleNamespace(nominal_base=np.array(nominal))
+    structure = SimpleNamespace(
+        nominal_base=np.array(nominal),
+        nominal=np.array(nominal),
+        G=np.eye(4),
+        columns=every.columns,
+        inertial=np.empty((0, 10), int),
+        base=SimpleNamespace(names=every.columns),
+    )
     return FittedModel.of(structure, model, every, find_estimator("wls"))
 
 

@@ -22,6 +22,7 @@ class Judged:
     error_ra_validation: float = 0.1
     error_ra_physical: float = 0.2
     infeasible: tuple = ()
+    contradicted: str = ""
     feasible: bool = True
     kept: int = 5
     unjudged: str = ""

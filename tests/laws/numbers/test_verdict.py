@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.verdict import Class, Evidence, Thresholds, Verdict, holm, judge
+from identifiability.estimation.judge import Evidence, holm, judge
+from identifiability.estimation.verdict import Class, Thresholds, Verdict
 
 from .made import fit_of
 

@@ -1,0 +1,200 @@
+"""`judge`: from the evidence on a model's parameters to the verdict on each, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import norm
+
+from identifiability.estimation.estimator import PAPER_FACTOR, Estimate
+from identifiability.estimation.omitted import LeftOut
+from identifiability.estimation.verdict import Class, Thresholds, Verdict, digits, percent_of
+from identifiability.foundation.names import Array
+from identifiability.foundation.shares import REACH
+from identifiability.foundation.values import frozen
+
+#: Share of σ by noise beyond which what is left out is spoken of.
+WORTH_SAYING = 0.5
+
+
+@frozen
+class Evidence:
+    """What the verdicts of one model rest on, arrays over its k parameters.
+
+    Attributes
+    ----------
+    estimate : Estimate
+    sigma_robust : (k,)
+    recurrence : (k,)
+        Share of bootstrap replicates in which the parameter is known as well, with the same sign;
+        NaN without a bootstrap.
+    column_rms : (k,)
+        Root mean square of each column of the regressor: torque per unit of the parameter.
+    column_noise : (k,)
+        The largest over joints of the column's rms in units of the joint's own residual: robots
+        have joints of very different size.
+    tau_rms : float
+        Of the measured torque.
+    aliases : tuple of str
+        For columns that are not determined: what they cannot be told from.
+    unjudged : str
+        Why nothing can be said of those that are; nothing if it can.
+    left_out : LeftOut or None
+        What the parameters that the model leaves out do to its own.
+    """
+
+    estimate: Estimate
+    sigma_robust: Array
+    recurrence: Array
+    column_rms: Array
+    column_noise: Array
+    tau_rms: float
+    aliases: tuple[str, ...]
+    unjudged: str = ""
+    left_out: LeftOut | None = None
+
+    @property
+    def sigma_omit(self) -> Array:
+        """How far values may lie from their labels by what is left out, (k,)."""
+        return np.zeros(len(self.sigma_robust)) if self.left_out is None else self.left_out.sigma
+
+    @property
+    def sigma_label(self) -> Array:
+        """Standard deviations from what the labels say, (k,)."""
+        return np.hypot(self.sigma_robust, self.sigma_omit)
+
+
+def holm(p: Array) -> Array:
+    """Return p-values adjusted for their number by Holm's step-down method."""
+    order = np.argsort(p)
+    m = len(p)
+    stepped = np.maximum.accumulate((m - np.arange(m)) * p[order])
+    adjusted = np.empty(m)
+    adjusted[order] = np.minimum(stepped, 1.0)
+    return adjusted
+
+
+def judge(
+    labels: Sequence[str],
+    units: Sequence[str],
+    evidence: Evidence,
+    nominal: Array | None = None,
+    thresholds: Thresholds | None = None,
+) -> tuple[Verdict, ...]:
+    """Return the verdict on every parameter of a model."""
+    rules = thresholds or Thresholds()
+    e = evidence.estimate
+    sigma, left = evidence.sigma_label, evidence.left_out
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = np.where(e.determined & (sigma > 0), np.abs(e.value) / sigma, 0.0)
+        z = np.where(e.determined & (sigma == 0) & (e.value != 0), np.inf, z)
+    certain = holm(2 * norm.sf(z)) < rules.sign_level
+    paper = e.paper_rule
+    least = float(e.sigma_percent.min(initial=np.inf))
+    out = []
+    for k, name in enumerate(e.columns):
+        reach = abs(e.value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
+        percent = percent_of(float(sigma[k]), float(e.value[k]))
+        kind, reason = _decide(
+            evidence, k, bool(certain[k]), percent, float(reach * evidence.column_noise[k]), rules
+        )
+        if kind not in (Class.NOT_JUDGED, Class.NEGLIGIBLE) and e.determined[k]:
+            reason += _condition(evidence, k)
+        reason += _compare(kind, bool(paper[k]), float(e.sigma_percent[k]), least)
+        share = abs(e.value[k]) * evidence.column_rms[k] / max(evidence.tau_rms, 1e-300)
+        out.append(
+            Verdict(
+                name=name,
+                label=labels[k],
+                unit=units[k],
+                value=float(e.value[k]),
+                sigma=float(e.sigma[k]),
+                sigma_robust=float(evidence.sigma_robust[k]),
+                share=float(share),
+                paper_rule=bool(paper[k]),
+                verdict=kind,
+                reason=reason,
+                nominal=None if nominal is None else float(nominal[k]),
+                sigma_omit=float(evidence.sigma_omit[k]),
+                stands_for="" if left is None else left.stands_for[k],
+                projected=None if left is None or nominal is None else float(left.projected[k]),
+            )
+        )
+    return tuple(out)
+
+
+def _decide(
+    evidence: Evidence, k: int, certain: bool, percent: float, effect: float, rules: Thresholds
+) -> tuple[Class, str]:
+    if not evidence.estimate.determined[k]:
+        return Class.NOT_IDENTIFIABLE, evidence.aliases[k]
+    recurrence = float(evidence.recurrence[k])
+    if evidence.unjudged or np.isnan(recurrence):
+        why = evidence.unjudged or "No logs were resampled, so nothing can be said of it."
+        return Class.NOT_JUDGED, why
+    known = certain and percent <= rules.sigma_percent
+    about, often = digits(percent), f"{100 * recurrence:.0f} %"
+    least = f"{100 * rules.recurrence:.0f} %"
+    cases = (
+        (
+            known and recurrence >= rules.recurrence,
+            Class.IDENTIFIABLE,
+            f"Known to ±{about} % (limit {rules.sigma_percent:g} %) and its sign is certain.",
+        ),
+        (
+            effect <= rules.negligible_share and not certain,
+            Class.NEGLIGIBLE,
+            "No value in its interval moves the torque of any joint by more than "
+            f"{100 * effect:.2g} % of its residual: about zero for this motion, safe to leave out.",
+        ),
+        (
+            known,
+            Class.WEAK,
+            f"Its sign is certain and it is known to ±{about} %, but only {often} of the resampled "
+            f"logs say so (limit {least}).",
+        ),
+        (certain, Class.WEAK, f"Its sign is certain, but it is known only to ±{about} %."),
+        (
+            percent < 100,
+            Class.NOT_IDENTIFIABLE,
+            f"σ is {about} % of the value: with this many parameters even the sign may be chance.",
+        ),
+    )
+    otherwise = f"σ is {about} % of the value: zero and the other sign fit as well."
+    found = ((kind, reason) for holds, kind, reason in cases if holds)
+    return next(found, (Class.NOT_IDENTIFIABLE, otherwise))
+
+
+def _condition(evidence: Evidence, k: int) -> str:
+    """Return what a verdict owes to the model that it is made in, if anything."""
+    left = evidence.left_out
+    if left is None:
+        return ""
+    if left.unknown:
+        return (
+            " That holds in this model: the robot file states no inertias, so how far what is left "
+            "out moves it from its label is not known."
+        )
+    if not left.stands_for[k] or left.sigma[k] < WORTH_SAYING * evidence.sigma_robust[k]:
+        return ""
+    own = percent_of(float(evidence.sigma_robust[k]), float(evidence.estimate.value[k]))
+    return (
+        f" In this model it stands for {left.stands_for[k]}, known to ±{digits(own)} %; the rest "
+        "of the uncertainty is what the model leaves out."
+    )
+
+
+def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
+    """Return why the paper's rule says otherwise, if it does."""
+    if kind is Class.NOT_JUDGED or paper == (kind is Class.IDENTIFIABLE):
+        return ""
+    does, than, why = "rejects", ">", " only because another parameter is known much better."
+    if paper:
+        does, than = "passes", "<"
+        why = ": that rule is relative to the best parameter of the model and knows no "
+        why += "autocorrelation."
+    return (
+        f" The {PAPER_FACTOR:g}× rule {does} it (white-noise σ {digits(percent)} % {than} "
+        f"{PAPER_FACTOR:g} × {digits(least)} %){why}"
+    )

@@ -1,0 +1,145 @@
+"""What a model leaves out goes into what it keeps: by how much, into what, and who is told."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.judge import Evidence, judge
+from identifiability.estimation.omitted import SHARE, LeftOut, body_scatter, find_left_out
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.names import INERTIAL
+from identifiability.regression.reduction import Rung
+
+from .made import fit_of, gather
+
+NAMES = (*(f"body.{k}" for k in INERTIAL), "joint.Fv", "joint.Fc")
+FILE = np.array([2.0, 0.1, 0.2, 1.5, 0.1, 1.1, 0.6, 0.3, 0.1, 4.0, 5.0, 7.0])
+
+
+def structure_of(nominal):
+    """Return a robot of one body and a joint with friction, every parameter a base parameter."""
+    nominal = np.array(nominal)
+    return SimpleNamespace(
+        nominal=nominal,
+        nominal_base=nominal,
+        G=np.eye(12),
+        columns=NAMES,
+        inertial=np.arange(10)[None],
+        base=SimpleNamespace(names=NAMES),
+    )
+
+
+def rung_of(kept, held=None):
+    kept = list(kept)
+    names = tuple(NAMES[k] for k in kept)
+    held = np.zeros(12) if held is None else held
+    signs = np.zeros(len(kept), bool)
+    return Rung("small", "", names, names, ("",) * len(kept), np.eye(12)[:, kept], held, signs)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    rng = np.random.default_rng(0)
+    return rng.normal(size=(400, 2, 12)) @ rng.normal(size=(12, 12))
+
+
+def left_out(motion, nominal, rung, tau=None):
+    """Return what is left out, and the fit, of the torque of the file's robot by default."""
+    tau = motion @ nominal if tau is None else tau
+    every = gather(motion, tau, columns=NAMES)
+    fit = find_estimator("ols").fit(rung.reduce(every))
+    return find_left_out(structure_of(nominal), rung, every, fit), fit
+
+
+def test_bodies_scatter_by_mass_and_the_rms_distance_of_their_mass():
+    scatter = body_scatter(structure_of(FILE))
+    mass, second = 4.0, (2.0 + 1.5 + 1.1) / 2
+    np.testing.assert_allclose(scatter[9], SHARE * mass)
+    np.testing.assert_allclose(scatter[6:9], SHARE * np.sqrt(mass * second))  # m r
+    np.testing.assert_allclose(scatter[:6], SHARE * second)
+    assert not scatter[10:].any()
+
+
+def test_what_the_fit_would_find_on_the_files_robot_is_what_it_finds_there(motion):
+    found, fit = left_out(motion, FILE, rung_of([0, 5, 9, 10]))
+    np.testing.assert_allclose(found.projected, fit.value, rtol=1e-8)
+
+
+def test_sigma_is_the_rms_distance_of_noise_free_fits_from_their_labels(motion):
+    kept = [0, 5, 9, 10]
+    rung, rng = rung_of(kept), np.random.default_rng(1)
+    found, _ = left_out(motion, FILE, rung)
+    flat = motion.reshape(-1, 12)
+    draws = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal((4000, 12))
+    fits = np.linalg.lstsq(flat[:, kept], flat @ draws.T, rcond=None)[0].T
+    rms = np.sqrt(np.mean((fits - draws[:, kept]) ** 2, axis=0))
+    np.testing.assert_allclose(found.sigma, rms, rtol=0.06)  # 4 Monte-Carlo errors of an sd
+
+
+def test_nothing_left_out_nothing_added(motion):
+    found, _ = left_out(motion, FILE, rung_of(range(12)))
+    assert not found.sigma.any()
+    assert not any(found.stands_for)
+    assert not found.unknown
+
+
+def test_what_is_held_at_the_files_value_errs_by_its_scatter_alone(motion):
+    held = np.where(np.isin(np.arange(12), [10, 11]), FILE, 0.0)
+    found, _ = left_out(motion, FILE, rung_of(range(10), held))
+    np.testing.assert_allclose(found.sigma, 0.0, atol=1e-9)  # friction does not scatter
+
+
+def test_a_file_without_inertias_says_that_nothing_is_known(motion):
+    nothing = np.where(np.arange(12) < 10, 0.0, FILE)
+    found, _ = left_out(motion, nothing, rung_of([0, 5, 9, 10]), motion @ FILE)
+    assert found.unknown
+    whole, _ = left_out(motion, nothing, rung_of(range(12)), motion @ FILE)
+    assert not whole.unknown
+
+
+def test_the_largest_of_what_a_number_stands_for_is_named():
+    rng = np.random.default_rng(2)
+    W = rng.normal(size=(400, 1, 12))
+    W[:, 0, 9] += 0.5 * W[:, 0, 0]  # a mass that moves with an inertia
+    found, _ = left_out(W, FILE, rung_of([0, *range(1, 9), 10, 11]))
+    coefficient = np.linalg.lstsq(W[:, 0, [0, *range(1, 9), 10, 11]], W[:, 0, 9], rcond=None)[0][0]
+    assert found.stands_for[0] == f"body.Ixx + {coefficient:.2g}·body.m"
+
+
+def verdict_of(left, sigma=0.01):
+    fit = fit_of([1.0], [sigma])
+    ones = np.ones(1)
+    evidence = Evidence(fit, np.array([sigma]), ones, ones, 100 * ones, 1.0, ("",), left_out=left)
+    (verdict,) = judge(["p"], ["kg"], evidence, np.array([1.1]))
+    return verdict
+
+
+def out(sigma, *, unknown=False):
+    return LeftOut(
+        sigma=np.array([sigma]),
+        projected=np.array([1.05]),
+        stands_for=("p + 0.5·q",),
+        unknown=unknown,
+    )
+
+
+def test_the_interval_of_the_label_and_the_verdict_know_what_is_left_out():
+    sure = verdict_of(out(0.1))
+    assert sure.verdict is Class.IDENTIFIABLE
+    np.testing.assert_allclose(np.diff(sure.interval95), 2 * 1.96 * np.hypot(0.01, 0.1), rtol=1e-4)
+    np.testing.assert_allclose(np.diff(sure.data_interval95), 2 * 1.96 * 0.01, rtol=1e-4)
+    assert "p + 0.5·q, known to ±1 %" in sure.reason
+    assert (sure.sigma_omit, sure.projected, sure.nominal) == (0.1, 1.05, 1.1)
+    assert verdict_of(out(0.3)).verdict is Class.WEAK
+    assert verdict_of(out(2.0)).verdict is Class.NOT_IDENTIFIABLE
+
+
+def test_little_left_out_is_not_spoken_of():
+    assert "stands for" not in verdict_of(out(0.004)).reason
+
+
+def test_a_verdict_is_conditional_where_the_file_knows_no_inertias():
+    assert "states no inertias" in verdict_of(out(0.0, unknown=True)).reason
+    assert "states no inertias" not in verdict_of(out(0.0)).reason
