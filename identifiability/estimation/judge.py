@@ -9,10 +9,13 @@ from scipy.stats import norm
 
 from identifiability.estimation.estimator import PAPER_FACTOR, Estimate
 from identifiability.estimation.omitted import LeftOut
+from identifiability.estimation.uncertainty import Uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Thresholds, Verdict, digits, percent_of
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import Rung
 
 #: Share of σ by noise beyond which what is left out is spoken of.
 WORTH_SAYING = 0.5
@@ -198,3 +201,59 @@ def _compare(kind: Class, paper: bool, percent: float, least: float) -> str:
         f" The {PAPER_FACTOR:g}× rule {does} it (white-noise σ {digits(percent)} % {than} "
         f"{PAPER_FACTOR:g} × {digits(least)} %){why}"
     )
+
+
+def judge_rung(
+    rung: Rung,
+    information: Information,
+    fit: Estimate,
+    uncertainty: Uncertainty,
+    torque: float,
+    aliases: Sequence[str],
+    thresholds: Thresholds,
+    stated: Array | None = None,
+    left_out: LeftOut | None = None,
+) -> tuple[Verdict, ...]:
+    """Return the verdicts on the k parameters of a model.
+
+    Parameters
+    ----------
+    information : Information
+        About the model's columns.
+    torque : float [N·m or N]
+        Root mean square of the measured torque.
+    aliases : sequence of str
+        What each parameter cannot be told from, where the motion leaves it open.
+    stated : (k,), optional
+        Values that the robot file states.
+    left_out : LeftOut, optional
+        What the parameters that the model leaves out do to its own.
+    """
+    omitted = 0.0 if left_out is None else left_out.sigma
+    evidence = Evidence(
+        fit,
+        uncertainty.robust,
+        recurrence(fit, uncertainty, thresholds, omitted),
+        column_rms(information),
+        column_noise(information, fit),
+        torque,
+        tuple(aliases),
+        uncertainty.why_unjudged(len(fit.kept), thresholds),
+        left_out,
+    )
+    return judge(rung.labels, rung.units, evidence, stated, thresholds)
+
+
+def column_rms(information: Information) -> Array:
+    """Return the root mean square of each column over all rows, (k,)."""
+    length = np.linalg.norm(information.factor()[:, :-1], axis=0)
+    rms: Array = length / np.sqrt(max(information.rows, 1))
+    return rms
+
+
+def column_noise(information: Information, fit: Estimate) -> Array:
+    """Return the largest over joints of column rms over residual rms, per unit, (k,)."""
+    squares = information.squares(information.basis[:, :-1])
+    floor = 1e-18 * float(np.max(fit.rss, initial=0.0)) + 1e-300
+    ratio: Array = np.sqrt(np.maximum(squares, 0.0) / np.maximum(fit.rss, floor)[:, None]).max(0)
+    return ratio

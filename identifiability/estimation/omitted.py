@@ -70,9 +70,10 @@ def body_scatter(structure: Structure) -> Array:
     mass = np.maximum(theta[:, _M], 0.0)
     # tr I = 2 ∫ r² dm about the origin of the body's frame.
     second = np.maximum(0.5 * theta[:, _DIAGONAL].sum(1), 0.0)
-    for k, kind in enumerate(INERTIAL):
-        moments = {"m": mass, "I": second}.get(kind.rstrip("xyz"), np.sqrt(mass * second))
-        scatter[rows[:, k]] = SHARE * moments
+    first = np.sqrt(mass * second)
+    moments = (*[second] * 6, *[first] * 3, mass)  # in the order of INERTIAL
+    for column, moment in zip(rows.T, moments, strict=True):
+        scatter[column] = SHARE * moment
     return scatter
 
 

@@ -7,11 +7,11 @@ from typing import Any, Self
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate, settle_signs
-from identifiability.estimation.judge import Evidence, judge
+from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.least_squares import MIXED, dependence
-from identifiability.estimation.omitted import LeftOut, find_left_out
+from identifiability.estimation.omitted import find_left_out
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty, recurrence
+from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
 from identifiability.estimation.verdict import Class, Thresholds, Verdict, withdraw
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
@@ -214,67 +214,11 @@ def assess_ladder(
     return tuple(results)
 
 
-def judge_rung(
-    rung: Rung,
-    information: Information,
-    fit: Estimate,
-    uncertainty: Uncertainty,
-    torque: float,
-    aliases: Sequence[str],
-    thresholds: Thresholds,
-    stated: Array | None = None,
-    left_out: LeftOut | None = None,
-) -> tuple[Verdict, ...]:
-    """Return the verdicts on the k parameters of a model.
-
-    Parameters
-    ----------
-    information : Information
-        About the model's columns.
-    torque : float [N·m or N]
-        Root mean square of the measured torque.
-    aliases : sequence of str
-        What each parameter cannot be told from, where the motion leaves it open.
-    stated : (k,), optional
-        Values that the robot file states.
-    left_out : LeftOut, optional
-        What the parameters that the model leaves out do to its own.
-    """
-    omitted = 0.0 if left_out is None else left_out.sigma
-    evidence = Evidence(
-        fit,
-        uncertainty.robust,
-        recurrence(fit, uncertainty, thresholds, omitted),
-        column_rms(information),
-        column_noise(information, fit),
-        torque,
-        tuple(aliases),
-        uncertainty.why_unjudged(len(fit.kept), thresholds),
-        left_out,
-    )
-    return judge(rung.labels, rung.units, evidence, stated, thresholds)
-
-
 def forbidden_signs(rung: Rung, information: Information, fit: Estimate) -> tuple[str, ...]:
     """Return the parameters with a sign that physics forbids, the paper's test."""
     settled = settle_signs(information, fit, rung.nonnegative)
     forbidden = rung.nonnegative & fit.determined & (settled < 0)
     return tuple(c for c, bad in zip(rung.columns, forbidden, strict=True) if bad)
-
-
-def column_rms(information: Information) -> Array:
-    """Return the root mean square of each column over all rows, (k,)."""
-    length = np.linalg.norm(information.factor()[:, :-1], axis=0)
-    rms: Array = length / np.sqrt(max(information.rows, 1))
-    return rms
-
-
-def column_noise(information: Information, fit: Estimate) -> Array:
-    """Return the largest over joints of column rms over residual rms, per unit, (k,)."""
-    squares = information.squares(information.basis[:, :-1])
-    floor = 1e-18 * float(np.max(fit.rss, initial=0.0)) + 1e-300
-    ratio: Array = np.sqrt(np.maximum(squares, 0.0) / np.maximum(fit.rss, floor)[:, None]).max(0)
-    return ratio
 
 
 def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, ...]:
@@ -311,12 +255,7 @@ def select_model(results: Sequence[RungResult]) -> int:
 
     def rank(k: int) -> tuple[bool, bool, bool, int, float]:
         r = results[k]
-        return (
-            bool(r.contradicted),
-            not r.feasible,
-            not r.signs_possible,
-            len(r.rung),
-            float(error[k]),
-        )
+        impossible = bool(r.contradicted), not r.feasible, not r.signs_possible
+        return *impossible, len(r.rung), float(error[k])
 
     return min(good, key=rank)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
+from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.noise.autoregression import Runs
 from identifiability.estimation.noise.residual_noise import ResidualNoise
 from identifiability.estimation.uncertainty import assess_uncertainty
@@ -22,7 +23,6 @@ from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Regression
-from identifiability.workflows.analyze.assessment import judge_rung
 
 #: A parameter is wrong if it is off by more than this share of its true value.
 WRONG = 0.5

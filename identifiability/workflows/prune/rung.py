@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.omitted import find_left_out
 from identifiability.estimation.prediction import Prediction, Task, predict_all, take_turns
 from identifiability.estimation.scores import scatter_scores
@@ -23,7 +24,6 @@ from identifiability.workflows.analyze.assessment import (
     RungResult,
     assess_ladder,
     forbidden_signs,
-    judge_rung,
 )
 from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening

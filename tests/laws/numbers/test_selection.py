@@ -8,16 +8,12 @@ import pytest
 
 from identifiability.estimation.bootstrap import merge_blocks
 from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.judge import column_noise, column_rms
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Rung
-from identifiability.workflows.analyze.assessment import (
-    assess_ladder,
-    column_noise,
-    column_rms,
-    select_model,
-)
+from identifiability.workflows.analyze.assessment import assess_ladder, select_model
 
 from .made import gather
 
