@@ -42,12 +42,15 @@ def sigma_inflation(result: RungResult) -> float:
 
 
 def stated_values(analysis: Analysis, result: RungResult) -> list[float | None]:
-    """Return what the robot file states for each parameter, None where it states nothing."""
+    """Return what this fit would find on the robot of the file, None where it states nothing.
+
+    A value that stands for more than its label is compared with what the file's robot would show.
+    """
     known, base = analysis.robot.nominal, analysis.base
     stated = np.array([any(p.name in known for _, p in base.terms(r)) for r in range(len(base))])
     member = np.abs(result.rung.M) > 0
     return [
-        v.nominal if v.nominal is not None and stated[member[:, k]].any() else None
+        v.projected if v.projected is not None and stated[member[:, k]].any() else None
         for k, v in enumerate(result.verdicts)
     ]
 
