@@ -149,3 +149,14 @@ def test_coupled_motors_are_refused_with_the_reason(two_link):
     gear = Transmission(("m1", "m2"), np.eye(2), np.ones(2), np.zeros(2))
     with pytest.raises(RobotError, match="coupled motors"):
         ForwardRobot(replace(two_link, transmission=gear), {})
+
+
+@pytest.mark.parametrize("name", ["two-link", "five-bar"])
+def test_a_spring_of_the_model_is_in_the_simulated_robot(name):
+    robot = Robot.load(name)
+    *train, unseen = _samples(robot, 1, 3, ["joint_stiffness=0.3"])
+    springs = Model((*BASE.effects, find_effect("joint_stiffness")))
+    before, after = (fit_physical(Structure.of(robot, m), train) for m in (BASE, springs))
+    gap = compare_forward(before, after, [unseen], np.random.default_rng(0), stretches=8)
+    assert gap.measured, gap.note
+    assert gap.error_after < 0.5 * gap.error_before

@@ -222,7 +222,7 @@ def joint_values(fit: Physical) -> dict[str, float]:
         out[f"{body}.{kind}"] = values.get(f"{body}.{kind}", 0.0) + load
     # What a model does not have is not there, whatever the file says.
     for axis in (*robot.axes, *robot.passive_axes):
-        for kind in ("Fv", "off", *robot.inertia_parts):
+        for kind in ("Fv", "K", "off", *robot.inertia_parts):
             out[f"{axis.name}.{kind}"] = values.get(f"{axis.name}.{kind}", 0.0)
         level = values.get(f"{axis.name}.Fc", 0.0)
         for way in ("Fc+", "Fc-"):
