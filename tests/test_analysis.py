@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import Log, Preparation, analyze
-from identifiability.estimation.judge import holm
+from identifiability.estimation.holm import holm
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.engines.local import Serial

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from identifiability.estimation.estimator import PAPER_FACTOR, Estimate
+from identifiability.estimation.holm import holm
 from identifiability.estimation.omitted import LeftOut
 from identifiability.estimation.uncertainty import Uncertainty, recurrence
 from identifiability.estimation.verdict import Class, Thresholds, Verdict, digits, percent_of
@@ -66,16 +67,6 @@ class Evidence:
     def sigma_label(self) -> Array:
         """Standard deviations from what the labels say, (k,)."""
         return np.hypot(self.sigma_robust, self.sigma_omit)
-
-
-def holm(p: Array) -> Array:
-    """Return p-values adjusted for their number by Holm's step-down method."""
-    order = np.argsort(p)
-    m = len(p)
-    stepped = np.maximum.accumulate((m - np.arange(m)) * p[order])
-    adjusted = np.empty(m)
-    adjusted[order] = np.minimum(stepped, 1.0)
-    return adjusted
 
 
 def judge(

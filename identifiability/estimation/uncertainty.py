@@ -6,6 +6,7 @@ import numpy as np
 
 from identifiability.estimation.bootstrap import FEWEST_BLOCKS, Bootstrap, bootstrap
 from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.motions import Motions, compare_motions
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time, block_length
 from identifiability.estimation.noise.residual_noise import ROUNDING
 from identifiability.estimation.scores import MEMORIES, ScoreScatter, scatter_scores
@@ -38,6 +39,8 @@ class Uncertainty:
         Outputs of all actuators that count as independent: samples over `times`, summed.
     note : str
         Why something is missing, if it is.
+    motions : Motions or None
+        What logs by themselves say of each other; None of one log, or of too short ones.
     """
 
     white: Array
@@ -48,10 +51,11 @@ class Uncertainty:
     block: float
     independent: float
     note: str = ""
+    motions: Motions | None = None
 
     @property
     def robust(self) -> Array:
-        """The largest of the estimates that allow for autocorrelation, (k,).
+        """The largest of the estimates that allow for autocorrelation, and what logs add, (k,).
 
         Infinite where neither resampling nor scores could be asked: a formula alone is believed
         only as far as its model of the noise, and few samples do not show that.
@@ -63,7 +67,7 @@ class Uncertainty:
             largest = np.maximum(largest, self.bootstrap.sd)
         if self.scores is not None:
             largest = np.maximum(largest, self.scores.widened)
-        return largest
+        return largest if self.motions is None else np.hypot(largest, self.motions.between)
 
     def why_unjudged(self, parameters: int, rules: Thresholds) -> str:
         """Return why nothing can be said of a model's parameters, or nothing if it can.
@@ -150,7 +154,10 @@ def resample(
             note = str(error)
     scores = scatter_scores(information, fit, time)
     independent = float(np.sum(information.samples / times))
-    return Uncertainty(fit.sigma, inflated, drawn, scores, times, length, independent, note)
+    motions = compare_motions(information, fit, time)
+    return Uncertainty(
+        fit.sigma, inflated, drawn, scores, times, length, independent, note, motions
+    )
 
 
 def residual_times(residual: Array, series: np.ndarray) -> tuple[Array, float]:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.judge import Evidence, holm, judge
+from identifiability.estimation.holm import holm
+from identifiability.estimation.judge import Evidence, judge
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 
 from .made import fit_of
