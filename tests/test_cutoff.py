@@ -22,6 +22,10 @@ def positions(simulated_session):
     return make
 
 
+#: A cut-off that a coarse encoder (5 mrad) does not suit.
+HIGH = Preparation(cutoff=8.0)
+
+
 def about_cutoff(result):
     return [h for h in result.hints if "cut-off" in h]
 
@@ -32,7 +36,7 @@ def test_a_good_cut_off_gives_no_hint(positions, seed):
 
 
 def test_coarse_encoders_move_values_and_the_hint_says_which_how_far_and_what_to_do(positions):
-    found = analyze("two-link", positions(5e-3), replicates=100)
+    found = analyze("two-link", positions(5e-3), preparation=HIGH, replicates=100)
     (hint,) = about_cutoff(found)
     assert hint.startswith("Identifiable values follow the cut-off of 8 Hz")
     assert ".Iyy by " in hint
@@ -44,10 +48,15 @@ def test_coarse_encoders_move_values_and_the_hint_says_which_how_far_and_what_to
     # The remedy helps.
     again = analyze("two-link", positions(5e-3), preparation=Preparation(cutoff=4), replicates=100)
     assert about_cutoff(again) == []
+    # And what is chosen does not need it: noise lowers it.
+    chosen = analyze("two-link", positions(5e-3), replicates=100)
+    assert about_cutoff(chosen) == []
+    assert 5 < chosen.samples[0].cutoff < 7
+    assert "noise has more than 1 % of the acceleration's power" in chosen.samples[0].notes[0]
 
 
 def test_the_values_that_are_named_are_identifiable_and_do_move(positions):
-    found = analyze("two-link", positions(5e-3), replicates=100)
+    found = analyze("two-link", positions(5e-3), preparation=HIGH, replicates=100)
     (hint,) = about_cutoff(found)
     double = analyze("two-link", positions(5e-3), preparation=Preparation(cutoff=16), replicates=0)
     values = double.to_frame(found.chosen.name).set_index("name").value
@@ -64,7 +73,9 @@ def test_measured_derivatives_have_no_cut_off_to_vary(simulated_session):
 
 
 def test_pruning_says_it_too(positions):
-    assert len(about_cutoff(prune("two-link", positions(5e-3), replicates=20))) == 1
+    loud = Preparation(cutoff=16)
+    hints = about_cutoff(prune("two-link", positions(5e-3), preparation=loud, replicates=20))
+    assert hints[0].startswith("Noise of what is differentiated has ")
 
 
 def test_a_long_log_is_fitted_again_in_windows_with_the_same_answer(positions, monkeypatch):
@@ -82,7 +93,7 @@ def test_a_long_log_is_fitted_again_in_windows_with_the_same_answer(positions, m
 
     monkeypatch.setattr(check, "prepare_samples", count)
     monkeypatch.setattr(check, "ENOUGH", 1200)
-    found = analyze("two-link", long, replicates=100)
+    found = analyze("two-link", long, preparation=HIGH, replicates=100)
     assert ".Iyy by" in about_cutoff(found)[0]
     assert sizes == [300] * 12  # four windows, at the cut-off itself, half and double of it
 
@@ -96,12 +107,31 @@ def test_of_many_short_logs_some_are_fitted_again_whole():
     assert check.ENOUGH / 2 < sum(b - a for _, a, b in long) <= check.ENOUGH
 
 
-def test_cut_offs_of_logs_that_differ_are_said(positions):
+def test_logs_have_one_cut_off_that_the_fitted_ones_decide(positions):
     slow = positions(2e-5)
     fast = replace(positions(2e-5, 1), t=slow.t / 3, name="fast")
-    found = analyze("two-link", slow, fast, replicates=0)
+    both = analyze("two-link", [slow, fast], replicates=0)
+    # A fifth of the slower rate: ten times the band of the fast one would be 24 Hz.
+    assert [s.cutoff for s in both.samples] == pytest.approx([20, 20], rel=0.01)
+    held = analyze("two-link", fast, slow, replicates=0)
+    assert held.validation[0].cutoff == held.samples[0].cutoff == pytest.approx(24, rel=0.01)
+    assert about_cutoff(both) == about_cutoff(held) == []
+
+
+def test_a_cut_off_in_the_band_of_the_motion_is_said(positions):
+    slow = positions(2e-5)
+    found = analyze("two-link", slow, preparation=Preparation(cutoff=1.2), replicates=0)
     (hint,) = about_cutoff(found)
-    assert hint.startswith("The logs were judged in different bands, with cut-offs from 8 Hz")
-    assert "(fast): give one that suits them all (--cutoff)." in hint
-    one = analyze("two-link", slow, fast, preparation=Preparation(cutoff=10), replicates=0)
-    assert about_cutoff(one) == []
+    assert hint.startswith("The cut-off of 1.2 Hz cuts into the motion of the logs, which reaches")
+    assert "0.8 Hz: accelerations are missing" in hint
+    assert "set it to 2.4 Hz or more (--cutoff)" in hint
+    faster = replace(positions(2e-5, 1), t=slow.t / 8, name="faster")
+    (hint,) = about_cutoff(analyze("two-link", slow, faster, replicates=0))
+    assert "cuts into the motion of faster, which reaches 6.4 Hz" in hint
+
+
+def test_noise_that_pulls_values_down_is_said(positions):
+    found = analyze("two-link", positions(5e-3), preparation=Preparation(cutoff=16), replicates=0)
+    hint = about_cutoff(found)[0]
+    assert hint.startswith("Noise of what is differentiated has ")
+    assert "set it to 6.5 Hz (--cutoff)" in hint

@@ -9,7 +9,7 @@ one side of the equation only.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -17,10 +17,6 @@ import scipy
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-
-#: No computed derivatives are low-passed below this: however slow the program, friction and
-#: flexibility make joints move at some hertz, and inertia is seen nowhere but there [Hz].
-LOWEST_CUTOFF = 5.0
 
 #: Decisions about a long log are made on this many windows of so many samples.
 WINDOWS, WINDOW = 8, 16_384
@@ -61,29 +57,6 @@ def never_moves(low: Array, high: Array) -> np.ndarray:
     return is_constant(low, high, 1.0)
 
 
-def bandwidth_of_windows(windows: Sequence[Array], dt: float, share: float = 0.99) -> float:
-    """Return the same of windows of equal length, each (N, n); their spectra are averaged [Hz]."""
-    length = len(windows[0])
-    taper = (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length))[:, None]  # Hann
-    spectrum = np.mean(
-        [np.abs(np.fft.rfft(taper * (q - q.mean(0)), axis=0)) ** 2 for q in windows], axis=0
-    )
-    f = np.fft.rfftfreq(length, dt)
-    energy = spectrum * f[:, None] ** 2
-    # White noise on q grows with f² here and would own the total; its level is seen at the top
-    # tenth of the band and taken off.
-    floor = np.median(spectrum[int(0.9 * len(f)) :], axis=0) / np.log(2)
-    energy = np.maximum(energy - 3 * floor * f[:, None] ** 2, 0.0)
-    total = energy.sum(0)
-    cumulative = np.cumsum(energy, 0)
-    reach = [
-        f[np.searchsorted(cumulative[:, k], share * total[k])]
-        for k in range(spectrum.shape[1])
-        if total[k] > 0
-    ]
-    return float(max(reach, default=0.0))
-
-
 def spread_windows(samples: int) -> list[tuple[int, int]]:
     """Return the rows (start, stop) that decisions about a whole log are made on.
 
@@ -94,20 +67,6 @@ def spread_windows(samples: int) -> list[tuple[int, int]]:
         return [(0, samples)]
     starts = np.linspace(0, samples - WINDOW, WINDOWS).astype(int)
     return [(int(s), int(s) + WINDOW) for s in starts]
-
-
-def choose_cutoff(t: Array, q: Array) -> float:
-    """Return a low-pass cut-off: 10 × the motion's bandwidth, at least 5 Hz, at most fs/5 [Hz].
-
-    Filtering q must not touch the motion itself: the literature takes 5 to 10 times its bandwidth
-    [Gautier 1997].
-    """
-    return cutoff_of_windows([q], sampling_step(t))
-
-
-def cutoff_of_windows(windows: Sequence[Array], dt: float) -> float:
-    """Return the same for windows of equal length, each (N, n) [Hz]."""
-    return float(min(max(10.0 * bandwidth_of_windows(windows, dt), LOWEST_CUTOFF), 0.2 / dt))
 
 
 def lowpass(x: Array, dt: float, cutoff: float, order: int = 4) -> Array:

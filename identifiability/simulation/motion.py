@@ -19,6 +19,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.source import read_table
+from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.logs.units import check_units
 from identifiability.robot import Robot
 
@@ -255,6 +256,6 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     if log.dq is not None and log.ddq is not None:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)
     dt, _ = log.even_step()
-    smooth = signals.lowpass(log.q, dt, signals.choose_cutoff(log.t, log.q))
+    smooth = signals.lowpass(log.q, dt, choose_band([Spectrum.of([log.q], dt)]).cutoff)
     dq = signals.differentiate(smooth, dt)
     return PrescribedMotion(log.t, smooth, dq, signals.differentiate(dq, dt), log.name)

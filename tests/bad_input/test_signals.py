@@ -6,6 +6,7 @@ import pytest
 from identifiability.estimation.estimate import estimate
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -14,6 +15,10 @@ from identifiability.simulation import Trajectory
 
 STEP = 0.01
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+
+def choose_cutoff(q):
+    return choose_band([Spectrum.of([q], STEP)]).cutoff
 
 
 @pytest.fixture
@@ -26,8 +31,8 @@ def smooth(rng):
 
 
 def test_butterworth_and_central_differences_recover_the_derivatives(smooth):
-    t, q, dq, ddq = smooth
-    low = signals.lowpass(q, STEP, signals.choose_cutoff(t, q))
+    _, q, dq, ddq = smooth
+    low = signals.lowpass(q, STEP, choose_cutoff(q))
     first = signals.differentiate(low, STEP)
     second = signals.differentiate(first, STEP)
     inside = slice(50, -50)
@@ -61,13 +66,15 @@ def test_the_period_is_the_right_fraction_of_the_duration(periods, rng):
 
 def test_the_cutoff_keeps_the_motion_and_not_the_noise(smooth, rng):
     """0.67 Hz of motion at 100 Hz: the choice stays where it is when noise is added to q."""
-    t, q, _, _ = smooth
-    plain = signals.choose_cutoff(t, q)
+    _, q, _, _ = smooth
+    plain = choose_cutoff(q)
     assert 5.0 <= plain <= 10.0
-    for level in (1e-5, 1e-4, 1e-3):
-        noisy = signals.choose_cutoff(t, q + level * rng.standard_normal(q.shape))
+    for level in (1e-5, 1e-4):
+        noisy = choose_cutoff(q + level * rng.standard_normal(q.shape))
         assert 0.7 * plain <= noisy <= 1.3 * plain
-    assert signals.choose_cutoff(t, rng.standard_normal(q.shape)) <= 0.2001 / STEP
+    # What white noise of 5 mrad becomes in accelerations is kept out.
+    assert 2.0 < choose_cutoff(q + 5e-3 * rng.standard_normal(q.shape)) < 0.7 * plain
+    assert choose_cutoff(rng.standard_normal(q.shape)) <= 0.2001 / STEP
 
 
 def test_decimation_is_linear_and_keeps_constants(rng):

@@ -10,6 +10,8 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.spectrum import bandwidth_of_windows
+from identifiability.logs.stale import StaleRule
 from identifiability.robot import Robot
 
 #: A joint slower than this share of its largest speed stands still.
@@ -65,7 +67,7 @@ def choose_rest_rule(q: Sequence[Array], dq: Sequence[Array], dt: float) -> Rest
     still = [np.all(np.abs(x) <= limit, axis=1) for x in dq]
     if all(s.all() for s in still):
         return None
-    least = 0.5 / max(signals.bandwidth_of_windows(q, dt) * dt, 1e-300)
+    least = 0.5 / max(bandwidth_of_windows(q, dt) * dt, 1e-300)
     return RestRule(limit, min(least, float(signals.WINDOW)))
 
 
@@ -91,6 +93,8 @@ class Plan:
         How derivatives are made, for the report.
     remarks : tuple of str
         What seems to be wrong with the columns.
+    stale : StaleRule or None
+        Which values repeat the sample before and are interpolated; None leaves all as they are.
     """
 
     step: float
@@ -101,6 +105,7 @@ class Plan:
     factor: int
     notes: tuple[str, ...]
     remarks: tuple[str, ...] = ()
+    stale: StaleRule | None = None
 
     @property
     def decimation(self) -> signals.Decimation | None:
@@ -127,6 +132,10 @@ class Plan:
     def reach(self) -> int:
         """Samples on each side that an output draws on."""
         return self.filter_reach + (0 if self.decimation is None else self.decimation.reach)
+
+    def mend(self, log: Log) -> Log:
+        """Return a log, as it was recorded, with repeated values interpolated."""
+        return log if self.stale is None else self.stale.mend(log)
 
     def derive(self, log: Log) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration of the actuated joints, each (N, n).

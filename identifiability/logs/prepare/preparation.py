@@ -26,6 +26,8 @@ from identifiability.logs.prepare.plan import (
     has_motors,
     joint_log,
 )
+from identifiability.logs.spectrum import Band, Spectrum, choose_band
+from identifiability.logs.stale import StaleRule
 from identifiability.logs.units import check_units, find_contradictions
 from identifiability.robot import Robot
 
@@ -44,8 +46,8 @@ class Preparation:
     derivatives : {"auto", "given", "butterworth", "fourier"}
         ``auto`` takes the log's own where it has them, else Butterworth.
     cutoff : float or None [Hz]
-        Low-pass for computed derivatives; None chooses 10 × the bandwidth of the motion, within
-        5 Hz and a fifth of the sampling rate.
+        Low-pass for computed derivatives; None chooses it for all logs together, from 10 × the
+        bandwidth of the motion and from the noise (`identifiability.logs.spectrum.choose_band`).
     period : float or None [s]
         Period for the Fourier fit; None finds the whole fraction of the duration that fits best.
     harmonics : int
@@ -70,6 +72,75 @@ class Preparation:
         check_fields(self)
 
 
+@frozen
+class SettledPreparation(Preparation):
+    """The same with a cut-off for several logs.
+
+    Attributes
+    ----------
+    band : Band or None
+        What it lets through.
+    """
+
+    band: Band | None = None
+
+
+def settle_cutoff(
+    robot: Robot, logs: Sequence[Log | LogFile], how: Preparation | None
+) -> Preparation:
+    """Return a preparation with one cut-off for all logs: what is compared has one band.
+
+    Parameters
+    ----------
+    robot : Robot
+    logs : sequence of Log or LogFile
+        That decide: the fitted ones. What is held out has no say in what is fitted.
+    how : Preparation or None
+
+    Raises
+    ------
+    LogError
+        If a log does not fit the robot.
+    """
+    how = how or Preparation()
+    computed = [log for log in logs if _is_filtered(log, how)]
+    if not computed:
+        return how
+    return _settle(robot, [_read_windows(log)[0] for log in computed], how)
+
+
+def _settle(robot: Robot, logs: Sequence[Sequence[Log]], how: Preparation) -> SettledPreparation:
+    """Return the preparation for logs, from windows of each."""
+    band = _choose_band(robot, logs, how.cutoff)
+    return SettledPreparation(**{**vars(how), "cutoff": band.cutoff, "band": band})
+
+
+def _is_filtered(log: Log | LogFile, how: Preparation) -> bool:
+    """Return whether derivatives of a log are computed after a low-pass."""
+    have = {"dq", "ddq"} <= set(log.channels)
+    return how.derivatives == "butterworth" or (how.derivatives == "auto" and not have)
+
+
+def _read_windows(log: Log | LogFile) -> tuple[list[Log], StaleRule]:
+    """Return where decisions about a log are made, with repeated values interpolated."""
+    raw = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
+    rule = StaleRule.of(raw)
+    return [rule.mend(w) for w in raw], rule
+
+
+def _choose_band(robot: Robot, logs: Sequence[Sequence[Log]], cutoff: float | None) -> Band:
+    """Return the band of what is differentiated."""
+    spectra = []
+    for raw in logs:
+        windows = [joint_log(robot, w) for w in raw]
+        step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
+        source, order = ([w.q for w in windows], 2)
+        if windows[0].dq is not None:
+            source, order = [w.dq for w in windows if w.dq is not None], 1
+        spectra.append(Spectrum.of(source, step, order))
+    return choose_band(spectra, [robot.is_prismatic(int(k)) for k in robot.actuated], cutoff)
+
+
 def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
     """Decide how a log is prepared.
 
@@ -78,8 +149,11 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
     LogError
         If the log does not fit the robot or what is asked for.
     """
-    spans = signals.spread_windows(len(log))
-    raw = [log.rows(a, b) for a, b in spans]
+    filtered = _is_filtered(log, how)
+    if filtered:
+        raw, stale = _read_windows(log)
+    else:
+        raw, stale = [log.rows(a, b) for a, b in signals.spread_windows(len(log))], None
     windows = [joint_log(robot, w) for w in raw]
     notes: list[str] = []
     if has_motors(robot, raw[0]):
@@ -89,15 +163,19 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
         raise LogError(
             f"{log.name}: all torques are zero; nothing was measured, check the columns."
         )
+    if filtered and how.cutoff is None:
+        how = _settle(robot, [raw], how)
     plan = _plan_derivatives(robot, log, windows, how)
-    if len(spans) > 1:
+    if stale is not None and stale.note:
+        notes.append(stale.note)
+    if len(windows) > 1:
         notes.append(
-            f"what holds for the whole log was decided on {len(spans)} windows of "
+            f"what holds for the whole log was decided on {len(windows)} windows of "
             f"{signals.WINDOW} samples, evenly spaced in time"
         )
     rest = None if how.keep_rest else _rest_rule(plan, windows)
     return replace(
-        plan, rest=rest, factor=_choose_factor(plan, how), notes=(*plan.notes, *notes),
+        plan, rest=rest, factor=_choose_factor(plan, how), notes=(*plan.notes, *notes), stale=stale,
         remarks=tuple(find_contradictions(join_logs(windows))),
     )  # fmt: skip
 
@@ -122,8 +200,8 @@ def _plan_derivatives(
 
 def _plan_filter(log: Log | LogFile, windows: Sequence[Log], plan: Plan, how: Preparation) -> Plan:
     dt, jitter = even_step(log.clock, windows)
-    given = [w.q for w in windows]
-    cutoff = signals.cutoff_of_windows(given, dt) if how.cutoff is None else how.cutoff
+    cutoff = how.cutoff
+    assert cutoff is not None
     lowest = 1.0 / (log.clock.last - log.clock.first)
     if not lowest <= cutoff < 0.5 / dt:
         raise LogError(
@@ -131,9 +209,11 @@ def _plan_filter(log: Log | LogFile, windows: Sequence[Log], plan: Plan, how: Pr
             f"({lowest:.3g} Hz) and half its sampling rate ({0.5 / dt:g} Hz)."
         )
     source = "given velocities" if "dq" in log.channels else "positions"
+    band = how.band if isinstance(how, SettledPreparation) else None
+    reason = f" ({band.reason})" if band and band.reason else ""
     note = (
         f"velocity and acceleration are central differences of the {source} after a zero-phase "
-        f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{jitter}"
+        f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{reason}{jitter}"
     )
     return replace(plan, step=dt, cutoff=cutoff, notes=(note,))
 

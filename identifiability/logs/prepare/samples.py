@@ -176,7 +176,7 @@ def prepare_rows(
     ------
     LogError, ClosureError
     """
-    log = joint_log(robot, log)
+    log = joint_log(robot, plan.mend(log))
     q, dq, ddq = plan.derive(log)
     reach = plan.reach - plan.filter_reach
     part = slice(max(0, own[0] - reach - origin), min(len(log), own[1] + reach - origin))

@@ -1,4 +1,4 @@
-"""The low-pass of computed derivatives: do values depend on it, and were logs judged in one band?
+"""The low-pass of computed derivatives: does it cut the motion, let noise in, do values follow it?
 
 The model is fitted again at half and at double the cut-off. Where the band is right, little
 changes: a value moves by what the rows that were added or lost knew of it [Hausman 1978]. Where
@@ -19,8 +19,9 @@ from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import REACH
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.preparation import SettledPreparation, settle_cutoff
 from identifiability.logs.repeats import Recording
+from identifiability.logs.spectrum import NARROW, Band
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.workflows.analyze.assessment import RungResult
@@ -35,17 +36,20 @@ ENOUGH, WINDOWS = 16_384, 4
 #: A move must also be this many times its own standard deviation: there are many parameters.
 SURE = 4.0
 
-#: Cut-offs of logs that differ by more than this factor are said.
-APART = 1.5
+#: A cut-off below so many times the band of the motion cuts into it.
+INSIDE = 2.0
+
+#: Noise with a larger share of an acceleration's power is said.
+LOUD = 0.1
 
 #: Parameters that a hint names.
 NAMED = 3
 
 
 def check_cutoff(
-    opening: Opening, recordings: Recordings, result: RungResult, how: Preparation | None
+    opening: Opening, recordings: Recordings, result: RungResult, how: Preparation
 ) -> tuple[str, ...]:
-    """Return what to say of the cut-offs: of all logs together, and of what follows them.
+    """Return what to say of the cut-off: of what it lets through, and of what follows it.
 
     Parameters
     ----------
@@ -54,32 +58,56 @@ def check_cutoff(
         What its samples were prepared from.
     result : RungResult
         The model whose values are looked at.
-    how
-        As in `analyze`.
+    how : Preparation
+        With the cut-off for all logs.
     """
-    bands = compare_bands((*opening.samples, *opening.validation))
-    varied = vary_cutoff(opening.regression, recordings.fitted, result, how or Preparation())
-    return tuple(filter(None, (bands, varied)))
+    if not isinstance(how, SettledPreparation) or how.band is None:
+        return ()
+    held = settle_cutoff(opening.structure.robot, recordings.held, how)
+    seen = held.band if isinstance(held, SettledPreparation) else None
+    names = " and ".join(log.name for log in recordings.held)
+    said = (
+        _say_cut(how.band, "the logs"),
+        _say_cut(seen, names) if seen and not _say_cut(how.band, "") else "",
+        _say_noise(how.band),
+        vary_cutoff(opening.regression, recordings.fitted, result, how),
+    )
+    return tuple(filter(None, said))
 
 
-def compare_bands(samples: Sequence[Prepared]) -> str:
-    """Return one sentence on logs whose cut-offs are far apart, or nothing."""
-    found = [(s.cutoff, s.name) for s in samples if s.cutoff is not None]
-    if not found:
-        return ""
-    (low, first), (high, last) = min(found), max(found)
-    if high <= APART * low:
+def _say_cut(band: Band, whose: str) -> str:
+    """Return one sentence on a cut-off in the band of the motion, or nothing."""
+    if band.cutoff >= INSIDE * band.bandwidth:
         return ""
     return (
-        f"The logs were judged in different bands, with cut-offs from {low:.3g} Hz ({first}) to "
-        f"{high:.3g} Hz ({last}): give one that suits them all (--cutoff)."
+        f"The cut-off of {band.cutoff:.3g} Hz cuts into the motion of {whose}, which reaches "
+        f"{band.bandwidth:.3g} Hz: accelerations are missing, and values are wrong; set it to "
+        f"{NARROW * band.bandwidth:.2g} Hz or more (--cutoff)."
+    )
+
+
+def _say_noise(band: Band) -> str:
+    """Return one sentence on noise below the cut-off, or nothing."""
+    if band.noise <= LOUD:
+        return ""
+    remedy = "measure velocities, or let the robot accelerate more"
+    if band.limit < 0.9 * band.cutoff:
+        remedy = f"set it to {band.limit:.2g} Hz (--cutoff), {remedy}"
+    return (
+        f"Noise of what is differentiated has {100 * min(band.noise, 1.0):.2g} % of the power of "
+        f"an acceleration below the cut-off of {band.cutoff:.3g} Hz, which pulls inertias towards "
+        f"zero: {remedy}."
     )
 
 
 def vary_cutoff(
-    regression: Regression, logs: Sequence[Recording], result: RungResult, how: Preparation
+    regression: Regression, logs: Sequence[Recording], result: RungResult, how: SettledPreparation
 ) -> str:
-    """Return one sentence on identifiable values that follow the cut-off, or nothing."""
+    """Return one sentence on identifiable values that follow the cut-off, or nothing.
+
+    Where noise is small up to the cut-off but not up to double of it, values may follow it there:
+    then only half of it says something.
+    """
     known = np.array([v.verdict is Class.IDENTIFIABLE for v in result.verdicts])
     cutoffs = [s.cutoff for s in regression.samples]
     if not known.any() or None in cutoffs:
@@ -103,7 +131,11 @@ def vary_cutoff(
     if base is None:
         return ""
     found = []
+    b = how.band
+    silent = b is not None and b.cutoff <= b.limit
     for factor in FACTORS:
+        if b is not None and silent and factor * b.cutoff > b.limit:
+            continue
         other = refit(factor)
         if other is None:
             continue

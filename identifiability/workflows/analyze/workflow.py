@@ -14,6 +14,7 @@ from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.gather import gather_information
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.regression.reduction import (
@@ -103,7 +104,8 @@ def analyze(
             recordings = read_recordings(logs, validate)
             structure = Structure.of(robot, ladder_model(source.entry), streams[0])
             reading = share(say, "reading logs", 0.1, 0.3)
-            prepare = partial(prepare_log, robot, how=preparation, engine=runner, progress=reading)
+            how = settle_cutoff(robot, recordings.fitted, preparation)
+            prepare = partial(prepare_log, robot, how=how, engine=runner, progress=reading)
             opening = open_logs(structure, recordings, prepare)
             rungs = build_comparison(source.entry, structure)
             building = share(say, "building the regression", 0.3, 0.6)
@@ -128,7 +130,7 @@ def analyze(
         results = assess_ladder(models, physical, fitted, out, thresholds, streams[1], replicates)
         at = select_model(results)
         results, nothing = doubt(silence, results, at, out)
-        bands = check_cutoff(opening, recordings, results[at], preparation)
+        bands = check_cutoff(opening, recordings, results[at], how)
         belief = None
         if posterior:
             results, belief = believe(structure, information, results, at, streams[2], say, silence)

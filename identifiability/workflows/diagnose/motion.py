@@ -23,6 +23,7 @@ from identifiability.logs.prepare.preparation import make_plan
 from identifiability.logs.prepare.samples import check_left, join_motions
 from identifiability.logs.prepare.samples import prepare_rows as prepare_stretch
 from identifiability.logs.repeats import Recording
+from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
 from identifiability.robot import Robot
 
 #: Stretches that a held-out log is divided into, in turn to choose and to verify.
@@ -145,7 +146,8 @@ def prepare_rows(robot: Robot, log: Recording, how: Preparation | None) -> Sampl
     step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
     even = log.clock.longest.length < 1.5 * step  # no filter reaches across a gap
     if how is None and even and {"dq", "ddq"} <= set(log.channels):
-        factor = int(0.5 / (signals.cutoff_of_windows([w.q for w in windows], step) * step))
+        band = WIDE * bandwidth_of_windows([w.q for w in windows], step)
+        factor = int(0.5 / (min(max(band, LOWEST_CUTOFF), HIGHEST / step) * step))
         # Of a short part of a log enough must be left.
         while factor > 1 and signals.Decimation(factor).outputs(len(log)) < checks.FEWEST:
             factor -= 1

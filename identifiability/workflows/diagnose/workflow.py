@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from identifiability.effects import stated_effects
 from identifiability.foundation.options import Names, Seed, at_least, checked
 from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.reduction import ModelLike, choose_model, free_again, unused_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
@@ -99,10 +100,12 @@ def diagnose(
         say("reading logs", 0.0)
         given = read_recordings(logs, validate)
         roles = assign_roles(given.fitted, given.held)
+        settled = settle_cutoff(robot, roles.fit, preparation)
+        how = preparation if settled.cutoff is None else settled
         opening = open_logs(
             Structure.of(robot, choose_model(model, usual_effects(robot))),
             Recordings(roles.fit, (*roles.choose, *roles.verify), given.hints),
-            partial(prepare_rows, robot, how=preparation),
+            partial(prepare_rows, robot, how=how),
             "diagnosed",
         )
         fit, held = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
@@ -127,7 +130,7 @@ def diagnose(
             material.bench, material.candidates, material.held, setting.rules, present, say
         )
         say("changing the preparation", 0.8)
-        naming = stress_named(material, naming, roles.fit, preparation, streams[1])
+        naming = stress_named(material, naming, roles.fit, how, streams[1])
         say("verifying", 0.9)
         found = conclude(material, naming, streams[2])
         options = {

@@ -25,6 +25,7 @@ from identifiability.foundation.options import (
 )
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.reduction import ModelLike, free_again, unused_ladder
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.motion import MOST_SAMPLES
@@ -128,10 +129,9 @@ def excite(
         say("reading logs", 0.0)
         bounds = find_limits(robot, limits)
         question = pose_question(robot, rule, model, parameters, separate)
-        logs = [
-            prepare_log(robot, log, preparation, engine=Serial())
-            for log in read_logs(() if start_from is None else start_from)
-        ]
+        start = read_logs(() if start_from is None else start_from)
+        how = settle_cutoff(robot, start, preparation)
+        logs = [prepare_log(robot, log, how, engine=Serial()) for log in start]
         if start_from is not None and not logs:
             raise LogError("No log was given to start from; give at least one, or none at all.")
         known, series = gather_known(question, logs, samples), Series(bounds, duration, harmonics)

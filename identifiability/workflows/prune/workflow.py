@@ -21,6 +21,7 @@ from identifiability.foundation.options import (
 )
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.physical.feasibility import PhysicalResult, assess_feasibility
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
@@ -135,7 +136,8 @@ def prune(
         recordings = read_recordings(logs, validate)
         structure = Structure.of(robot, ladder_model(source.entry), streams[0])
         reading = share(say, "reading logs", 0.0, 0.1)
-        prepare = partial(prepare_log, robot, how=preparation, engine=runner, progress=reading)
+        how = settle_cutoff(robot, recordings.fitted, preparation)
+        prepare = partial(prepare_log, robot, how=how, engine=runner, progress=reading)
         opening = open_logs(structure, recordings, prepare, "pruned")
         building = share(say, "building the regression", 0.1, 0.4)
         information = gather_information(opening.regression, engine=runner, progress=building)
@@ -173,7 +175,7 @@ def prune(
             progress=share(say, "resampling", 0.7, 1.0),
             engine=engine,
         )
-        bands = check_cutoff(opening, recordings, measured.result, preparation)
+        bands = check_cutoff(opening, recordings, measured.result, how)
         part, full = start.reduce(information), measured.rungs[0].estimate
         return Ladder(
             structure=structure,

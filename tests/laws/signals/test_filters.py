@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs import signals
+from identifiability.logs.spectrum import Spectrum, bandwidth_of_windows, choose_band
 
 DT = 0.002
 
@@ -73,18 +74,16 @@ def test_the_bandwidth_holds_99_per_cent_of_the_velocitys_energy(fast, reach):
     assert (share > 0.01) == (reach == 6.0)
     still = np.zeros(n)
     both = np.stack([q, still], 1)
-    assert signals.bandwidth_of_windows([both], DT) == pytest.approx(reach, abs=0.2)
+    assert bandwidth_of_windows([both], DT) == pytest.approx(reach, abs=0.2)
     # The fastest joint decides; windows are averaged.
     both[:, 1] = at(3.0, n)
-    assert signals.bandwidth_of_windows([both], DT) == pytest.approx(max(reach, 3.0), abs=0.2)
+    assert bandwidth_of_windows([both], DT) == pytest.approx(max(reach, 3.0), abs=0.2)
 
 
 def test_the_cut_off_is_ten_bandwidths_within_its_bounds():
     for hertz, expected in ((0.2, 5.0), (3.0, 30.0), (40.0, 100.0)):
-        t = DT * np.arange(10_000)
-        assert signals.choose_cutoff(t, at(hertz, 10_000)[:, None]) == pytest.approx(
-            expected, rel=0.05
-        )
+        band = choose_band([Spectrum.of([at(hertz, 10_000)[:, None]], DT)])
+        assert band.cutoff == pytest.approx(expected, rel=0.05)
 
 
 def test_long_logs_are_decided_on_even_windows():

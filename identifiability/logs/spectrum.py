@@ -1,0 +1,244 @@
+"""Band of a motion, the noise under it, and the low-pass that suits both.
+
+Derivatives multiply noise by the frequency. Their low-pass must leave the motion alone, which takes
+5 to 10 times its bandwidth [Gautier 1997], and must stay below where what noise becomes in the
+acceleration is no longer small beside the acceleration itself.
+
+What to use when: `Spectrum.of` for a log; `choose_band` for all logs that are judged together;
+`bandwidth_of_windows` where the band alone is wanted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+
+#: No computed derivatives are low-passed below this for the motion's sake: however slow the
+#: program, friction and flexibility make joints move at some hertz, and inertia is seen nowhere
+#: but there [Hz].
+LOWEST_CUTOFF = 5.0
+
+#: Nor below this for the noise's sake: gravity and friction are seen in slow motion too, whatever
+#: its accelerations are, and need outputs [Hz].
+LEAST_CUTOFF = 2.5
+
+#: The cut-off in bandwidths of the motion: what is taken, and the least that noise may lower it to.
+WIDE, NARROW = 10.0, 3.0
+
+#: Largest cut-off as a share of the sampling rate.
+HIGHEST = 0.2
+
+#: Largest power that noise may have in the acceleration, as a share of the acceleration's.
+NOISE_SHARE = 0.01
+
+#: Joints with less than this share of the acceleration of the one that accelerates most (rms) do
+#: not lower the cut-off of the others.
+STILL = 0.1
+
+#: The noise at a frequency is the median over these multiples of it: a motion falls there by
+#: orders of magnitude, and white noise does not; neither does the rounding of coarse encoders,
+#: whose spectrum is flat up to the rate of its steps only.
+ABOVE = (2.0, 8.0)
+
+#: Where the smoothed spectrum is not so many times the noise, there is no motion to be seen: the
+#: steps of a coarse encoder fall with the square of the frequency, which is 25 times over `ABOVE`,
+#: positions with the sixth power or faster.
+SEEN = 40.0
+
+#: Samples of encoders so coarse that they change more slowly are averaged until they change every
+#: time, but no longer than this [s]; so many samples are left at least.
+COARSE, LEFT = 0.02, 256
+
+#: Frequencies at which the noise is looked up, a decade.
+LOOKS = 16
+
+
+@frozen
+class Spectrum:
+    """Power of what is differentiated, and the noise in it.
+
+    Attributes
+    ----------
+    rate : float [Hz]
+        At which it was sampled.
+    f : (K,) [Hz]
+        Frequencies, evenly spaced from zero to half the rate, or less for a coarse encoder.
+    power : (K, n) [(rad or m)²/Hz, or of a velocity]
+        One-sided density of each joint.
+    order : int
+        Times that it is differentiated to become an acceleration: 2 for positions, 1 for
+        velocities.
+    """
+
+    rate: float
+    f: Array
+    power: Array
+    order: int
+
+    @staticmethod
+    def of(windows: Sequence[Array], dt: float, order: int = 2) -> Spectrum:
+        """Return the spectrum of windows of equal length, each (N, n); they are averaged."""
+        rate = 1.0 / dt
+        windows, dt = _average_steps(windows, dt)
+        length = len(windows[0])
+        taper = (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length))[:, None]  # Hann
+        power = [np.abs(np.fft.rfft(taper * (x - x.mean(0)), axis=0)) ** 2 for x in windows]
+        scale = 2 * dt / max(float((taper**2).sum()), 1e-300)
+        return Spectrum(rate, np.fft.rfftfreq(length, dt), scale * np.mean(power, axis=0), order)
+
+    @cached_property
+    def noise(self) -> Array:
+        """Density of the noise, (K, n)."""
+        last = len(self.f) - 1
+        at = np.unique(np.geomspace(1, max(last, 1), LOOKS * 5).astype(int))
+        # Half of the values of white noise are below ln 2 of its density.
+        found = np.array([self._median(k) for k in at]) / np.log(2)
+        nearest = np.clip(np.searchsorted(at, np.arange(last + 1), "right") - 1, 0, len(at) - 1)
+        density: Array = found[nearest]
+        return density
+
+    def _median(self, k: int) -> Array:
+        last = len(self.f) - 1
+        first = min(int(ABOVE[0] * k), int(0.9 * last))
+        level: Array = np.median(self.power[first : max(int(ABOVE[1] * k), first + 2)], axis=0)
+        return level
+
+    @cached_property
+    def motion(self) -> Array:
+        """Density of the motion above the noise, (K, n)."""
+        k = np.arange(len(self.f))
+        low, high = (k / 2 ** (1 / 6)).astype(int), np.ceil(k * 2 ** (1 / 6)).astype(int) + 1
+        high = np.minimum(high, len(k))
+        total = np.concatenate([np.zeros((1, self.power.shape[1])), np.cumsum(self.power, 0)])
+        smooth = (total[high] - total[low]) / (high - low)[:, None]
+        above: Array = np.where(smooth > SEEN * self.noise, self.power - self.noise, 0.0)
+        return np.maximum(above, 0.0)
+
+    def bandwidths(self, share: float = 0.99) -> Array:
+        """Return below which frequency a share of each velocity's energy lies, (n,) [Hz]."""
+        energy = np.cumsum(self.motion * self._slope(self.order - 1), axis=0)
+        reach = [self.f[np.searchsorted(e, share * e[-1])] if e[-1] > 0 else 0.0 for e in energy.T]
+        return np.array(reach)
+
+    def acceleration(self, below: float) -> Array:
+        """Return the mean square of each joint's acceleration up to a frequency, (n,)."""
+        inside = self.f <= below
+        power: Array = self.f[1] * (self.motion * self._slope(self.order))[inside].sum(0)
+        return power
+
+    def noise_in_acceleration(self, cutoff: float) -> Array:
+        """Return the mean square that noise has in each acceleration below a cut-off, (n,)."""
+        at = min(int(np.searchsorted(self.f, cutoff)), len(self.f) - 1)
+        slope = (2 * np.pi * cutoff) ** (2 * self.order)
+        power: Array = self.noise[at] * slope * cutoff / (2 * self.order + 1)
+        return power
+
+    def _slope(self, order: int) -> Array:
+        return (2 * np.pi * self.f[:, None]) ** (2 * order)
+
+
+def _average_steps(windows: Sequence[Array], dt: float) -> tuple[Sequence[Array], float]:
+    """Return windows in which a coarse encoder changes about every time, and their step.
+
+    A staircase whose steps last many samples is no smooth motion with noise at any frequency
+    below that of its steps; means over its steps are.
+    """
+    changes = [np.flatnonzero(x) for w in windows for x in np.diff(w, axis=0).T]
+    # The median does not see rests.
+    lengths = [float(np.median(np.diff(at))) for at in changes if len(at) > 1]
+    block = int(min(max(lengths, default=1.0), COARSE / dt, len(windows[0]) / LEFT))
+    if block < 2:
+        return windows, dt
+    rows = len(windows[0]) // block
+    return [x[: rows * block].reshape(rows, block, -1).mean(1) for x in windows], dt * block
+
+
+def bandwidth_of_windows(windows: Sequence[Array], dt: float) -> float:
+    """Return the band of a motion [Hz]: 99 % of the velocity's energy of every joint lie below.
+
+    Parameters
+    ----------
+    windows : sequence of (N, n) [rad or m]
+        Positions, in windows of equal length.
+    dt : float [s]
+    """
+    return float(Spectrum.of(windows, dt).bandwidths().max(initial=0.0))
+
+
+@frozen
+class Band:
+    """The low-pass of computed derivatives, and what it lets through.
+
+    Attributes
+    ----------
+    cutoff : float [Hz]
+    bandwidth : float [Hz]
+        Of the motion, of the fastest joint and log.
+    limit : float [Hz]
+        Up to here noise has at most `NOISE_SHARE` of the power of every acceleration.
+    noise : float
+        Share of the power of an acceleration that noise has at the cut-off, of the worst joint.
+    reason : str
+        Why the cut-off is there, for the report; nothing where it was given.
+    """
+
+    cutoff: float
+    bandwidth: float
+    limit: float
+    noise: float
+    reason: str
+
+
+def choose_band(
+    spectra: Sequence[Spectrum], sliding: Sequence[bool] = (), cutoff: float | None = None
+) -> Band:
+    """Return the low-pass for all logs that are judged together.
+
+    Ten times the band of the motion, at least `LOWEST_CUTOFF`; less where noise would have more
+    than `NOISE_SHARE` of the power of an acceleration, but never less than three times the band
+    and `LEAST_CUTOFF`; and a fifth of the sampling rate at most.
+
+    Parameters
+    ----------
+    spectra : sequence of Spectrum
+        Of each log, with the same joints.
+    sliding : (n,) bool
+        Which joints are prismatic: accelerations are compared within a kind.
+    cutoff : float or None [Hz]
+        One that was given; None chooses it.
+    """
+    band = max(float(s.bandwidths().max(initial=0.0)) for s in spectra)
+    highest = HIGHEST * min(s.rate for s in spectra)
+    most = max(WIDE * band, LOWEST_CUTOFF)
+    signal = np.sum([s.acceleration(most) for s in spectra], axis=0)
+    kinds = np.array(sliding or [False] * len(signal), bool)
+    largest = [signal[kinds == kind].max(initial=0.0) for kind in kinds]
+    counts = (signal > 0) & (signal >= STILL**2 * np.array(largest))
+
+    def noise(at: float) -> float:
+        power = np.sum([s.noise_in_acceleration(at) for s in spectra], axis=0)
+        return float((power[counts] / signal[counts]).max(initial=0.0))
+
+    tried = np.geomspace(max(NARROW * band, LEAST_CUTOFF), 0.5 * highest / HIGHEST, 129)
+    loud = np.flatnonzero([noise(at) > NOISE_SHARE for at in tried])
+    limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
+    if cutoff is not None:
+        return Band(cutoff, band, limit, noise(cutoff), "")
+    chosen, reason = most, f"10 × the motion's band of {band:.3g} Hz"
+    if most == LOWEST_CUTOFF:
+        reason = f"the least there is, the motion's band is {band:.2g} Hz"
+    if limit < chosen:
+        chosen, own = limit, noise(limit)
+        which = "above, noise has more than" if own <= NOISE_SHARE else "although noise has"
+        reason = (
+            f"{chosen / max(band, 1e-3):.2g} × the motion's band of {band:.3g} Hz, {which} "
+            f"{100 * max(own, NOISE_SHARE):.2g} % of the acceleration's power"
+        )
+    if highest < chosen:
+        chosen, reason = highest, f"a fifth of the sampling rate, the motion reaches {band:.3g} Hz"
+    return Band(chosen, band, limit, noise(chosen), reason)
