@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from copy import copy
-from dataclasses import replace
+from dataclasses import field, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.checks import Clock, find_channels
 from identifiability.logs.log import Log, build_log
 from identifiability.logs.source import Reading, is_long, scan_file
+from identifiability.logs.spikes import Spike, mend_column
 from identifiability.logs.tables import Table, parsing
 
 
@@ -44,6 +45,8 @@ class LogFile:
         Size and time of change of the file when it was checked.
     span : (int, int)
         Rows of the file that this is about; all by default.
+    spikes, mended : mapping of str to tuple of Spike
+        Wrong values of each column, and those that are replaced when it is read.
     """
 
     name: str
@@ -56,6 +59,8 @@ class LogFile:
     sha256: str
     stamp: tuple[int, int]
     span: tuple[int, int] = (0, -1)
+    spikes: Mapping[str, tuple[Spike, ...]] = field(default_factory=dict)
+    mended: Mapping[str, tuple[Spike, ...]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -97,6 +102,7 @@ class LogFile:
             torque=reading.torque,
             sha256=digest,
             stamp=stamp,
+            spikes={c: tuple(reading.finders[c].finish()) for c in known if c != "t"},
         )
 
     def rows(self, start: int, stop: int) -> Log:
@@ -108,7 +114,8 @@ class LogFile:
             If the file changed since it was checked.
         """
         parts = list(self._arrays(start, stop))
-        return self._log(np.concatenate(parts) if parts else np.empty((0, len(self.columns))))
+        values = np.concatenate(parts) if parts else np.empty((0, len(self.columns)))
+        return self._log(values, start)
 
     def overlapping(
         self, start: int, stop: int, size: int, margin: int
@@ -145,7 +152,7 @@ class LogFile:
             while origin + len(held) < high:
                 held = np.concatenate([held, next(arrays)])
             held, origin = held[low - origin :], low
-            yield first, last, origin, self._log(held[: high - low])
+            yield first, last, origin, self._log(held[: high - low], low)
 
     def _arrays(self, start: int, stop: int) -> Iterator[Array]:
         """Yield the columns (N, c) of the rows [start, stop)."""
@@ -160,8 +167,10 @@ class LogFile:
             raise
         self._check_unchanged(whole=count == stop - start)
 
-    def _log(self, values: Array) -> Log:
+    def _log(self, values: Array, start: int) -> Log:
         columns = {c.strip(): values[:, k] for k, c in enumerate(self.columns)}
+        for column, spikes in self.mended.items():
+            columns[column] = mend_column(columns[column], spikes, self.span[0] + start)
         return build_log(self.name, self.joints, columns, self.sha256)
 
     def _check_unchanged(self, *, whole: bool = True) -> None:

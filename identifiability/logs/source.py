@@ -12,6 +12,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.logs.bags import hash_files, is_bag, read_bag, split_topic
 from identifiability.logs.checks import CHANNELS, Clock, Numbers, find_joints
+from identifiability.logs.spikes import SpikeFinder
 from identifiability.logs.tables import Table, is_parquet, open_parquet, parsing, scan_table
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ class Reading:
     source : str
         What sentences call the table.
     keep : bool
-        Keep the values.
+        Keep the values; else look for wrong ones in passing.
 
     Attributes
     ----------
@@ -37,6 +38,8 @@ class Reading:
         In the order of the columns.
     numbers : dict of str to Numbers
         The columns that a log is made of.
+    finders : dict of str to SpikeFinder
+        Of the columns that are not kept.
     clock : Clock
     torque : bool
         Whether any torque is not zero.
@@ -46,6 +49,7 @@ class Reading:
         self.source, self.keep = source, keep
         self.joints: list[str] = []
         self.numbers: dict[str, Numbers] = {}
+        self.finders: dict[str, SpikeFinder] = {}
         self.clock, self.torque = Clock(source), False
         self._kept: dict[str, list[Array]] = {}
 
@@ -63,6 +67,7 @@ class Reading:
             known = {"t", *(f"{j}.{kind}" for j in self.joints for kind in CHANNELS)}
             self.numbers = {c: Numbers(c, self.source) for c in frame.columns if c in known}
             self._kept = {c: [] for c in self.numbers}
+            self.finders = {} if self.keep else {c: SpikeFinder() for c in known - {"t"}}
         for column, numbers in self.numbers.items():
             values = numbers.add(frame[column])
             if column == "t" and not numbers.bad:
@@ -71,6 +76,8 @@ class Reading:
                 self.torque = self.torque or bool(values.any())
             if self.keep:
                 self._kept[column].append(values)
+            elif column != "t":
+                self.finders[column].add(values)
 
     def finish(self) -> dict[str, Array]:
         """Return the columns, each (N,), as far as they were kept.

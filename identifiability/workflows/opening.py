@@ -21,6 +21,7 @@ from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile, open_log
+from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
 from identifiability.logs.prepare.survey import explain_silence, torque_varies
@@ -48,7 +49,7 @@ class Recordings:
     ----------
     fitted, held : tuple of Log or LogFile
     hints : tuple of str
-        On those that repeat others.
+        On those that repeat others, or have wrong samples.
     """
 
     fitted: tuple[Recording, ...]
@@ -115,7 +116,7 @@ def read_logs(logs: Logs) -> list[Log | LogFile]:
 
 
 def read_recordings(logs: Logs, validate: Logs = ()) -> Recordings:
-    """Return fitted and held-out logs, every row once.
+    """Return fitted and held-out logs, every row once and without wrong samples.
 
     Raises
     ------
@@ -126,8 +127,9 @@ def read_recordings(logs: Logs, validate: Logs = ()) -> Recordings:
     if not train:
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held)
-    fitted, unseen, hints = drop_repeats(train, held)
-    return Recordings(tuple(fitted), tuple(unseen), hints)
+    mended, wrong = mend_logs([*train, *held])
+    fitted, unseen, hints = drop_repeats(mended[: len(train)], mended[len(train) :])
+    return Recordings(tuple(fitted), tuple(unseen), (*wrong, *hints))
 
 
 def check_held_out(

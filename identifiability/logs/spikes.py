@@ -1,0 +1,232 @@
+"""Single wrong samples of a column: found among their neighbours, before anything is filtered.
+
+A filter smears a wrong torque over every output that draws on it, and two differences turn a wrong
+position into many wrong accelerations; so they are looked for in the raw column. A spike leaves
+the column and comes back within `WIDEST` samples. It stands above the opening of the column, or
+below its closing [Serra 1982], which steps, ramps and plateaus do not. It is wrong if it is also
+
+- higher than any step of the column where spikes are taken off: friction that reverses, a joint
+  at full speed, a repeated sample of it and a coarse encoder make steps;
+- higher than the spikes around it, of which noise, chatter and vibration make many;
+- far beyond the tail of the column's other spikes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import groupby
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+
+#: A wrong value, and the same repeated, lasts at most so many samples.
+WIDEST = 3
+
+#: Samples on each side that show how high spikes are here; the highest `ALLOWED` of both sides
+#: may be wrong themselves.
+NEAR, ALLOWED = 20, 3
+
+#: A spike is wrong if it is so many times higher than any step, than those around it, than the
+#: column's resolution, and than where the tail of all spikes begins.
+STEPS, AROUND, RESOLUTION, TAIL = 1.5, 4.0, 4.0, 3.0
+
+#: At an end of the column, where it is not seen to come back, it must be so many times higher than
+#: the range of the column: differences are wrong there by halves.
+ENDS = 1.0
+
+#: The tail is one sample in so many, at least and at most so many samples; no more are mended.
+TAIL_SHARE, TAIL_LEAST, TAIL_MOST = 2000, 20, 200
+
+#: Samples that are looked at together.
+PIECE = 16_384
+
+#: Samples on each side that a judgement draws on, and the filters.
+REACH, FILTERS = NEAR + 3 * WIDEST, 2 * WIDEST
+
+
+@frozen
+class Spike:
+    """A wrong sample.
+
+    Attributes
+    ----------
+    row : int
+        Of the column.
+    value, instead : float
+        What it says, and what its neighbours say.
+    """
+
+    row: int
+    value: float
+    instead: float
+
+
+@frozen
+class Candidate:
+    """A spike that stands out from those around it.
+
+    Attributes
+    ----------
+    row : int
+    height : float
+        Above the opening of the column; negative below its closing.
+    around : (2 REACH + 1,)
+        The column around it; NaN beyond its ends.
+    """
+
+    row: int
+    height: float
+    around: Array
+
+    def predict(self, wrong: set[int]) -> float:
+        """Return the cubic through the nearest two right samples on each side, at this one.
+
+        At an end of the column it is the line through those on one side.
+        """
+        offset = np.arange(-REACH, REACH + 1)
+        right = np.isfinite(self.around) & [self.row + k not in wrong for k in offset]
+        nodes = np.array([*offset[right & (offset < 0)][-2:], *offset[right & (offset > 0)][:2]])
+        weights = [np.prod([m / (m - n) for m in nodes if m != n]) for n in nodes]
+        return float(np.dot(weights, self.around[nodes + REACH]))
+
+
+class SpikeFinder:
+    """Looks for wrong samples in a column that comes piece by piece; memory is bounded.
+
+    What is found does not depend on the pieces.
+    """
+
+    def __init__(self) -> None:
+        self._held: list[Array] = []
+        self._waiting = 0
+        self._start = self._judged = 0  # row of the first that is held, and is to be judged
+        self._step, self._finest = 0.0, np.inf
+        self._low, self._high = np.inf, -np.inf
+        self._tail = np.zeros(TAIL_MOST + 1)
+        self._found: list[Candidate] = []
+
+    def add(self, values: Array) -> None:
+        """Take in the next values, (N,)."""
+        self._held.append(values)
+        self._waiting += len(values)
+        if self._waiting >= PIECE:
+            self._judge(last=False)
+
+    def finish(self) -> list[Spike]:
+        """Return the wrong samples in their order."""
+        if self._waiting + self._start > FILTERS:
+            self._judge(last=True)
+        size = int(np.clip(self._judged // TAIL_SHARE, TAIL_LEAST, TAIL_MOST))
+        finest = self._finest if self._finest < np.inf else 0.0
+        least = max(self._least, RESOLUTION * finest, TAIL * float(self._tail[-1 - size]))
+        found = sorted((c for c in self._found if abs(c.height) > least), key=lambda c: c.row)
+        # Consecutive samples on one side make one spike. Beside a high one, a right sample stands
+        # in a hole that its neighbours do not show.
+        every = {c.row for c in found}
+        wrong: dict[int, Candidate] = {}
+        for _, group in groupby(enumerate(found), lambda e: (e[1].row - e[0], e[1].height > 0)):
+            spike = [c for _, c in group]
+            returns = spike[0].row > 0 and spike[-1].row < self._judged - 1
+            enough = least if returns else max(least, ENDS * (self._high - self._low))
+            if any(abs(c.around[REACH] - c.predict(every)) > enough for c in spike):
+                wrong |= {c.row: c for c in spike}
+        return [Spike(row, float(c.around[REACH]), c.predict({*wrong})) for row, c in wrong.items()]
+
+    @property
+    def _least(self) -> float:
+        """Height that none but wrong spikes reach, by what is known so far."""
+        return max(STEPS * self._step, TAIL * float(self._tail[0]))
+
+    def _judge(self, *, last: bool) -> None:
+        x = np.concatenate(self._held)
+        first = self._start == 0
+        ready = self._start + len(x) - (0 if last else REACH)
+        before, after = (FILTERS if at else 0 for at in (first, last))
+        inner = slice(before, before + len(x))
+        wide = _extend(_extend(x, before)[::-1], after)[::-1]
+        with np.errstate(invalid="ignore", over="ignore"):  # what is no number is refused later
+            low, high = _open(wide), _close(wide)
+            above, below = (wide - low)[inner], (high - wide)[inner]
+            smooth = _close(low)[inner]
+            steps = np.abs(np.diff(smooth))
+            rough = np.abs(np.diff(x))
+        height = np.maximum(above, below)
+        own = slice(self._judged - self._start, ready - self._start)
+        # The step before the first own sample was counted with the piece before, if there is one.
+        counted = slice(max(own.start - 1, 0), own.stop - 1)
+        self._step = max(self._step, float(steps[counted].max(initial=0.0)))
+        self._low = min(self._low, float(smooth[own].min(initial=np.inf)))
+        self._high = max(self._high, float(smooth[own].max(initial=-np.inf)))
+        self._finest = min(self._finest, float(rough[rough > 0].min(initial=np.inf)))
+        highest = np.concatenate([self._tail, height[own]])
+        self._tail = np.sort(np.partition(highest, -TAIL_MOST - 1)[-TAIL_MOST - 1 :])
+        for k in own.start + np.flatnonzero(height[own] > self._least):
+            if height[k] > AROUND * _usual(height, int(k)):
+                sign = 1.0 if above[k] >= below[k] else -1.0
+                self._keep(x, int(k), sign * float(height[k]))
+        self._judged = ready
+        if not last:
+            drop = max(0, ready - REACH - self._start)
+            self._start, self._held, self._waiting = self._start + drop, [x[drop:]], 0
+
+    def _keep(self, x: Array, k: int, height: float) -> None:
+        around = np.full(2 * REACH + 1, np.nan)
+        low, high = max(0, k - REACH), min(len(x), k + REACH + 1)
+        around[low - k + REACH : high - k + REACH] = x[low:high]
+        self._found.append(Candidate(self._start + k, height, around))
+        if len(self._found) > 2 * TAIL_MOST:
+            self._found = sorted(self._found, key=lambda c: (-abs(c.height), c.row))[:TAIL_MOST]
+
+
+def _extend(x: Array, count: int) -> Array:
+    """Return x with so many samples before it: the same ones turned around a robust mean."""
+    if not count:
+        return x
+    middle = float(np.median(x[: count + 1]))
+    return np.concatenate([2 * middle - x[count + 1 : 2 * count + 1][::-1], x])
+
+
+def _open(x: Array) -> Array:
+    """Return x (N,) without what rises for up to `WIDEST` samples."""
+    return _spread(_spread(x, np.minimum), np.maximum, back=True)
+
+
+def _close(x: Array) -> Array:
+    """Return x (N,) without what falls for up to `WIDEST` samples."""
+    return _spread(_spread(x, np.maximum), np.minimum, back=True)
+
+
+def _spread(x: Array, extreme: np.ufunc, *, back: bool = False) -> Array:
+    """Return the extreme of each sample and the `WIDEST` after it, or before it."""
+    out = x.copy()
+    for k in range(1, WIDEST + 1):
+        into, of = (out[k:], x[:-k]) if back else (out[:-k], x[k:])
+        extreme(into, of, out=into)
+    return out
+
+
+def _usual(height: Array, k: int) -> float:
+    """Return how high spikes are around a sample, without its own and the highest few."""
+    low = max(0, min(k - NEAR, len(height) - 2 * NEAR - 1))
+    around = np.arange(low, min(low + 2 * NEAR + 1, len(height)))
+    others = np.sort(height[around[np.abs(around - k) > WIDEST]])
+    return float(others[-1 - ALLOWED]) if len(others) > ALLOWED else np.inf
+
+
+def find_spikes(values: Array) -> list[Spike]:
+    """Return the wrong samples of a column (N,)."""
+    finder = SpikeFinder()
+    finder.add(values)
+    return finder.finish()
+
+
+def mend_column(values: Array, spikes: Iterable[Spike], start: int = 0) -> Array:
+    """Return a stretch of a column, (N,) from row `start` on, with its wrong samples replaced."""
+    inside = [s for s in spikes if start <= s.row < start + len(values)]
+    if not inside:
+        return values
+    mended = values.copy()
+    mended[[s.row - start for s in inside]] = [s.instead for s in inside]
+    return mended

@@ -1,0 +1,127 @@
+"""One wrong value in a log is named by every verb, and does not decide what they answer."""
+
+import json
+
+import numpy as np
+import pytest
+
+from identifiability import analyze, prune
+from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.mend import mend_logs
+from identifiability.workflows.diagnose import diagnose
+from identifiability.workflows.opening import read_recordings
+
+ROW = 301  # counted from 1
+
+
+FAULTS = {
+    "torque times 1000": ("elbow.tau", lambda value, spread: 1000 * value),
+    "torque times 10": ("elbow.tau", lambda value, spread: 10 * value),
+    "a position off": ("elbow.q", lambda value, spread: value + spread),
+    "a velocity off": ("shoulder.dq", lambda value, spread: value + 10 * spread),
+}
+
+
+def spoil(frame, fault):
+    """The table with the fault planted, and how a hint names it."""
+    column, change = FAULTS[fault]
+    spoilt, t = frame.copy(), frame["t"].iloc[ROW - 1]
+    value = change(frame[column].iloc[ROW - 1], frame[column].std())
+    spoilt.loc[ROW - 1, column] = value
+    return spoilt, f"data row {ROW} (t = {t:.6g} s): {column} = {value:.4g}, "
+
+
+@pytest.fixture
+def frame(simulated):
+    frame = simulated("two-link", 1000, torque=0.02)
+    return frame.drop(columns=[c for c in frame if c.endswith(".ddq")])
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_it_is_named_and_weighs_nothing(frame, fault):
+    spoilt, named = spoil(frame, fault)
+    good = analyze("two-link", Log.from_frame(frame, "a"), replicates=100)
+    bad = analyze("two-link", Log.from_frame(spoilt, "a"), replicates=100)
+    assert good.hints == ()
+    (hint,) = bad.hints
+    assert hint.startswith("a: one value lies far from those before and after")
+    assert named in hint
+    assert hint in bad.statement
+    moved = np.abs(bad.full.estimate.value - good.full.estimate.value)
+    assert (moved < 0.2 * good.full.uncertainty.robust).all()
+    assert [v.verdict for v in bad.full.verdicts] == [v.verdict for v in good.full.verdicts]
+
+
+def test_prune_and_diagnose_name_it_fitted_or_held_out(frame):
+    spoilt, _ = spoil(frame, "torque times 1000")
+    good, bad = Log.from_frame(frame.iloc[::2], "good"), Log.from_frame(spoilt, "bad")
+    for found in (
+        prune("two-link", good, Log.from_frame(spoilt.iloc[1:], "bad"), replicates=20),
+        diagnose("two-link", bad, quick=True, forward=False),
+    ):
+        assert any(h.startswith("bad: one value lies") and "elbow.tau" in h for h in found.hints)
+
+
+def test_the_command_line_says_it_on_the_page_and_in_the_file(frame, command, write, tmp_path):
+    spoilt, named = spoil(frame, "torque times 1000")
+    path, result, page = write("log.csv", spoilt), tmp_path / "out.json", tmp_path / "out.html"
+    out = command("analyze", "two-link", path, "--json", result, "--report", page)
+    assert out.exit_code == 0, out.output
+    assert "log.csv: one value lies far" in out.output
+    (hint,) = json.loads(result.read_text())["hints"]
+    assert named in hint
+    assert f"data row {ROW}" in page.read_text()
+    out = command("calibrate", "two-link", path, "--trials", 4, "--no-sbc", "--names", 0, "--quick")
+    assert out.exit_code == 0, out.output
+    assert "log.csv: one value lies far" in out.output
+
+
+def test_a_log_without_wrong_values_is_the_one_that_was_given(frame):
+    log = Log.from_frame(frame, "a")
+    (same,), hints = mend_logs([log])
+    assert same is log
+    assert hints == ()
+
+
+def test_several_are_counted_and_some_listed(frame):
+    rows = [100, 200, 300, 400, 500]
+    frame.loc[rows, "elbow.tau"] *= 1e4
+    _, (hint,) = mend_logs([Log.from_frame(frame, "a")])
+    assert hint.startswith("a: 5 values lie far")
+    assert [f"data row {k + 1} " in hint for k in rows] == [True, True, True, False, False]
+    assert "; and 2 more): check the log." in hint
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_a_long_file_is_mended_alike_wherever_it_is_read(frame, tmp_path, form):
+    frame.loc[[0, 300, 301, 999], "elbow.tau"] = 1e6
+    frame.loc[[700], "shoulder.q"] += 3.0
+    path = tmp_path / f"long.{form}"
+    if form == "csv":
+        frame.to_csv(path, index=False)
+    else:
+        frame.to_parquet(path, index=False, row_group_size=130)
+    file, log = LogFile.read(path), Log.read(path)
+    raw = file.rows(0, len(file))
+    np.testing.assert_array_equal(raw.tau, log.tau)
+    (mended, whole), (hint, other) = mend_logs([file, log])
+    assert hint == other
+    assert "5 values lie" in hint
+    for rows in ((0, 1000), (250, 302), (302, 999)):
+        np.testing.assert_array_equal(mended.rows(*rows).tau, whole.rows(*rows).tau)
+    for first, last, origin, part in mended.overlapping(290, 710, 64, 20):
+        assert origin <= first < last
+        np.testing.assert_array_equal(part.tau, whole.tau[origin : origin + len(part)])
+        np.testing.assert_array_equal(part.q, whole.q[origin : origin + len(part)])
+    cut = mended.cut(295, 800, "cut")
+    np.testing.assert_array_equal(cut.rows(0, 505).q, whole.q[295:800])
+    assert np.abs(whole.tau).max() < 1e3
+
+
+def test_recordings_are_mended_before_copies_are_looked_for(frame):
+    spoilt, named = spoil(frame, "torque times 1000")
+    given = read_recordings([Log.from_frame(spoilt, "a"), Log.from_frame(frame, "b")])
+    assert named in given.hints[0]
+    assert "b repeats rows" in given.hints[1]
+    assert np.abs(given.fitted[0].tau).max() < 100 * np.abs(frame["elbow.tau"]).max()
