@@ -146,6 +146,11 @@ class Verdict:
         """Robust σ relative to the value [%]."""
         return percent_of(self.sigma_robust, self.value)
 
+    @property
+    def sigma_label_percent(self) -> float:
+        """Standard deviation from the label relative to the value [%]: what verdicts limit."""
+        return percent_of(self.sigma_label, self.value)
+
     def to_row(self) -> dict[str, Any]:
         """Return the verdict as one row of a table or of a JSON result."""
         row = {name: getattr(self, name) for name in IN_A_ROW}

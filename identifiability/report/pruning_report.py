@@ -146,7 +146,7 @@ def section_survivors(ladder: Ladder) -> Section:
         VALUE,
         SIGMA,
         UNIT,
-        Column("σ%", percent_text, "sigma_robust_percent"),
+        Column("σ%", percent_text, "sigma_label_percent"),
         Column("survives", "bar", survives),
         VERDICT,
     )

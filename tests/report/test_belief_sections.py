@@ -8,6 +8,7 @@ import pytest
 
 from identifiability.report import build_analysis_page, render_page
 from identifiability.report.sections.belief import forest_groups, forest_layers, strongest_pairs
+from identifiability.report.sections.models import parameter_table
 from identifiability.report.sections.standard import contraction_order
 from identifiability.workflows.analyze.belief import LEARNED, Source
 
@@ -45,12 +46,33 @@ def test_every_road_has_its_interval(believed_analysis):
     layers, stated = forest_layers(believed_analysis)
     assert list(layers) == [
         "white σ", "robust σ", "block bootstrap", "posterior with signs", "posterior with bodies",
+        "label",
     ]  # fmt: skip
     np.testing.assert_allclose(layers["robust σ"], np.outer(np.ones(12), [0, -1.96, 1.96]))
-    for values in layers.values():
+    for name, values in layers.items():
         assert (np.diff(values[:, [1, 0, 2]], axis=1) > 0).all()
-        assert np.abs(values).max() < 6
+        assert name == "label" or np.abs(values).max() < 6
+    verdicts = believed_analysis.chosen.verdicts
+    wider = np.array([v.sigma_label / v.sigma_robust for v in verdicts])
+    np.testing.assert_allclose(layers["label"], np.outer(wider, [0, -1.96, 1.96]), atol=1e-12)
     assert np.isfinite(stated).all()
+
+
+def test_a_reduced_models_table_shows_both_what_it_fits_and_what_its_labels_say(believed_analysis):
+    small, full = (
+        parameter_table(believed_analysis, m)
+        for m in (believed_analysis.chosen, believed_analysis.full)
+    )
+    titles = [c.title for c in small.columns]
+    assert [t for t in titles if t not in [c.title for c in full.columns]] == ["σ label"]
+    row = next(r for r in small.rows if r[0].text == "slider1.Jr")
+    verdict = next(v for v in believed_analysis.chosen.verdicts if v.name == "slider1.Jr")
+    file = row[titles.index("robot file")]
+    label, robust = (float(row[titles.index(t)].sort_key) for t in ("σ label", "σ robust"))
+    assert label == pytest.approx(verdict.sigma_label_percent, rel=1e-4)
+    assert label > 2 * robust
+    assert float(file.sort_key) == pytest.approx(verdict.projected, rel=1e-4)
+    assert (file.text, file.note) == ("471.5", "label 483.1")
 
 
 def test_what_the_motion_leaves_open_is_seen_from_the_posterior(believed_analysis):

@@ -50,6 +50,7 @@ LAYERS = (
     (COLOURS["amber"], "s"),
     (COLOURS["green"], "^"),
     (COLOURS["purple"], "D"),
+    (INK, "P"),
 )
 
 #: Margins below this are drawn at the edge.

@@ -32,16 +32,16 @@ MOST_PERCENT = 1e4
 MOST_SIGMA = 6.0
 
 
-def precision_order(robust: Array) -> np.ndarray:
+def precision_order(sigma: Array) -> np.ndarray:
     """Return the order of parameters from best to least known, (k,)."""
-    return np.argsort(np.where(np.isnan(robust), np.inf, robust), kind="stable")
+    return np.argsort(np.where(np.isnan(sigma), np.inf, sigma), kind="stable")
 
 
 @drawn
 def draw_precision(
     names: Sequence[str],
     white: Array,
-    robust: Array,
+    label: Array,
     verdicts: Sequence[str],
     limit: float,
     paper_limit: float,
@@ -51,17 +51,17 @@ def draw_precision(
     Parameters
     ----------
     names : sequence of str
-    white, robust : (k,) [%]
-        σ under white and under autocorrelated noise, relative to the value; infinite where not
-        determined.
+    white, label : (k,) [%]
+        σ under white noise, and σ from what the label says, relative to the value; infinite where
+        not determined.
     verdicts : sequence of str
     limit, paper_limit : float [%]
-        Of the verdicts (for `robust`) and of the 10× rule (for `white`).
+        Of the verdicts (for `label`) and of the 10× rule (for `white`).
     """
-    order = precision_order(robust)
-    label = "standard deviation relative to the value [%]"
-    figure, axes = row_canvas([names[k] for k in order], top=48, xlabel=label)
-    known = np.concatenate([white, robust, [limit, paper_limit]])
+    order = precision_order(label)
+    title = "standard deviation relative to the value [%]"
+    figure, axes = row_canvas([names[k] for k in order], top=48, xlabel=title)
+    known = np.concatenate([white, label, [limit, paper_limit]])
     known = known[np.isfinite(known) & (known > 0)]
     low = max(min(float(known.min(initial=limit)) / 1.8, 0.8), 1e-6)
     high = float(np.clip(known.max(initial=limit) * 2.2, 10 * limit, MOST_PERCENT))
@@ -70,25 +70,25 @@ def draw_precision(
     row_lines(axes, len(order))
     for kind in dict.fromkeys(verdicts):
         rows = np.array([r for r, k in enumerate(order) if verdicts[k] == kind])
-        _precision_rows(axes, rows, white[order[rows]], robust[order[rows]], kind)
+        _precision_rows(axes, rows, white[order[rows]], label[order[rows]], kind)
     axes.axvline(limit, color=INK, linewidth=1)
-    top_label(axes, limit, f"limit {limit:g} % (robust)", INK)
+    top_label(axes, limit, f"limit {limit:g} % (label)", INK)
     if np.isfinite(paper_limit) and low < paper_limit < high:
         axes.axvline(paper_limit, color=MUTED, **DASHED)
         top_label(axes, paper_limit, "10 × least (white)", MUTED, level=1)
     return figure
 
 
-def _precision_rows(axes: Axes, rows: np.ndarray, white: Array, robust: Array, kind: str) -> None:
+def _precision_rows(axes: Axes, rows: np.ndarray, white: Array, label: Array, kind: str) -> None:
     colour = COLOURS[mark_of(kind).tone]
     low, high = axes.get_xlim()
-    seen = robust < high
+    seen = label < high
     beyond = rows[~seen]
     axes.plot(np.full(len(beyond), high), beyond, ">", color=colour, markersize=6, clip_on=False)
-    rows, white, robust = rows[seen], np.maximum(white[seen], low), np.maximum(robust[seen], low)
-    strokes(axes, np.stack([white, rows], 1), np.stack([robust, rows], 1), colour, linewidth=1.2)
+    rows, white, label = rows[seen], np.maximum(white[seen], low), np.maximum(label[seen], low)
+    strokes(axes, np.stack([white, rows], 1), np.stack([label, rows], 1), colour, linewidth=1.2)
     axes.plot(white, rows, "|", color=colour, markersize=8, markeredgewidth=1.2)
-    draw_marks(axes, robust, rows, kind)
+    draw_marks(axes, label, rows, kind)
 
 
 def mark_style(kind: str) -> dict[str, Any]:
@@ -119,7 +119,7 @@ def draw_arrows(axes: Axes, x: Array, rows: Array, edge: float, colour: str, **s
 
 @drawn
 def draw_pulls(
-    names: Sequence[str], pulls: Array, robust: Array, verdicts: Sequence[str], origin: str
+    names: Sequence[str], pulls: Array, sigma: Array, verdicts: Sequence[str], origin: str
 ) -> Figure:
     """Draw how many σ the estimate lies from a stated value, in the order of `draw_precision`.
 
@@ -128,13 +128,13 @@ def draw_pulls(
     names : sequence of str
     pulls : (k,)
         ``(estimate - stated) / σ_robust``; NaN where nothing is stated.
-    robust : (k,) [%]
+    sigma : (k,) [%]
         Decides the order.
     verdicts : sequence of str
     origin : str
         What stands at zero, for the label.
     """
-    order = precision_order(robust)
+    order = precision_order(sigma)
     label = "distance of the estimate [σ robust]"
     figure, axes = row_canvas([names[k] for k in order], top=48, xlabel=label)
     axes.set_xlim(-MOST_SIGMA - 0.5, MOST_SIGMA + 0.5)

@@ -115,7 +115,10 @@ def group_of(name: str) -> str:
 
 
 def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
-    """Return 95 % intervals of every road in σ_robust, (k, 3) each, and the stated values (k,)."""
+    """Return 95 % intervals of every road in σ_robust, (k, 3) each, and the stated values (k,).
+
+    Where something is left out the label's interval is the last.
+    """
     chosen = analysis.chosen
     posteriors = shown(analysis)
     value, white, robust = np.array(
@@ -132,6 +135,9 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
     for name, summary in posteriors.items():
         if summary is not None:
             roads[name] = np.column_stack([summary.mean, summary.interval])
+    if any(v.sigma_omit for v in chosen.verdicts):
+        label = np.array([v.sigma_label for v in chosen.verdicts])
+        roads["label"] = value[:, None] + np.outer(np.where(open_, np.nan, label), half)
     centre = np.where(open_, np.nan if physical is None else physical.mean, value)
     scale = np.where(open_, np.nan if physical is None else physical.sd, robust)
     scale = np.where(scale > 0, scale, np.nan)

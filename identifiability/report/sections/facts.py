@@ -56,9 +56,9 @@ def stated_values(analysis: Analysis, result: RungResult) -> list[float | None]:
 
 
 def sigma_percents(result: RungResult) -> tuple[Array, Array]:
-    """Return σ white and σ robust of each parameter [% of its value], (k,) each."""
+    """Return σ white and σ for the label of each parameter [% of its value], (k,) each."""
     white = np.array([v.sigma_percent for v in result.verdicts], float)
-    return white, np.array([v.sigma_robust_percent for v in result.verdicts], float)
+    return white, np.array([v.sigma_label_percent for v in result.verdicts], float)
 
 
 def found_cell(model: RungResult | PrunedRung) -> Cell:

@@ -139,7 +139,12 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
         length = v.share / most if np.isfinite(most) and most > 0 else 0.0
         return Cell(percent_text(100 * v.share), v.share, share=length)
 
-    own = columns(
+    def in_file(v: Verdict) -> Cell:
+        text, label = stated_text(stated[v.name]), stated_text(v.nominal)
+        differs = stated[v.name] is not None and v.sigma_omit and text != label
+        return Cell(text, stated[v.name], f"label {label}" if differs else "")
+
+    every = columns(
         "parameters",
         Column("parameter", get=lambda v: Cell(v.name, note=shorten_label(v.label))),
         VALUE,
@@ -147,11 +152,14 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
         UNIT,
         Column("σ white", percent_text, "sigma_percent"),
         Column("σ robust", percent_text, "sigma_robust_percent"),
-        Column("robot file", stated_text, lambda v: stated[v.name]),
+        Column("σ label", percent_text, "sigma_label_percent"),
+        Column("robot file", "number", in_file),
         Column("share of torque", "bar", share),
         Column("10× rule", "text", _paper_cell),
         VERDICT,
     )
+    reduced = any(v.sigma_omit for v in result.verdicts)
+    own = tuple(c for c in every if reduced or c.title != "σ label")
     return Table.of("", own, result.verdicts, filter_by=-1)
 
 
@@ -171,12 +179,12 @@ def parameter_pictures(analysis: Analysis, result: RungResult) -> Gallery:
     """Return how well the parameters are known, and how far they lie from the robot file."""
     names = [v.name for v in result.verdicts]
     kinds = [v.verdict.value for v in result.verdicts]
-    white, robust = sigma_percents(result)
+    white, known = sigma_percents(result)
     limits = (analysis.thresholds.sigma_percent, PAPER_FACTOR * np.min(white, initial=np.inf))
-    precision = draw_precision(names, white, robust, kinds, *limits)
-    stated, origin = stated_values(analysis, result), f"value in {analysis.robot.path.name}"
+    precision = draw_precision(names, white, known, kinds, *limits)
+    stated, origin = stated_values(analysis, result), f"this fit on {analysis.robot.path.name}"
     distance = pulls_from(np.array(stated, float), result)
-    pulls = draw_pulls(names, distance, robust, kinds, origin)
+    pulls = draw_pulls(names, distance, known, kinds, origin)
     model = result.name
     return Gallery(
         (picture("precision", precision, model=model), picture("pulls", pulls, model=model))
