@@ -123,43 +123,93 @@ class FourierFit:
         return q, dq, ddq
 
 
-def _fourier_basis(t: Array, period: float, harmonics: int) -> Array:
+def _fourier_basis(t: Array, period: float, harmonics: int, order: int = 0) -> Array:
+    """Return the functions of the series, or their first or second derivatives, (N, 2 H + 1)."""
     w = 2 * np.pi / period * np.arange(1, harmonics + 1)
-    return np.hstack([np.ones((len(t), 1)), np.sin(np.outer(t, w)), np.cos(np.outer(t, w))])
+    S, C = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+    one = np.full((len(t), 1), 1.0 if order == 0 else 0.0)
+    return np.hstack([one, *((S, C), (C * w, -S * w), (-S * w**2, -C * w**2))[order]])
 
 
-def fit_fourier(t: Array, q: Array, period: float, harmonics: int) -> FourierFit:
-    """Fit a finite Fourier series to q (N, n) by least squares [Swevers 1997]."""
+def fit_fourier(
+    t: Array, q: Array, period: float, harmonics: int, *rates: Array | None
+) -> FourierFit:
+    """Fit a finite Fourier series to q (N, n) by least squares [Swevers 1997].
+
+    Measured velocities and accelerations, if they are given after the rest, (N, n) or None each,
+    are fitted together with the positions, as `fit_fourier_pieces` does.
+    """
+    if any(x is not None for x in rates):
+        return fit_fourier_pieces([(t, q, *rates)], period, harmonics)[0]
     basis = _fourier_basis(t, period, harmonics)
     return FourierFit(period, np.linalg.lstsq(basis, q, rcond=None)[0])
 
 
 def fit_fourier_pieces(
-    pieces: Iterable[tuple[Array, Array]], period: float, harmonics: int
+    pieces: Iterable[tuple[Array | None, ...]], period: float, harmonics: int
 ) -> tuple[FourierFit, float]:
     """Fit a finite Fourier series to a log that comes in pieces; return also its rms residual.
 
+    Channels are weighted, joint by joint, by the variance of what a series of their own leaves of
+    them: a series of positions alone knows little of accelerations that were measured.
+
     Parameters
     ----------
-    pieces : iterable of (t (N,), q (N, n))
-        Used once; sums of products are kept, which the nearly orthogonal functions allow.
+    pieces : iterable of (t (N,), q (N, n), dq (N, n) or None, ddq (N, n) or None)
+        The last two may be left out. Used once; sums of products are kept, which the nearly
+        orthogonal functions allow.
     period : float [s]
     harmonics : int
+
+    Returns
+    -------
+    FourierFit, float
+        And the rms residual of the positions.
     """
-    gram: Array | float = 0.0
-    right: Array | float = 0.0
-    squares, count = 0.0, 0
-    origin: Array | None = None
-    for t, q in pieces:
-        origin = q.mean(0) if origin is None else origin  # small numbers, small rounding
-        basis = _fourier_basis(t, period, harmonics)
-        y = q - origin
-        gram, right = gram + basis.T @ basis, right + basis.T @ y
-        squares, count = squares + float((y**2).sum()), count + y.size
-    values = np.linalg.lstsq(gram, right, rcond=None)[0]
-    rest = max(squares - float((values * right).sum()), 0.0)
+    grams: dict[int, Array] = {}
+    rights: dict[int, Array] = {}
+    squares: dict[int, Array] = {}
+    count, origin = 0, np.zeros(0)
+    for t, *channels in pieces:
+        assert t is not None
+        assert channels[0] is not None
+        origin = origin if count else channels[0].mean(0)  # small numbers, small rounding
+        count += len(t)
+        for order, x in enumerate(channels):
+            if x is not None:
+                basis = _fourier_basis(t, period, harmonics, order)
+                y = x if order else x - origin
+                grams[order] = grams.get(order, 0.0) + basis.T @ basis
+                rights[order] = rights.get(order, 0.0) + basis.T @ y
+                squares[order] = squares.get(order, 0.0) + (y**2).sum(0)
+    values = np.linalg.lstsq(grams[0], rights[0], rcond=None)[0]
+    if len(grams) > 1:
+        values = _fit_together(grams, rights, squares)
+    gone = 2 * values * rights[0] - values * (grams[0] @ values)
+    rest = max(float((squares[0] - gone.sum(0)).sum()), 0.0)
     values[0] += origin
-    return FourierFit(period, values), float(np.sqrt(rest / count))
+    return FourierFit(period, values), float(np.sqrt(rest / (count * len(origin))))
+
+
+def _fit_together(
+    grams: dict[int, Array], rights: dict[int, Array], squares: dict[int, Array]
+) -> Array:
+    """Return the series of all channels, each weighted by the variance of what is left of it."""
+    values = np.empty_like(rights[0])
+    weights = {}
+    for order, gram in grams.items():
+        own = np.linalg.lstsq(gram, rights[order], rcond=None)[0]
+        left = np.maximum(squares[order] - (own * rights[order]).sum(0), 0.0)
+        weights[order] = 1.0 / np.maximum(left, CONSTANT**2 * squares[order] + 1e-300)
+    for j in range(values.shape[1]):
+        size = sum(w[j] for w in weights.values())
+        gram = sum((weights[k][j] / size * g for k, g in grams.items()), np.zeros(()))
+        right = sum((weights[k][j] / size * r[:, j] for k, r in rights.items()), np.zeros(()))
+        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        values[:, j] = (
+            np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=None)[0] / scale
+        )
+    return values
 
 
 def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:

@@ -92,31 +92,35 @@ class Spectrum:
         return Spectrum(rate, np.fft.rfftfreq(length, dt), scale * np.mean(power, axis=0), order)
 
     @cached_property
+    def smooth(self) -> Array:
+        """The power averaged over a third of an octave, (K, n): repeated motion makes lines."""
+        k = np.arange(len(self.f))
+        low, high = (k / 2 ** (1 / 6)).astype(int), np.ceil(k * 2 ** (1 / 6)).astype(int) + 1
+        high = np.minimum(high, len(k))
+        total = np.concatenate([np.zeros((1, self.power.shape[1])), np.cumsum(self.power, 0)])
+        mean: Array = (total[high] - total[low]) / (high - low)[:, None]
+        return mean
+
+    @cached_property
     def noise(self) -> Array:
         """Density of the noise, (K, n)."""
         last = len(self.f) - 1
         at = np.unique(np.geomspace(1, max(last, 1), LOOKS * 5).astype(int))
-        # Half of the values of white noise are below ln 2 of its density.
-        found = np.array([self._median(k) for k in at]) / np.log(2)
+        found = np.array([self._level(k) for k in at])
         nearest = np.clip(np.searchsorted(at, np.arange(last + 1), "right") - 1, 0, len(at) - 1)
         density: Array = found[nearest]
         return density
 
-    def _median(self, k: int) -> Array:
+    def _level(self, k: int) -> Array:
         last = len(self.f) - 1
         first = min(int(ABOVE[0] * k), int(0.9 * last))
-        level: Array = np.median(self.power[first : max(int(ABOVE[1] * k), first + 2)], axis=0)
+        level: Array = np.median(self.smooth[first : max(int(ABOVE[1] * k), first + 2)], axis=0)
         return level
 
     @cached_property
     def motion(self) -> Array:
         """Density of the motion above the noise, (K, n)."""
-        k = np.arange(len(self.f))
-        low, high = (k / 2 ** (1 / 6)).astype(int), np.ceil(k * 2 ** (1 / 6)).astype(int) + 1
-        high = np.minimum(high, len(k))
-        total = np.concatenate([np.zeros((1, self.power.shape[1])), np.cumsum(self.power, 0)])
-        smooth = (total[high] - total[low]) / (high - low)[:, None]
-        above: Array = np.where(smooth > SEEN * self.noise, self.power - self.noise, 0.0)
+        above: Array = np.where(self.smooth > SEEN * self.noise, self.power - self.noise, 0.0)
         return np.maximum(above, 0.0)
 
     def bandwidths(self, share: float = 0.99) -> Array:

@@ -33,6 +33,9 @@ from identifiability.robot import Robot
 
 Derivatives = Literal["auto", "given", "butterworth", "fourier"]
 
+#: What a Fourier series is fitted to.
+WORDS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
+
 #: Samples of a piece when a long log is read for a Fourier series.
 PIECE = 65_536
 
@@ -235,7 +238,7 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
         whole = joint_log(robot, log)
         t = whole.t - plan.start
         period = how.period or signals.find_period(t, whole.q, how.harmonics)
-        fit = signals.fit_fourier(t, whole.q, period, how.harmonics)
+        fit = signals.fit_fourier(t, whole.q, period, how.harmonics, whole.dq, whole.ddq)
         left = float(np.sqrt(np.mean((whole.q - fit.motion(t)[0]) ** 2)))
     else:
         if how.period is None:
@@ -244,10 +247,12 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
             )
         period = how.period
         parts = (joint_log(robot, raw) for *_, raw in log.overlapping(0, len(log), PIECE, 0))
-        pieces = ((part.t - plan.start, part.q) for part in parts)
+        pieces = ((part.t - plan.start, part.q, part.dq, part.ddq) for part in parts)
         fit, left = signals.fit_fourier_pieces(pieces, period, how.harmonics)
+    words = [WORDS[c] for c in ("q", "dq", "ddq") if c in log.channels]
+    fitted = " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
     note = (
-        f"positions were fitted by a Fourier series of {how.harmonics} harmonics with period "
+        f"{fitted} were fitted by a Fourier series of {how.harmonics} harmonics with period "
         f"{period:.6g} s (rms residual {left:.2g}) and differentiated analytically"
     )
     return replace(plan, series=fit, notes=(note,))

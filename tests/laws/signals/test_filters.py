@@ -156,3 +156,37 @@ def test_outputs_lie_on_the_logs_grid_wherever_a_run_begins(factor):
                 r for r in range(0, 400, factor) if r - d.reach >= start and r + d.reach < stop
             ]
             assert list(d.centres(start, stop)) == wanted
+
+
+def test_measured_derivatives_are_fitted_with_the_positions_by_how_noisy_they_are():
+    """Generalised least squares with the noise known is what the joint fit should come to."""
+    rng = np.random.default_rng(1)
+    t = DT * np.arange(6000)
+    exact = [np.stack([x, 2 * x], 1) for x in series(t, 1.5)]
+    sizes = (0.2, 0.1, 3.0)
+    noisy = [x + sd * rng.standard_normal(x.shape) for x, sd in zip(exact, sizes, strict=True)]
+    H = 5
+    w = 2 * np.pi / 1.5 * np.arange(1, H + 1)
+    S, C = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+    one = np.ones((len(t), 1))
+    rows = [np.hstack([one, S, C]), np.hstack([0 * one, C * w, -S * w])]
+    rows.append(np.hstack([0 * one, -S * w**2, -C * w**2]))
+    A = np.vstack([x / sd for x, sd in zip(rows, sizes, strict=True)])
+    b = np.vstack([x / sd for x, sd in zip(noisy, sizes, strict=True)])
+    best = np.linalg.lstsq(A, b, rcond=None)[0]
+    fit = signals.fit_fourier(t, noisy[0], 1.5, H, noisy[1], noisy[2])
+    np.testing.assert_allclose(fit.coefficients, best, atol=1e-3)
+    alone = signals.fit_fourier(t, noisy[0], 1.5, H)
+    error, before = (np.abs(f.motion(t)[2] - exact[2]).max() for f in (fit, alone))
+    assert error < 0.2 * before
+    cuts = [0, 11, 700, 6000]
+    pieces = [(t[a:b], *(x[a:b] for x in noisy)) for a, b in itertools.pairwise(cuts)]
+    again, left = signals.fit_fourier_pieces(pieces, 1.5, H)
+    np.testing.assert_allclose(again.coefficients, fit.coefficients, atol=1e-9)
+    assert left == pytest.approx(np.sqrt(np.mean((noisy[0] - fit.motion(t)[0]) ** 2)), rel=1e-6)
+    # Exact channels are no division by nothing.
+    still = [np.zeros_like(x) for x in exact]
+    np.testing.assert_allclose(signals.fit_fourier(t, still[0], 1.5, H, *still[1:]).coefficients, 0)
+    whole = signals.fit_fourier(t, exact[0], 1.5, H, *exact[1:])
+    for found, true in zip(whole.motion(t), exact, strict=True):
+        np.testing.assert_allclose(found, true, atol=1e-6)

@@ -91,6 +91,19 @@ def test_an_encoder_does_not_pass_for_fast_motion(rate, step):
         assert found.cutoff == pytest.approx(10 * found.bandwidth)
 
 
+def test_steps_that_last_many_samples_are_no_motion():
+    t = times(10_000, 7.5)
+    found = band(np.round(swing(t, size=0.02) / 1e-3) * 1e-3, 10_000)
+    assert 0.99 < found.bandwidth < 1.28
+    assert found.cutoff < 10
+
+
+def test_the_fastest_joint_decides():
+    t = times(200.0)
+    found = band(np.stack([swing(t, 0.5), swing(t, 2.0)], 1), 200.0)
+    assert found.cutoff == pytest.approx(20.0, abs=1.1)
+
+
 def test_a_joint_that_hardly_moves_does_not_lower_the_cut_off_of_the_others():
     t = times(200.0)
     noise = 1e-3 * np.random.default_rng(3).standard_normal((len(t), 2))
