@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
-from identifiability.foundation.options import check_choice, checked
+from identifiability.foundation.options import OptionError, check_choice, checked
 from identifiability.regression.information import Information
 
 #: An estimator, or its name.
@@ -32,6 +35,41 @@ def find_estimator(method: Method) -> Estimator:
         return method
     check_choice("method", method, tuple(ESTIMATORS))
     return ESTIMATORS[method]
+
+
+#: ``ls``: least squares. ``iv``: instrumental variables, which noise in the motion does not bias.
+#: ``auto``: the latter where every log has a second record of its motion, else the former.
+Kind = Literal["auto", "ls", "iv"]
+
+
+def choose_estimator(method: Method, kind: Kind, *, instruments: bool) -> Estimator:
+    """Return the estimator of a method that weighs actuators and of a kind.
+
+    Parameters
+    ----------
+    method : str or Estimator
+    kind : {"auto", "ls", "iv"}
+    instruments : bool
+        Whether there are any.
+
+    Raises
+    ------
+    OptionError
+        If instruments cannot be combined with the method.
+    """
+    base = find_estimator(method)
+    least_squares = isinstance(base, OrdinaryLeastSquares)
+    if kind == "iv" and not least_squares:
+        raise OptionError(
+            f"The estimator 'iv' weighs actuators by 'wls' or 'ols'; '{base.name}' is an estimator "
+            "of its own: choose one of them, or leave out the estimator."
+        )
+    if kind == "ls" and not least_squares:
+        raise OptionError(
+            f"'{base.name}' is not least squares: choose the method 'wls' or 'ols', or leave out "
+            "the estimator."
+        )
+    return InstrumentalVariables(base) if instruments and least_squares else base
 
 
 @checked

@@ -59,6 +59,25 @@ class Estimator(Protocol):
 
 
 @frozen
+class Correction:
+    """What an estimate by instrumental variables mends, and where it does not.
+
+    Attributes
+    ----------
+    least_squares : (k,)
+        Values of least squares, which noise in the motion biases.
+    weak : int
+        Directions that stay with least squares, for want of a strong instrument.
+    touched : tuple of str
+        Parameters that lean on these directions.
+    """
+
+    least_squares: Array
+    weak: int
+    touched: tuple[str, ...]
+
+
+@frozen
 class Estimate:
     """Parameter values with their covariance under white noise.
 
@@ -88,6 +107,8 @@ class Estimate:
         Weight of each actuator.
     estimator : Estimator
         What made it.
+    correction : Correction or None
+        What instruments changed; None for least squares.
     """
 
     columns: tuple[str, ...]
@@ -102,6 +123,7 @@ class Estimate:
     singular_values: Array
     weights: Array
     estimator: Estimator
+    correction: Correction | None = None
 
     @property
     def sigma(self) -> Array:

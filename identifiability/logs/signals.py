@@ -145,6 +145,39 @@ def fit_fourier(
     return FourierFit(period, np.linalg.lstsq(basis, q, rcond=None)[0])
 
 
+def fit_fourier_jointly(
+    t: Array, channels: Sequence[Array], noise: Sequence[Array], period: float, harmonics: int
+) -> FourierFit:
+    """Fit a finite Fourier series to positions and what was measured of their derivatives.
+
+    Parameters
+    ----------
+    t : (N,) [s]
+    channels : q (N, n), then dq and ddq where they were measured
+    noise : (n,) for each channel
+        Standard deviations, which weigh the channels.
+    period : float [s]
+    harmonics : int
+    """
+    basis = _fourier_basis(t, period, harmonics)
+    H, w = harmonics, 2 * np.pi / period * np.arange(1, harmonics + 1)
+    S, C = basis[:, 1 : H + 1], basis[:, H + 1 :]
+    zero = np.zeros((len(t), 1))
+    bases = [basis, np.hstack([zero, C * w, -S * w]), np.hstack([zero, -S * w**2, -C * w**2])]
+    used = list(zip(bases, channels, noise, strict=False))
+    grams = [b.T @ b for b, _, _ in used]
+    rights = [b.T @ x for b, x, _ in used]
+    values = np.empty((2 * H + 1, channels[0].shape[1]))
+    scale = np.concatenate([[1.0], 1.0 / w, 1.0 / w])  # columns of velocity at unit length
+    for k in range(values.shape[1]):
+        # What has no noise is weighed as if it had a millionth of its size.
+        level = [max(float(n[k]), 1e-6 * float(x[:, k].std()), 1e-12) for _, x, n in used]
+        gram = sum(G / s**2 for G, s in zip(grams, level, strict=True)) * np.outer(scale, scale)
+        right = sum(r[:, k] / s**2 for r, s in zip(rights, level, strict=True)) * scale
+        values[:, k] = scale * np.linalg.lstsq(gram, right, rcond=None)[0]
+    return FourierFit(period, values)
+
+
 def fit_fourier_pieces(
     pieces: Iterable[tuple[Array | None, ...]], period: float, harmonics: int
 ) -> tuple[FourierFit, float]:

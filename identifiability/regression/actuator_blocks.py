@@ -70,6 +70,15 @@ class ActuatorBlocks:
         Z: Array = self.blocks[at] @ change
         return Z.transpose(0, 2, 1) @ Z
 
+    def products(self, left: Array, right: Array, at: slice) -> Array:
+        """Return ``(Z left)ᵀ (Z right)`` of some blocks, (b, p, q), for (r, p) and (r, q)."""
+        Z = self.blocks[at]
+        if self.squared:
+            found: Array = left.T @ (Z @ right)
+            return found
+        found = (Z @ left).transpose(0, 2, 1) @ (Z @ right)
+        return found
+
     def widen(self, size: int) -> Array:
         """Return the basis over all `size` columns and the torque, (r, size + 1)."""
         wide = np.zeros((len(self.basis), size + 1))

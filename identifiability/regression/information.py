@@ -167,6 +167,21 @@ class Information:
                 out[at] += part.grams(np.sqrt(weight) * Q, at)
         return out
 
+    def products(self, weights: Array, left: Array, right: Array) -> Array:
+        """Return ``([W τ] left)ᵀ ([W τ] right)`` of each block, actuators weighted, (B, p, q).
+
+        Parameters
+        ----------
+        weights : (n,)
+        left, right : (k + 1, p) and (k + 1, q)
+        """
+        out = allot((len(self.counts), left.shape[1], right.shape[1]), 1)
+        for weight, part, Q in zip(weights, self.parts, self._common[1], strict=True):
+            own = [Q @ (self.basis @ x) for x in (left, right)]
+            for at in batches(part.blocks):
+                out[at] += weight * part.products(*own, at)
+        return out
+
     def total(self, weights: Array | None = None) -> Array:
         """Return ``Zᵀ Z`` of all blocks, actuators weighted, (k + 1, k + 1)."""
         weights = np.ones(self.actuators) if weights is None else weights

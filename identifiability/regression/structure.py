@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from identifiability.foundation.names import INERTIAL, Array, Parameter
+from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
 from identifiability.regression.model import Model
@@ -87,8 +88,13 @@ class Structure:
         return _read_only(np.array(rows, int).reshape(-1, 10))
 
     def regression(self, samples: Sequence[Prepared]) -> Regression:
-        """Return the columns of the base parameters along measured motion."""
-        return Regression(self.robot, self.model, tuple(samples), self.base.kept)
+        """Return the columns of the base parameters along measured motion.
+
+        With instruments where every log has a second record of its motion.
+        """
+        others = tuple(s.beside for s in samples if isinstance(s, Samples) and s.beside is not None)
+        beside = others if others and len(others) == len(samples) else None
+        return Regression(self.robot, self.model, tuple(samples), self.base.kept, beside)
 
 
 def _read_only(array: Array) -> Array:

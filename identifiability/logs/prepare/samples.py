@@ -69,6 +69,8 @@ class Samples:
         draws on; None for all.
     cutoff : float or None [Hz]
         Low-pass of computed derivatives; None where there is none.
+    instrument : Motion or None
+        A second record of the motion at the same samples, whose errors are not those of `motion`.
     """
 
     name: str
@@ -79,6 +81,13 @@ class Samples:
     sha256: str
     own: Rows | None = None
     cutoff: float | None = None
+    instrument: Motion | None = None
+
+    @property
+    def beside(self) -> Samples | None:
+        """The samples along the second record of the motion."""
+        other = self.instrument
+        return None if other is None else replace(self, motion=other, instrument=None)
 
     @cached_property
     def runs(self) -> list[tuple[int, int]]:
@@ -142,7 +151,9 @@ class Samples:
     def thin(self, step: int) -> Samples:
         """Return every `step`-th sample, without decimation filter."""
         rows = slice(None, None, step)
-        return replace(self, motion=self.motion[rows], tau=self.tau[rows], decimation=None)
+        other = None if self.instrument is None else self.instrument[rows]
+        thinned = replace(self, motion=self.motion[rows], tau=self.tau[rows], decimation=None)
+        return replace(thinned, instrument=other)
 
     def output_times(self) -> Array:
         """Return the times of the samples after decimation, (outputs,) [s]."""

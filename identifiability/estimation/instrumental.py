@@ -1,0 +1,231 @@
+"""Instrumental variables: estimates that noise in the motion does not bias.
+
+Noise in q, dq and ddq makes the columns of W noisy. Least squares takes that for motion and pulls
+values towards zero, and more data do not help. Instruments V, the same columns along a second
+record of the motion whose noise is another one, are correlated with the motion and not with the
+noise: ``(Vᵀ W)⁻¹ Vᵀ τ`` converges to what noise-free columns would give [Janot, Vandanjon, Gautier
+2014]. The difference to least squares is the bias that would have been believed [Hausman 1978].
+
+Instruments are worth as much as they are correlated with W. The canonical correlations say that
+direction by direction: where they are weak the column itself stays, which is least squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from identifiability.estimation.estimator import Correction, Estimate
+from identifiability.estimation.least_squares import (
+    ALONE,
+    OrdinaryLeastSquares,
+    WeightedLeastSquares,
+)
+from identifiability.foundation.linalg import triangular_factor
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
+
+#: A direction follows its instrument from this canonical correlation on.
+STRONG = 0.9
+
+#: Instruments are told apart down to this share of their columns' length.
+APART = 1e-8
+
+#: A parameter is touched by weak directions that make this share of its variance.
+TOUCHED = 0.1
+
+
+@frozen
+class _Solution:
+    """Instruments combined so that each stands for one direction of W.
+
+    Attributes
+    ----------
+    left : (2k, k)
+        Coefficients T of the instruments ``[V W] T``, with ``([V W] T)ᵀ W B = I``.
+    B : (k, k)
+        Directions of the parameters, one a column.
+    length : (k,)
+        Lengths of the instruments, which are at right angles: 1 over the canonical correlation,
+        or 1 where the direction stays with least squares.
+    value : (k,)
+    weak : (k,) bool
+        Directions that stay with least squares.
+    """
+
+    left: Array
+    B: Array
+    length: Array
+    value: Array
+    weak: np.ndarray
+
+    def residual(self) -> Array:
+        """Return z with ``τ - W x = [V W τ] z``, (2k + 1,)."""
+        return np.concatenate([np.zeros(len(self.value)), -self.value, [1.0]])
+
+
+@frozen
+class InstrumentalVariables:
+    """Instrumental variables in the directions in which instruments are strong.
+
+    Information without instruments is fitted by least squares.
+
+    Attributes
+    ----------
+    base : OrdinaryLeastSquares or WeightedLeastSquares
+        Gives the weights of the actuators, and the directions without a strong instrument.
+    """
+
+    base: OrdinaryLeastSquares = WeightedLeastSquares()  # noqa: RUF009 - a value
+    name: str = "iv"
+
+    @property
+    def description(self) -> str:
+        """What it is, in the words of a report."""
+        return f"instrumental variables ({self.base.name} weights)"
+
+    def fit(self, information: Information) -> Estimate:
+        """Return the estimate; it says what least squares gives."""
+        plain = self.base.fit(information)
+        kept = list(plain.kept)
+        if not information.instrumented or not kept:
+            return plain
+        part = information.select(kept)
+        found = _solve(part, plain.weights, plain.value[kept])
+        S, k = part.basis, part.size
+        rss = np.maximum(part.squares(S @ np.append(-found.value, 1.0)), 0.0)
+        value, covariance = plain.value.copy(), plain.covariance.copy()
+        value[kept] = found.value
+        spread = found.B * found.length
+        sigma2 = float(plain.weights @ rss) / max(plain.dof, 1)
+        covariance[np.ix_(kept, kept)] = sigma2 * spread @ spread.T
+        mixed = np.flatnonzero(~plain.determined)
+        covariance[mixed, :] = 0.0
+        covariance[:, mixed] = 0.0
+        covariance[mixed, mixed] = np.inf
+        share = (spread[:, found.weak] ** 2).sum(1) / (spread**2).sum(1)
+        touched = tuple(part.columns[j] for j in np.flatnonzero(share > TOUCHED))
+        return replace(
+            plain,
+            value=value,
+            covariance=covariance,
+            rss=rss,
+            variance=rss / max(part.samples - k / part.actuators, 1.0),
+            estimator=self,
+            correction=Correction(plain.value, int(found.weak.sum()), touched),
+        )
+
+    def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
+        """Return the values of the same instruments for weighted sums of blocks, (R, k)."""
+        kept = list(fit.kept)
+        if not information.instrumented or not kept:
+            return self.base.refit(information, fit, counts)
+        found, A, c = _moments(information.select(kept), fit)
+        k, values = len(kept), np.zeros((len(counts), information.size))
+        sums = counts @ np.concatenate([A, c[:, :, None]], 2).reshape(len(A), -1)
+        sums = sums.reshape(-1, k, k + 1)
+        values[:, kept] = found.value + _solve_each(sums) @ found.B.T
+        return values
+
+    def influence(self, information: Information, fit: Estimate) -> Array:
+        """Return the leverage-corrected score of each block's instruments, (B, k)."""
+        kept = list(fit.kept)
+        if not information.instrumented or not kept:
+            return self.base.influence(information, fit)
+        found, A, c = _moments(information.select(kept), fit)
+        values, vectors = np.linalg.eigh(np.eye(len(kept)) - 0.5 * (A + A.swapaxes(1, 2)))
+        lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
+        scores = np.einsum("bij,bj,bkj,bk->bi", vectors, lever, vectors, c, optimize=True)
+        moved = np.zeros((len(scores), information.size))
+        moved[:, kept] = scores @ found.B.T
+        return moved
+
+    def loss(self, information: Information, fit: Estimate) -> Array:
+        """Return the triangular factor of what instruments see of the residual, (k + 1, k + 1).
+
+        Its square is the estimate's distance in the unit of its own covariance, on top of the
+        residual sum of squares.
+        """
+        kept = list(fit.kept)
+        if not information.instrumented or not kept:
+            return self.base.loss(information, fit)
+        found = _solve(information.select(kept), fit.weights)
+        k = information.size
+        F = np.zeros((len(kept) + 1, k + 1))
+        F[:-1, kept] = np.linalg.inv(found.B * found.length)
+        F[:-1, k] = F[:-1, kept] @ fit.value[kept]
+        F[-1, k] = np.sqrt(fit.weights @ fit.rss)
+        return triangular_factor(np.vstack([F, np.zeros((k - len(kept), k + 1))]))
+
+    def moments(self, information: Information, fit: Estimate, R: Array) -> Array:
+        """Return the normal equations of each block, for refits without some, (B, k + 1, k + 1).
+
+        Parameters
+        ----------
+        information : Information
+            About k independent columns.
+        fit : Estimate
+        R : (k + 1, k + 1)
+            The loss; equations are in ``R x``, less those of the fit, in units of ``R[k, k]``.
+            They are made symmetric, as their sum is.
+        """
+        k = information.size
+        found, A, c = _moments(information, fit)
+        to_y = R[:k, :k] @ found.B  # of directions into coordinates of the loss
+        turned = to_y @ A @ np.linalg.inv(to_y)
+        out = np.zeros((len(A), k + 1, k + 1))
+        out[:, :k, :k] = 0.5 * (turned + turned.swapaxes(1, 2))
+        out[:, :k, k] = out[:, k, :k] = c @ to_y.T / R[k, k]
+        return out
+
+
+def _solve(information: Information, weights: Array, plain: Array | None = None) -> _Solution:
+    """Return the instruments of independent columns and their values (of `plain`, if given)."""
+    k = information.size
+    R = information.joint.factor(weights)
+    V, (Q, root) = R[:, :k], np.linalg.qr(R[:, k : 2 * k])
+    size = np.linalg.norm(V, axis=0)
+    size[size == 0] = 1.0
+    U, s, Yt = np.linalg.svd(V / size, full_matrices=False)
+    own = s > APART * s[0] if len(s) else np.zeros(0, bool)
+    U, to_U = U[:, own], (Yt[own].T / s[own]) / size[:, None]  # U = V to_U
+    left, strength, Yt = np.linalg.svd(U.T @ Q)  # min(rank, k) correlations
+    strength = np.append(strength, np.zeros(k - len(strength)))
+    weak = strength < STRONG
+    good = np.flatnonzero(~weak)
+    B = solve_triangular(root, Yt.T)
+    T = np.zeros((2 * k, k))
+    T[:k, good] = to_U @ left[:, good] / strength[good]
+    T[k:, weak] = B[:, weak]
+    x = solve_triangular(root, Q.T @ R[:, 2 * k]) if plain is None else plain
+    e = R[:, 2 * k] - R[:, k : 2 * k] @ x  # what least squares leaves has digits of its own
+    x = x + B[:, good] @ ((U @ left[:, good]).T @ e / strength[good])
+    length = np.where(weak, 1.0, 1.0 / np.where(weak, 1.0, strength))
+    return _Solution(T, B, length, x, weak)
+
+
+def _moments(information: Information, fit: Estimate) -> tuple[_Solution, Array, Array]:
+    """Return the instruments, and each block's ``Ẑᵀ W B`` (B, k, k) and ``Ẑᵀ e`` (B, k)."""
+    found, k = _solve(information, fit.weights), information.size
+    found = replace(found, value=fit.value[list(fit.kept)])
+    left = np.vstack([found.left, np.zeros((1, k))])
+    right = np.zeros((2 * k + 1, k + 1))
+    right[k : 2 * k, :k] = found.B
+    right[:, k] = found.residual()
+    both = information.joint.products(fit.weights, left, right)
+    return found, both[:, :, :k], both[:, :, k]
+
+
+def _solve_each(sums: Array) -> Array:
+    """Return the solutions of equations (R, k, k + 1); NaN where there is none."""
+    try:
+        return np.asarray(np.linalg.solve(sums[:, :, :-1], sums[:, :, -1:])[..., 0])
+    except np.linalg.LinAlgError:
+        out = np.full(sums.shape[:2], np.nan)
+        for i, one in enumerate(sums):
+            if np.linalg.matrix_rank(one[:, :-1]) == len(one):
+                out[i] = np.linalg.solve(one[:, :-1], one[:, -1])
+        return out

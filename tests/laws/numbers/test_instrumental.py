@@ -1,0 +1,159 @@
+"""Instrumental variables: what noise in the columns does, and what a second record mends."""
+
+import numpy as np
+import pytest
+
+from identifiability.estimation.bootstrap import bootstrap
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.least_squares import OrdinaryLeastSquares
+from identifiability.estimation.scores import scatter_scores
+from identifiability.regression.information import Information
+
+TRUTH = np.array([1.0, -2.0, 0.5, 3.0])
+SIZE = np.array([0.3, 1.0])
+IV = InstrumentalVariables()
+PLAIN = InstrumentalVariables(OrdinaryLeastSquares())
+
+
+def planted(rng, samples=1200, noise=0.15, idle=False):
+    """Return columns along a noisy motion and along a second record of it, and torque."""
+    exact = rng.normal(size=(samples, 2, 4)) @ (np.eye(4) + 0.3 * np.ones((4, 4)))
+    W, V = (exact + noise * rng.normal(size=exact.shape) for _ in range(2))
+    if idle:  # a motion so small that each record is mostly noise
+        W[:, :, 3] = 0.02 * exact[:, :, 3] + noise * rng.normal(size=exact.shape[:2])
+        V[:, :, 3] = 0.02 * exact[:, :, 3] + noise * rng.normal(size=exact.shape[:2])
+        exact[:, :, 3] *= 0.02
+    tau = exact @ TRUTH + SIZE * rng.normal(size=(samples, 2))
+    return V, W, tau
+
+
+def compress(V, W, tau, size=20):
+    return Information.of_rows("abcd", W, tau, np.zeros(len(W), int), size, V)
+
+
+@pytest.fixture
+def rows():
+    return planted(np.random.default_rng(5))
+
+
+def weighted(fit, *arrays):
+    """Return rows of all actuators, weighted."""
+    root = np.sqrt(fit.weights)[:, None]
+    return [(root * (x if x.ndim == 3 else x[:, :, None])).reshape(-1, x.shape[-1] if x.ndim == 3 else 1)
+            for x in arrays]  # fmt: skip
+
+
+def test_strong_instruments_solve_their_own_equations(rows):
+    V, W, tau = rows
+    fit = IV.fit(compress(*rows))
+    Z, X, y = weighted(fit, V, W, tau)
+    np.testing.assert_allclose(fit.value, np.linalg.solve(Z.T @ X, Z.T @ y)[:, 0], rtol=1e-9)
+    plain = np.linalg.lstsq(X, y, rcond=None)[0][:, 0]
+    np.testing.assert_allclose(fit.correction.least_squares, plain, rtol=1e-9)
+    assert (fit.correction.weak, fit.correction.touched) == (0, ())
+    bread = np.linalg.inv(Z.T @ X)
+    sigma2 = float(((y[:, 0] - X @ fit.value) ** 2).sum()) / fit.dof
+    np.testing.assert_allclose(fit.covariance, sigma2 * bread @ Z.T @ Z @ bread.T, rtol=1e-8)
+
+
+def test_without_instruments_it_is_least_squares(rows):
+    _, W, tau = rows
+    information = Information.of_rows("abcd", W, tau, np.zeros(len(W), int), 20)
+    fit = IV.fit(information)
+    assert fit.correction is None
+    assert fit.estimator.name == "wls"
+    np.testing.assert_array_equal(fit.value, estimate(information).value)
+
+
+def test_weak_directions_stay_with_least_squares():
+    V, W, tau = planted(np.random.default_rng(6), idle=True)
+    information = compress(V, W, tau)
+    fit = PLAIN.fit(information)
+    assert fit.correction.weak == 1
+    assert "d" in fit.correction.touched
+    # The score of the weak direction is that of least squares, of the others that of instruments.
+    Z, X, y = weighted(fit, V, W, tau)
+    Qz, Qx = np.linalg.qr(Z)[0], np.linalg.qr(X)[0]
+    U, s, Yt = np.linalg.svd(Qz.T @ Qx)
+    assert (s > 0.9).sum() == 3
+    e = y[:, 0] - X @ fit.value
+    left = np.column_stack([Qz @ U[:, :3], Qx @ Yt[3]])
+    np.testing.assert_allclose(left.T @ e, 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("idle", [False, True])
+@pytest.mark.parametrize("size", [3, 20])
+def test_refits_are_those_of_the_rows(idle, size):
+    V, W, tau = planted(np.random.default_rng(7), 240, idle=idle)
+    information = compress(V, W, tau, size)
+    fit = IV.fit(information)
+    rng = np.random.default_rng(0)
+    B = len(information.counts)
+    counts = rng.multinomial(B, np.full(B, 1 / B), 4).astype(float)
+    found = fit.estimator.refit(information, fit, counts)
+    Z, X, y = weighted(fit, V, W, tau)
+    Qz, Qx = np.linalg.qr(Z)[0], np.linalg.qr(X)[0]
+    U, s, Yt = np.linalg.svd(Qz.T @ Qx)
+    strong = s > 0.9
+    T = np.column_stack([(Qz @ U)[:, strong], (Qx @ Yt.T)[:, ~strong]])
+    for row, values in zip(counts, found, strict=True):
+        w = np.repeat(np.repeat(row, size), 2)[:, None]
+        direct = np.linalg.solve(T.T @ (w * X), T.T @ (w * y))[:, 0]
+        np.testing.assert_allclose(values, direct, rtol=1e-7)
+    np.testing.assert_allclose(
+        fit.estimator.refit(information, fit, np.ones((1, B)))[0], fit.value, rtol=1e-9
+    )
+
+
+def test_the_loss_is_least_at_the_fit_and_measures_in_its_covariance(rows):
+    information = compress(*rows)
+    fit = IV.fit(information)
+    F = fit.estimator.loss(information, fit)
+    assert np.allclose(np.tril(F, -1), 0)
+    np.testing.assert_allclose(np.linalg.solve(F[:4, :4], F[:4, 4]), fit.value, rtol=1e-9)
+    sigma2 = float(fit.weights @ fit.rss) / fit.dof
+    np.testing.assert_allclose(
+        sigma2 * np.linalg.inv(F[:4, :4].T @ F[:4, :4]), fit.covariance, rtol=1e-8
+    )
+    assert F[4, 4] ** 2 == pytest.approx(float(fit.weights @ fit.rss))
+
+
+def test_moments_refit_without_some_blocks(rows):
+    information = compress(*rows)
+    fit = IV.fit(information)
+    R = fit.estimator.loss(information, fit)
+    M = fit.estimator.moments(information, fit, R)
+    np.testing.assert_allclose(M.sum(0)[:4, :4], np.eye(4), atol=1e-9)
+    np.testing.assert_allclose(M.sum(0)[:4, 4], 0.0, atol=1e-9)
+    counts = np.ones((1, len(M)))
+    counts[0, ::5] = 0.0
+    rest = np.einsum("b,bij->ij", counts[0], M)
+    y = R[:4, 4] + np.linalg.solve(rest[:4, :4], rest[:4, 4]) * R[4, 4]
+    direct = fit.estimator.refit(information, fit, counts)[0]
+    np.testing.assert_allclose(
+        np.linalg.solve(R[:4, :4], y), direct, atol=0.02 * np.abs(direct - fit.value).max()
+    )
+
+
+def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
+    trials, held, values, plain, means = 200, [], [], [], []
+    for seed in range(trials):
+        rng = np.random.default_rng([seed, 11])
+        information = compress(*planted(rng, 240, 0.2), size=4)
+        fit = IV.fit(information)
+        scores = scatter_scores(information, fit, 1.0)
+        drawn = bootstrap(information, fit, rng, replicates=200)
+        robust = np.maximum(scores.widened, drawn.sd)
+        held.append(np.abs(fit.value - TRUTH) <= 1.96 * robust)
+        means.append([fit.sigma, scores.sd, drawn.sd])
+        values.append(fit.value)
+        plain.append(fit.correction.least_squares)
+    values, plain = np.array(values), np.array(plain)
+    error = values.std(0, ddof=1)
+    assert np.all(np.abs(values.mean(0) - TRUTH) < 4 * error / np.sqrt(trials))
+    assert np.all(np.abs(plain.mean(0) - TRUTH).max() > 1.5 * plain.std(0).max())
+    share = np.mean(held)
+    assert abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / trials)
+    for one in np.mean(means, 0):  # by formula, by scores, by resampling
+        np.testing.assert_allclose(one, error, rtol=4 / np.sqrt(2 * trials))
