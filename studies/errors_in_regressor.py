@@ -17,11 +17,11 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from identifiability.estimation.estimate import choose_estimator
+from identifiability.estimation.estimate import Kind, choose_estimator, estimate
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import Rung, build_comparison, find_ladder, ladder_model
@@ -54,14 +54,12 @@ class Subject:
     rung : Rung
     truth : (k,)
         Values of the model without noise.
-    how : Preparation
     """
 
     structure: Structure
     exact: Log
     rung: Rung
     truth: Array
-    how: Preparation = Preparation()
 
     @staticmethod
     def of(robot: Robot, trajectory: str, periods: int, model: str = MODEL) -> Subject:
@@ -74,7 +72,7 @@ class Subject:
         exact = repeat_log(once, periods)
         regression = structure.regression([prepare_samples(robot, exact)])
         information = rung.reduce(gather_information(regression))
-        return Subject(structure, exact, rung, choose_estimator("wls", "ls", instruments=False).fit(information).value)  # fmt: skip
+        return Subject(structure, exact, rung, estimate(information).value)
 
 
 def repeat_log(log: Log, periods: int) -> Log:
@@ -91,20 +89,24 @@ def add_noise(log: Log, noise: Noise, rng: np.random.Generator) -> Log:
     return replace(log, tau=noise.on_torque(log.tau, rng), **moved)
 
 
-def fit_log(subject: Subject, log: Log, rng: np.random.Generator, kinds: tuple[str, ...] = ("ls", "iv")) -> Iterator[tuple[str, Array, Array, int]]:  # fmt: skip
+def fit_log(
+    subject: Subject, log: Log, rng: np.random.Generator
+) -> Iterator[tuple[Kind, Array, Array, int]]:
     """Yield kind, values, robust σ and weak directions of the model fitted to a log."""
     structure, rung = subject.structure, subject.rung
-    samples = prepare_samples(structure.robot, log, subject.how)
-    samples = add_instrument(structure.robot, log, samples)
+    samples = prepare_samples(structure.robot, log)
+    samples = add_instrument(structure.robot, log, samples) or samples
     regression = structure.regression([samples])
     whole = gather_information(regression)
     information = rung.reduce(whole)
     chunks = list(regression.chunks())
+    kinds: tuple[Kind, ...] = ("ls", "iv")
     for kind in kinds:
         fit = choose_estimator("wls", kind, instruments=kind == "iv").fit(information)
         base = rung.expand(fit.value)
         residual = np.concatenate([tau - W @ base for _, _, W, tau in chunks])
-        spread = assess_uncertainty(information, fit, residual, np.zeros(len(residual), int), rng, 200)  # fmt: skip
+        series = np.zeros(len(residual), int)
+        spread = assess_uncertainty(information, fit, residual, series, rng, 200)
         yield kind, fit.value, spread.robust, 0 if fit.correction is None else fit.correction.weak
 
 
@@ -142,7 +144,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--trajectories", nargs="+", default=list(TRAJECTORIES))
     parser.add_argument("--periods", nargs="+", type=int, default=list(PERIODS))
-    parser.add_argument("--output", type=Path, default=ROOT / "reports" / "errors_in_regressor.html")
+    parser.add_argument(
+        "--output", type=Path, default=ROOT / "reports" / "errors_in_regressor.html"
+    )
     given = parser.parse_args(arguments)
     robot, rows = Robot.load("3-rps"), []
     with threadpool_limits(1, "blas"):
@@ -150,11 +154,20 @@ def main(arguments: list[str] | None = None) -> int:
             for periods in given.periods:
                 cells = measure(robot, trajectory, periods, given.seeds)
                 for kind, cell in cells.items():
-                    rows.append({"trajectory": trajectory, "periods": periods, "estimator": kind} | cell)
+                    rows.append(
+                        {"trajectory": trajectory, "periods": periods, "estimator": kind} | cell
+                    )
                     print(rows[-1], flush=True)
     frame = pd.DataFrame(rows)
-    words = f"{MODEL}, the paper's noise, {given.seeds} seeds a cell; target: the pseudo-true value."
-    section = Section("table", "One period and ten", words, (frame_table(frame, "Every cell"), Prose(__doc__ or "")))
+    words = (
+        f"{MODEL}, the paper's noise, {given.seeds} seeds a cell; target: the pseudo-true value."
+    )
+    section = Section(
+        "table",
+        "One period and ten",
+        words,
+        (frame_table(frame, "Every cell"), Prose(__doc__ or "")),
+    )
     write_page(given.output, "Errors in the regressor", words, [section])
     return 0
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple
-from typing import Annotated
+from typing import Annotated, Literal
 
 from typer import Option
 
@@ -21,6 +21,7 @@ def calibrate(
     trials: Annotated[int, Option(min=4)] = 60,
     sbc: bool = True,
     names: Annotated[int, Option(min=0)] = 40,
+    estimator: Literal["auto", "ls", "iv"] = "auto",
     seed: options.Seed = 0,
     quick: bool = False,
 ) -> None:
@@ -46,6 +47,8 @@ def calibrate(
         Also check the posterior by simulation (some seconds).
     names
         Repetitions with nothing missing that are diagnosed; 0: none.
+    estimator
+        As for analyze.
     quick
         A few repetitions, a wide Monte-Carlo error.
     """
@@ -54,7 +57,9 @@ def calibrate(
         from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
         common.check_outputs(*astuple(outputs), inputs=[*machine.files, *logs, ladder])
-        analysis = analyze(machine.load(), logs, (), ladder, replicates=0, seed=seed)
+        analysis = analyze(
+            machine.load(), logs, (), ladder, estimator=estimator, replicates=0, seed=seed
+        )
         result = run(
             analysis,
             model=model,

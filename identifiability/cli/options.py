@@ -144,6 +144,9 @@ class Fitting:
     ----------
     method
         Weight actuators by their own variance, or all alike.
+    estimator
+        Least squares, or instrumental variables (auto: where the logs allow), which noise in the
+        motion does not bias.
     cad_prior
         Weight of a log-det prior around the robot file's bodies.
     derivatives
@@ -159,6 +162,7 @@ class Fitting:
     """
 
     method: Annotated[str, Option(metavar="NAME", autocompletion=_estimators)] = "wls"
+    estimator: Literal["auto", "ls", "iv"] = "auto"
     cad_prior: Annotated[float, Option(min=0)] = 0.0
     derivatives: Annotated[Literal["auto", "given", "butterworth", "fourier"], _derived()] = "auto"
     cutoff: Annotated[float | None, _derived(min=0)] = None
@@ -170,9 +174,10 @@ class Fitting:
         """Return what the library calls them."""
         from identifiability.logs.prepare import Preparation  # noqa: PLC0415
 
-        method, cad_weight, *derivation = astuple(self)
+        method, estimator, cad_weight, *derivation = astuple(self)
         how = Preparation(*derivation)
-        return {"method": method, "cad_weight": cad_weight, "preparation": how}
+        fit = {"method": method, "estimator": estimator}
+        return {**fit, "cad_weight": cad_weight, "preparation": how}
 
 
 @dataclass(frozen=True)

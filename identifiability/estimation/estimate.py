@@ -58,18 +58,14 @@ def choose_estimator(method: Method, kind: Kind, *, instruments: bool) -> Estima
         If instruments cannot be combined with the method.
     """
     base = find_estimator(method)
-    least_squares = isinstance(base, OrdinaryLeastSquares)
-    if kind == "iv" and not least_squares:
+    if isinstance(base, OrdinaryLeastSquares):
+        return InstrumentalVariables(base) if instruments else base
+    if kind != "auto":
         raise OptionError(
-            f"The estimator 'iv' weighs actuators by 'wls' or 'ols'; '{base.name}' is an estimator "
-            "of its own: choose one of them, or leave out the estimator."
+            f"The estimator '{kind}' weighs actuators by the method 'wls' or 'ols', and "
+            f"'{base.name}' is neither: choose one of them, or leave out the estimator."
         )
-    if kind == "ls" and not least_squares:
-        raise OptionError(
-            f"'{base.name}' is not least squares: choose the method 'wls' or 'ols', or leave out "
-            "the estimator."
-        )
-    return InstrumentalVariables(base) if instruments and least_squares else base
+    return base
 
 
 @checked

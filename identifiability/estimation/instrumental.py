@@ -19,9 +19,9 @@ from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimator import Correction, Estimate
 from identifiability.estimation.least_squares import (
-    ALONE,
     OrdinaryLeastSquares,
     WeightedLeastSquares,
+    correct_leverage,
 )
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
@@ -79,7 +79,7 @@ class InstrumentalVariables:
         Gives the weights of the actuators, and the directions without a strong instrument.
     """
 
-    base: OrdinaryLeastSquares = WeightedLeastSquares()  # noqa: RUF009 - a value
+    base: OrdinaryLeastSquares = WeightedLeastSquares()
     name: str = "iv"
 
     @property
@@ -97,21 +97,18 @@ class InstrumentalVariables:
         found = _solve(part, plain.weights, plain.value[kept])
         S, k = part.basis, part.size
         rss = np.maximum(part.squares(S @ np.append(-found.value, 1.0)), 0.0)
-        value, covariance = plain.value.copy(), plain.covariance.copy()
+        value, covariance = plain.value.copy(), np.zeros_like(plain.covariance)
         value[kept] = found.value
         spread = found.B * found.length
         sigma2 = float(plain.weights @ rss) / max(plain.dof, 1)
         covariance[np.ix_(kept, kept)] = sigma2 * spread @ spread.T
-        mixed = np.flatnonzero(~plain.determined)
-        covariance[mixed, :] = 0.0
-        covariance[:, mixed] = 0.0
-        covariance[mixed, mixed] = np.inf
+        both = np.logical_and.outer(plain.determined, plain.determined)
         share = (spread[:, found.weak] ** 2).sum(1) / (spread**2).sum(1)
         touched = tuple(part.columns[j] for j in np.flatnonzero(share > TOUCHED))
         return replace(
             plain,
             value=value,
-            covariance=covariance,
+            covariance=np.where(both, covariance, plain.covariance),
             rss=rss,
             variance=rss / max(part.samples - k / part.actuators, 1.0),
             estimator=self,
@@ -136,9 +133,7 @@ class InstrumentalVariables:
         if not information.instrumented or not kept:
             return self.base.influence(information, fit)
         found, A, c = _moments(information.select(kept), fit)
-        values, vectors = np.linalg.eigh(np.eye(len(kept)) - 0.5 * (A + A.swapaxes(1, 2)))
-        lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
-        scores = np.einsum("bij,bj,bkj,bk->bi", vectors, lever, vectors, c, optimize=True)
+        scores = correct_leverage(c, 0.5 * (A + A.swapaxes(1, 2)))
         moved = np.zeros((len(scores), information.size))
         moved[:, kept] = scores @ found.B.T
         return moved

@@ -59,6 +59,16 @@ class Evidence:
     left_out: LeftOut | None = None
 
     @property
+    def bias_sigma(self) -> list[float | None]:
+        """What least squares adds to each value, in σ; None where it is what was done."""
+        e, sigma = self.estimate, self.sigma_robust
+        if e.correction is None:
+            return [None] * len(sigma)
+        usable = e.determined & np.isfinite(sigma) & (sigma > 0)
+        moved = (e.correction.least_squares - e.value) / np.where(usable, sigma, 1.0)
+        return [float(x) if good else None for x, good in zip(moved, usable, strict=True)]
+
+    @property
     def sigma_omit(self) -> Array:
         """How far values may lie from their labels by what is left out, (k,)."""
         return np.zeros(len(self.sigma_robust)) if self.left_out is None else self.left_out.sigma
@@ -86,7 +96,7 @@ def judge(
     certain = holm(2 * norm.sf(z)) < rules.sign_level
     paper = e.paper_rule
     least = float(e.sigma_percent.min(initial=np.inf))
-    out = []
+    out, moved = [], evidence.bias_sigma
     for k, name in enumerate(e.columns):
         reach = abs(e.value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
         percent = percent_of(float(sigma[k]), float(e.value[k]))
@@ -113,6 +123,7 @@ def judge(
                 sigma_omit=float(evidence.sigma_omit[k]),
                 stands_for="" if left is None else left.stands_for[k],
                 projected=None if left is None or nominal is None else float(left.projected[k]),
+                bias_sigma=moved[k],
             )
         )
     return tuple(out)

@@ -63,9 +63,7 @@ class OrdinaryLeastSquares:
         x = fit.value[list(fit.kept)]
         z = np.append(S[:k, k] - S[:k, :k] @ x, S[k, k])  # τ - W x = Z z
         scores = (grams[:, :k] @ z) @ inverse.T
-        values, vectors = np.linalg.eigh(np.eye(k) - inverse @ grams[:, :k, :k] @ inverse.T)
-        lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
-        scores = np.einsum("bij,bj,bkj,bk->bi", vectors, lever, vectors, scores, optimize=True)
+        scores = correct_leverage(scores, inverse @ grams[:, :k, :k] @ inverse.T)
         to_x = solve_triangular(S[:k, :k], inverse.T)
         moved = np.zeros((len(scores), information.size))
         moved[:, list(fit.kept)] = scores @ to_x.T
@@ -98,6 +96,23 @@ def _mean_square(information: Information) -> float:
     """Return the mean square of the torque over all rows."""
     root = information.factor()[:, -1]
     return float(root @ root) / max(information.rows, 1)
+
+
+def correct_leverage(scores: Array, shares: Array) -> Array:
+    """Return scores as if each block had not pulled the fit towards itself, (B, k).
+
+    Parameters
+    ----------
+    scores : (B, k)
+    shares : (B, k, k)
+        Of each block in the whole information, which is the unit matrix.
+    """
+    values, vectors = np.linalg.eigh(np.eye(scores.shape[1]) - shares)
+    lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
+    corrected: Array = np.einsum(
+        "bij,bj,bkj,bk->bi", vectors, lever, vectors, scores, optimize=True
+    )
+    return corrected
 
 
 def leave_open(information: Information, estimator: Estimator) -> Estimate:

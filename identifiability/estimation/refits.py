@@ -10,7 +10,8 @@ from typing import Protocol
 
 import numpy as np
 
-from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.least_squares import OrdinaryLeastSquares
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -132,10 +133,28 @@ class AskedRefits:
         return replace(self, delta=delta, C=C)
 
 
-def refits_like_least_squares(estimator: Estimator) -> bool:
-    """Return whether `UpdatedRefits` are the refits of an estimator: it has none of its own."""
+def normal_equations(
+    information: Information, full: Estimate, R: Array, blocks: Array
+) -> Array | None:
+    """Return each block's normal equations for `UpdatedRefits`, (B, k + 1, k + 1).
+
+    None for an estimator that has refits of its own.
+
+    Parameters
+    ----------
+    information : Information
+        About k independent columns.
+    full : Estimate
+    R : (k + 1, k + 1)
+        Its loss; equations are in ``R x``.
+    blocks : (B, k + 1, k + 1)
+        Gram matrices of ``[W τ] R⁻¹``, which are those of least squares.
+    """
+    estimator = full.estimator
+    if isinstance(estimator, InstrumentalVariables):
+        return estimator.moments(information, full, R)
     own = getattr(type(estimator), "refit", None)
-    return own is OrdinaryLeastSquares.refit
+    return blocks if own is OrdinaryLeastSquares.refit else None
 
 
 @frozen

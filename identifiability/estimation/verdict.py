@@ -29,8 +29,8 @@ class Class(StrEnum):
 #: Attributes of a verdict that stand in a row under their own names.
 IN_A_ROW = (
     "name", "label", "unit", "value", "sigma", "sigma_percent", "sigma_robust_percent",
-    "sigma_omit", "interval95", "data_interval95", "paper_rule", "verdict", "reason", "stands_for",
-    "nominal", "projected",
+    "sigma_omit", "bias_sigma", "interval95", "data_interval95", "paper_rule", "verdict", "reason",
+    "stands_for", "nominal", "projected",
 )  # fmt: skip
 
 
@@ -99,6 +99,9 @@ class Verdict:
         What the value is in truth, such as ``slider1.Jr + 0.02·platform.m``; empty if its label.
     projected : float or None
         Value that this fit would find on the robot of the file.
+    bias_sigma : float or None
+        Value of least squares less this one, in σ_robust: the bias by noise in the motion that
+        would have been believed. None without instruments.
     """
 
     name: str
@@ -116,6 +119,7 @@ class Verdict:
     sigma_omit: float = 0.0
     stands_for: str = ""
     projected: float | None = None
+    bias_sigma: float | None = None
 
     @property
     def interval95(self) -> tuple[float, float]:

@@ -73,10 +73,8 @@ class ActuatorBlocks:
     def products(self, left: Array, right: Array, at: slice) -> Array:
         """Return ``(Z left)ᵀ (Z right)`` of some blocks, (b, p, q), for (r, p) and (r, q)."""
         Z = self.blocks[at]
-        if self.squared:
-            found: Array = left.T @ (Z @ right)
-            return found
-        found = (Z @ left).transpose(0, 2, 1) @ (Z @ right)
+        one = left.T if self.squared else (Z @ left).transpose(0, 2, 1)
+        found: Array = one @ (Z @ right)
         return found
 
     def widen(self, size: int) -> Array:

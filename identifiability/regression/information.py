@@ -177,9 +177,9 @@ class Information:
         """
         out = allot((len(self.counts), left.shape[1], right.shape[1]), 1)
         for weight, part, Q in zip(weights, self.parts, self._common[1], strict=True):
-            own = [Q @ (self.basis @ x) for x in (left, right)]
+            one, other = Q @ (self.basis @ left), Q @ (self.basis @ right)
             for at in batches(part.blocks):
-                out[at] += weight * part.products(*own, at)
+                out[at] += weight * part.products(one, other, at)
         return out
 
     def total(self, weights: Array | None = None) -> Array:

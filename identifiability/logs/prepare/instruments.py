@@ -37,9 +37,9 @@ HARMONICS = (5, 10, 20, 40)
 #: Samples of a log in which its period is looked for.
 ENOUGH = 4096
 
-#: The smoothed motion reaches up to this many times the band of what is smoothed, but no further
-#: than this share of the sampling rate: it would share the noise.
-WIDER, SHARED = 2.0, 0.15
+#: A smoothed motion may reach up to this share of the sampling rate: it shares the noise of its
+#: band. The cut-off is found within this factor.
+SHARED, WIDER = 0.15, 1.2
 
 #: Share of samples at which the loops may stay open along the second record.
 OPEN = 0.02
@@ -65,12 +65,16 @@ def noise_level(x: Array) -> Array:
     """Return the standard deviation of white noise on smooth signals (N, n), (n,)."""
     if len(x) <= ORDER:
         return np.zeros(x.shape[1])
-    level: Array = np.sqrt(np.mean(np.diff(x, ORDER, axis=0) ** 2, axis=0) / binom(2 * ORDER, ORDER))
+    level: Array = np.sqrt(
+        np.mean(np.diff(x, ORDER, axis=0) ** 2, axis=0) / binom(2 * ORDER, ORDER)
+    )
     return level
 
 
-def add_instrument(robot: Robot, log: Log, samples: Samples) -> Samples:
-    """Return the samples with a second record of their motion, if there is any, and a note.
+def add_instrument(
+    robot: Robot, log: Log, samples: Samples, *, always: bool = False
+) -> Samples | None:
+    """Return the samples with a second record of their motion and a note; None if there is none.
 
     Parameters
     ----------
@@ -78,24 +82,24 @@ def add_instrument(robot: Robot, log: Log, samples: Samples) -> Samples:
     log : Log
         What the samples were prepared from.
     samples : Samples
+    always : bool
+        Also where noise is negligible, and so is what it does to least squares.
     """
-    record = find_record(joint_log(robot, log), samples)
-    if record is None:
-        return samples
-    motion = _complete(robot, samples.motion, record)
-    if motion is None:
-        return samples
+    record = find_record(joint_log(robot, log), samples, always=always)
+    motion = None if record is None else _complete(robot, samples.motion, record)
+    if record is None or motion is None:
+        return None
     return replace(samples, instrument=motion, notes=(*samples.notes, record.note))
 
 
-def find_record(log: Log, samples: Samples) -> SecondRecord | None:
+def find_record(log: Log, samples: Samples, *, always: bool = False) -> SecondRecord | None:
     """Return a second record of the motion of a log on the joint side; None where there is none."""
     channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
     noise = [noise_level(x) for x in channels]
     size = [x.std(0) for x in channels]
     worst = max(float(np.max(s / np.maximum(v, 1e-300), where=v > 0, initial=0.0))
                 for s, v in zip(noise, size, strict=True))  # fmt: skip
-    if worst < NEGLIGIBLE and len(channels) == 3:
+    if worst < NEGLIGIBLE and len(channels) == 3 and not always:
         return None
     if samples.cutoff is not None or len(channels) == 3:
         series = _fit_series(log, channels, noise)
@@ -106,7 +110,7 @@ def find_record(log: Log, samples: Samples) -> SecondRecord | None:
             )
             return SecondRecord(series.motion(log.t - log.t[0]), note)
     if samples.cutoff is None and len(channels) == 3:
-        return _smooth(log, channels)
+        return _smooth(log, channels, noise)
     return None
 
 
@@ -116,7 +120,10 @@ def _fit_series(
     """Return the series that explains all channels up to their noise; None if none does."""
     t = log.t - log.t[0]
     step = -(-len(t) // ENOUGH)
-    shares = [float(np.mean(s / np.maximum(x.std(0), 1e-300))) for x, s in zip(channels, noise, strict=True)]
+    shares = [
+        float(np.mean(s / np.maximum(x.std(0), 1e-300)))
+        for x, s in zip(channels, noise, strict=True)
+    ]
     clearest = channels[int(np.argmin(shares))][::step]
     for harmonics in HARMONICS:
         if 8 * harmonics > len(t):
@@ -137,21 +144,38 @@ def _explained(rest: Array, x: Array, noise: Array) -> bool:
     return bool(np.all(np.sqrt(np.mean(rest**2, 0)) <= EXPLAINED * noise + floor))
 
 
-def _smooth(log: Log, channels: Sequence[Array]) -> SecondRecord | None:
-    """Return the low-passed motion; None where its band holds most of the noise too."""
+def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> SecondRecord | None:
+    """Return the low-passed motion; None where its band would hold much of the noise too."""
     dt = signals.sampling_step(log.t)
-    lowest = 2.0 / (log.t[-1] - log.t[0])
-    spans = signals.spread_windows(len(log))
-    bands = [signals.bandwidth_of_windows([x[a:b] for a, b in spans], dt) for x in channels]
-    cutoffs = [max(WIDER * band, lowest) for band in bands]
-    if max(cutoffs) * dt > SHARED:
+    cutoffs = [_smoothing(x, level, dt) for x, level in zip(channels, noise, strict=True)]
+    if any(f * dt > SHARED for f in cutoffs if np.isfinite(f)):
         return None
-    q, dq, ddq = (signals.lowpass(x, dt, f) for x, f in zip(channels, cutoffs, strict=True))
+    q, dq, ddq = (
+        signals.lowpass(x, dt, f) if np.isfinite(f) else x
+        for x, f in zip(channels, cutoffs, strict=True)
+    )
+    used = ", ".join(f"{f:.3g} Hz" if np.isfinite(f) else "not at all" for f in cutoffs)
     note = (
         "the instruments' motion is the measured one smoothed, position, velocity and acceleration "
-        f"low-passed at {', '.join(f'{f:.3g}' for f in cutoffs)} Hz"
+        f"low-passed at {used}"
     )
     return SecondRecord((q, dq, ddq), note)
+
+
+def _smoothing(x: Array, noise: Array, dt: float) -> float:
+    """Return the lowest cut-off [Hz] that leaves out no more than noise; ∞ where there is none."""
+    if np.all(noise <= NEGLIGIBLE * x.std(0)):
+        return np.inf
+    low, high = 1.0 / (dt * len(x)), SHARED / dt
+    if not _explained(x - signals.lowpass(x, dt, high), x, noise):
+        return 2.0 * high
+    while high > WIDER * low:
+        middle = float(np.sqrt(low * high))
+        if _explained(x - signals.lowpass(x, dt, middle), x, noise):
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 def _complete(robot: Robot, measured: Motion, record: SecondRecord) -> Motion | None:

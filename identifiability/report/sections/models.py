@@ -144,6 +144,9 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
         differs = stated[v.name] is not None and v.sigma_omit and text != label
         return Cell(text, stated[v.name], f"label {label}" if differs else "")
 
+    noise = [Column("least squares − value", _sigmas, "bias_sigma")]
+    if result.estimate.correction is None:
+        noise = []
     every = columns(
         "parameters",
         Column("parameter", get=lambda v: Cell(v.name, note=shorten_label(v.label))),
@@ -153,6 +156,7 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
         Column("σ white", percent_text, "sigma_percent"),
         Column("σ robust", percent_text, "sigma_robust_percent"),
         Column("σ label", percent_text, "sigma_label_percent"),
+        *noise,
         Column("robot file", "number", in_file),
         Column("share of torque", "bar", share),
         Column("10× rule", "text", _paper_cell),
@@ -161,6 +165,10 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
     reduced = any(v.sigma_omit for v in result.verdicts)
     own = tuple(c for c in every if reduced or c.title != "σ label")
     return Table.of("", own, result.verdicts, filter_by=-1)
+
+
+def _sigmas(moved: float | None) -> str:
+    return NONE if moved is None else f"{moved:+.2f} σ"
 
 
 def _paper_cell(v: Verdict) -> Cell:

@@ -123,7 +123,8 @@ def vary_cutoff(
             )
         except IdentifiabilityError:  # nothing is left of one at such a cut-off
             return None
-        again = gather_information(replace(regression, samples=samples), 1)
+        bare = replace(regression, samples=samples, instruments=None)
+        again = gather_information(bare, 1)
         return result.estimate.estimator.fit(result.rung.reduce(again))
 
     whole = sum(b - a for _, a, b in windows) == sum(len(log) for log in logs)

@@ -157,6 +157,7 @@ class Analysis(Result, Opening):
             "hints": list(self.hints),
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
             "method": self.method,
+            "estimator": self.chosen.estimate.estimator.name,
             "provenance": self.provenance,
         }
 

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identifiability.estimation.estimate import Method, find_estimator
+from identifiability.estimation.estimate import Kind, Method, find_estimator
 from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine
@@ -34,6 +34,7 @@ from identifiability.workflows.analyze.words import doubt
 from identifiability.workflows.opening import (
     Logs,
     Progress,
+    add_instruments,
     open_logs,
     read_recordings,
     running,
@@ -50,6 +51,7 @@ def analyze(
     *,
     preparation: Preparation | None = None,
     method: Method = "wls",
+    estimator: Kind = "auto",
     replicates: Replicates = 2000,
     posterior: bool = False,
     cad_weight: NotNegative = 0.0,
@@ -73,6 +75,10 @@ def analyze(
         How derivatives are made.
     method : str or Estimator
         ``"wls"`` weights actuators by their own residual variance, ``"ols"`` all alike.
+    estimator : {"auto", "ls", "iv"}
+        Least squares, or instrumental variables, which noise in the motion does not bias; ``auto``
+        takes the latter where each log has a second record of its motion
+        (`logs.prepare.instruments`).
     replicates : int
         Refits of the block bootstrap; 0 for none.
     posterior : bool
@@ -94,7 +100,7 @@ def analyze(
         With one sentence on what to do.
     """
     say = progress or (lambda _text, _share: None)
-    estimator = find_estimator(method)
+    base = find_estimator(method)
     streams = np.random.default_rng(seed).spawn(3)
     with threadpool_limits(1, "blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
@@ -107,6 +113,7 @@ def analyze(
             how = settle_cutoff(robot, recordings.fitted, preparation)
             prepare = partial(prepare_log, robot, how=how, engine=runner, progress=reading)
             opening = open_logs(structure, recordings, prepare)
+            opening, chosen = add_instruments(opening, recordings.fitted, base, estimator)
             rungs = build_comparison(source.entry, structure)
             building = share(say, "building the regression", 0.3, 0.6)
             regression, silence = opening.regression, opening.silence
@@ -114,12 +121,12 @@ def analyze(
             mixed = "" if silence else find_mix_up(regression, structure.base.nonnegative)
             say("fitting models", 0.6)
             models, physical = fit_ladder(
-                structure, rungs, information, estimator, cad_weight, silence
+                structure, rungs, information, chosen, cad_weight, silence
             )
             values = base_values(models, physical)
             tasks = [Task(np.column_stack([values, *(p.in_file for p in physical)])[None])]
             if not opening.validation and not silence:
-                tasks.append(plan_cross_validation(structure, rungs, information, estimator))
+                tasks.append(plan_cross_validation(structure, rungs, information, chosen))
             predicting = share(say, "predicting torque", 0.65, 0.9)
             fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
             if opening.validation:
@@ -134,7 +141,12 @@ def analyze(
         belief = None
         if posterior:
             results, belief = believe(structure, information, results, at, streams[2], say, silence)
-        settings = {"replicates": replicates, "posterior": posterior, "cad_weight": cad_weight}
+        settings = {
+            "estimator": estimator,
+            "replicates": replicates,
+            "posterior": posterior,
+            "cad_weight": cad_weight,
+        }
         return Analysis(
             structure=structure,
             samples=opening.samples,
@@ -145,7 +157,7 @@ def analyze(
             selected=at,
             fitted=fitted.first(len(rungs)),
             held_out=out.first(len(rungs)),
-            method=estimator.name,
+            method=base.name,
             seed=seed,
             belief=belief,
             thresholds=thresholds,

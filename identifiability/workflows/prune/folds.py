@@ -19,12 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.refits import (
-    Asked,
-    Refits,
-    UpdatedRefits,
-    refits_like_least_squares,
-)
+from identifiability.estimation.refits import Asked, Refits, UpdatedRefits, normal_equations
 from identifiability.estimation.torque_errors import divide_blocks
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -45,7 +40,7 @@ class Folds:
     inverse : (k, k)
         ``x = inverse @ y``.
     centre : (k,)
-        y of the full least-squares fit.
+        y of the full fit.
     scale : float
         Root of its residual sum of squares.
     blocks : (B, k + 1, k + 1)
@@ -60,7 +55,9 @@ class Folds:
     samples : int
         Of the logs.
     asked : Asked or None
-        What refits; None where updates of the Gram matrices are what the estimator does.
+        What refits; None where updates of `moments` do.
+    moments : (B, k + 1, k + 1)
+        Normal equations by block; of least squares the `blocks`.
     """
 
     columns: tuple[str, ...]
@@ -74,6 +71,7 @@ class Folds:
     nonnegative: np.ndarray
     samples: int
     asked: Asked | None
+    moments: Array
 
     @property
     def size(self) -> int:
@@ -104,11 +102,12 @@ class Folds:
         member = np.zeros((S, len(self.blocks)))
         member[self.stretch, np.arange(len(self.blocks))] = weights
         shape = (-1, self.size + 1, self.size + 1)
-        parts = (member @ self.blocks.reshape(len(self.blocks), -1)).reshape(shape)
+        pair = (self.blocks, self.moments)
+        parts, moments = ((member @ x.reshape(len(x), -1)).reshape(shape) for x in pair)
         of_fold = (np.arange(F)[:, None] == self.fold).astype(float)
         refits: Refits
         if self.asked is None:
-            held = (of_fold @ parts.reshape(S, -1)).reshape(shape)
+            held = (of_fold @ moments.reshape(S, -1)).reshape(shape)
             refits = UpdatedRefits.of(held, self.centre, self.scale)
         else:
             left_out = np.vstack([np.zeros(S), of_fold])[:, self.stretch]
@@ -267,26 +266,28 @@ def gather_folds(
         Regressor at states that are not in the logs.
     """
     k = information.size
-    R = information.factor(full.weights)
+    R = full.estimator.loss(information, full)
     length = float(np.linalg.norm(R[:, k]))
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
     inverse = np.linalg.inv(R)
     change = information.basis @ inverse
     stretch, fold = divide_blocks(information.log, information.counts)
     centre, turned = R[:k, k].copy(), inverse[:k, :k]
-    quick = refits_like_least_squares(full.estimator)
+    blocks = change.T @ information.blocks(full.weights) @ change
+    moments = normal_equations(information, full, R, blocks)
     return Folds(
         columns=information.columns,
         inverse=turned,
         centre=centre,
         scale=float(R[k, k]),
-        blocks=change.T @ information.blocks(full.weights) @ change,
+        blocks=blocks,
+        moments=blocks if moments is None else moments,
         stretch=stretch,
         fold=fold,
         unseen=_unseen_gram(unseen, turned, full.weights, information.samples),
         nonnegative=np.asarray(nonnegative, bool),
         samples=information.samples,
-        asked=None if quick else Asked(full.estimator, information, turned, centre),
+        asked=Asked(full.estimator, information, turned, centre) if moments is None else None,
     )
 
 

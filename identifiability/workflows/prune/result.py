@@ -164,6 +164,7 @@ class Ladder(Result, Opening, Measured):
             "effects": list(self.effects),
             "criterion": self.criterion,
             "method": self.method,
+            "estimator": self.result.estimate.estimator.name,
             "seed": self.seed,
             "provenance": self.provenance,
         }

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identifiability.estimation.estimate import Method, find_estimator
+from identifiability.estimation.estimate import Kind, Method, find_estimator
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.options import (
@@ -39,6 +39,7 @@ from identifiability.workflows.analyze.cutoff_check import check_cutoff
 from identifiability.workflows.opening import (
     Logs,
     Progress,
+    add_instruments,
     open_logs,
     read_recordings,
     running,
@@ -76,6 +77,7 @@ def prune(
     reach: Positive = 1.0,
     preparation: Preparation | None = None,
     method: Method = "wls",
+    estimator: Kind = "auto",
     replicates: Replicates = 200,
     cad_weight: NotNegative = 0.0,
     seed: Seed = 0,
@@ -108,6 +110,7 @@ def prune(
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
+    estimator : {"auto", "ls", "iv"}
         As for `analyze`.
     replicates : int
         Resampled logs on which the pruning is repeated.
@@ -127,7 +130,7 @@ def prune(
         With one sentence on what to do.
     """
     say = progress or (lambda _text, _share: None)
-    estimator = find_estimator(method)
+    base = find_estimator(method)
     streams = np.random.default_rng(seed).spawn(4)
     with threadpool_limits(1, "blas"), running(engine) as runner:
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
@@ -139,12 +142,11 @@ def prune(
         how = settle_cutoff(robot, recordings.fitted, preparation)
         prepare = partial(prepare_log, robot, how=how, engine=runner, progress=reading)
         opening = open_logs(structure, recordings, prepare, "pruned")
+        opening, asked = add_instruments(opening, recordings.fitted, base, estimator)
         building = share(say, "building the regression", 0.1, 0.4)
         information = gather_information(opening.regression, engine=runner, progress=building)
         start = build_ladder(LadderEntry(models=source.entry.models[:1]), structure)[0]
-        question = Question(
-            opening=opening, information=information, start=start, estimator=estimator
-        )
+        question = Question(opening=opening, information=information, start=start, estimator=asked)
         say("walking down the ladder", 0.4)
         _check_wishes(start, forbid, force)
         suggest = propose_moves if propose else merge_moves
@@ -155,7 +157,7 @@ def prune(
             suggested=suggest(structure, start.columns),
             forbid=forbid,
             force=force,
-            method=estimator,
+            method=asked,
         )
         selected, physical = _choose(question, search, criterion, cad_weight)
         measuring = share(say, "measuring errors", 0.5, 0.7)
@@ -190,10 +192,11 @@ def prune(
             stability=stability,
             absorption=absorb(part, full, chosen.estimate, chosen.step.partition),
             criterion=criterion,
-            method=estimator.name,
+            method=base.name,
             seed=seed,
             source=source,
             settings={
+                "estimator": estimator,
                 "forbid": list(forbid),
                 "force": list(force),
                 "propose": propose,

@@ -40,8 +40,8 @@ def rows():
 def weighted(fit, *arrays):
     """Return rows of all actuators, weighted."""
     root = np.sqrt(fit.weights)[:, None]
-    return [(root * (x if x.ndim == 3 else x[:, :, None])).reshape(-1, x.shape[-1] if x.ndim == 3 else 1)
-            for x in arrays]  # fmt: skip
+    wide = [x if x.ndim == 3 else x[:, :, None] for x in arrays]
+    return [(root * x).reshape(-1, x.shape[2]) for x in wide]
 
 
 def test_strong_instruments_solve_their_own_equations(rows):

@@ -1,0 +1,110 @@
+"""The second record of a motion: which there is, and whether its errors are its own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.logs import Log
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.logs.prepare.instruments import add_instrument, noise_level
+from identifiability.robot import Robot
+
+STEP = 0.005
+NOISE = (2e-3, 2e-2, 0.3)
+
+
+def motion(periodic, samples=2000):
+    """Return position, velocity and acceleration (N, 2), of the two joints of a robot."""
+    t = STEP * np.arange(samples)
+    rates = 2 * np.pi / (STEP * samples / 2) * np.array([1, 2, 3, 5])
+    if not periodic:
+        rates = rates * [0.71, 1.13, 0.87, 1.0]
+    size = np.array([[0.5, 0.4], [0.3, -0.2], [0.1, 0.2], [0.05, 0.1]])
+    phase = np.array([[0.1, 2.0], [1.0, 0.5], [2.5, 0.3], [0.7, 1.7]])
+    angle = np.multiply.outer(t, rates)[:, :, None] + phase
+    q = (size * np.sin(angle)).sum(1)
+    dq = (size * rates[:, None] * np.cos(angle)).sum(1)
+    ddq = -(size * rates[:, None] ** 2 * np.sin(angle)).sum(1)
+    return t, q, dq, ddq
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return Robot.load("two-link")
+
+
+def noisy(robot, periodic, seed=0, level=1.0):
+    t, *exact = motion(periodic)
+    rng = np.random.default_rng(seed)
+    q, dq, ddq = (
+        x + level * s * rng.normal(size=x.shape) for x, s in zip(exact, NOISE, strict=True)
+    )
+    tau = rng.normal(size=q.shape)
+    return Log("run", robot.joints, t, q, tau, dq, ddq, ""), exact
+
+
+def record(robot, log, how=None, **options):
+    return add_instrument(robot, log, prepare_samples(robot, log, how), **options)
+
+
+def errors(samples, exact, rows):
+    first, second = samples.motion, samples.instrument
+    names = ("actuated_q", "actuated_v", "actuated_a")
+    return [
+        (getattr(first, n) - x[rows], getattr(second, n) - x[rows])
+        for n, x in zip(names, exact, strict=True)
+    ]
+
+
+def test_noise_is_what_high_differences_leave(robot):
+    log, _ = noisy(robot, periodic=False)
+    for x, level in zip((log.q, log.dq, log.ddq), NOISE, strict=True):
+        np.testing.assert_allclose(noise_level(x), level, rtol=0.1)
+    assert noise_level(motion(True)[1]).max() < 1e-9
+
+
+@pytest.mark.parametrize(("periodic", "words"), [(True, "Fourier series"), (False, "smoothed")])
+def test_the_errors_of_the_second_record_are_small_and_its_own(robot, periodic, words):
+    log, exact = noisy(robot, periodic)
+    samples = record(robot, log, Preparation(keep_rest=True))
+    assert words in samples.notes[-1]
+    for first, second in errors(samples, exact, samples.motion.kept):
+        inner = slice(100, -100)  # the smoothed motion is poor at the ends
+        a, b = first[inner], second[inner]
+        assert b.std() < 0.4 * a.std()
+        assert np.abs((a * b).mean(0) / (a**2).mean(0)).max() < 0.15  # of the noise is shared
+
+
+def test_positions_alone_have_a_series_or_nothing(robot):
+    for periodic in (True, False):
+        log, _ = noisy(robot, periodic)
+        log = replace(log, dq=None, ddq=None)
+        assert (record(robot, log) is not None) == periodic
+
+
+def test_a_smoothed_motion_that_fills_the_band_is_no_second_record(robot):
+    log, _ = noisy(robot, periodic=False)
+    sparse = log.rows(0, len(log))
+    every = slice(None, None, 40)
+    thin = {k: getattr(sparse, k)[every] for k in ("t", "q", "tau", "dq", "ddq")}
+    assert record(robot, replace(sparse, **thin)) is None
+
+
+def test_an_exact_motion_needs_none_unless_it_is_asked_for(robot):
+    log, exact = noisy(robot, periodic=True, level=0.0)
+    assert record(robot, log) is None
+    samples = record(robot, log, Preparation(keep_rest=True), always=True)
+    for _, second in errors(samples, exact, samples.motion.kept):
+        assert np.abs(second).max() < 1e-6
+
+
+def test_a_closed_chain_closes_along_the_second_record(rps, noisy_log):
+    samples = record(rps, noisy_log)
+    assert len(samples.instrument) == len(samples.motion)
+    np.testing.assert_array_equal(samples.instrument.kept, samples.motion.kept)
+    passive = [k for k in range(rps.nv) if k not in rps.actuated]
+    moved = np.abs(samples.instrument.v - samples.motion.v)[:, passive]
+    assert 0 < moved.max() < np.abs(samples.motion.v[:, passive]).max()
+    thin = samples.thin(3)
+    assert len(thin.instrument) == len(thin.motion)
