@@ -33,9 +33,8 @@ def test_errors_are_those_of_definition(result):
     k = result.selected
     for j, joint in enumerate(result.robot.joints):
         for column, p in (("error", result.fitted), ("error_validation", result.held_out)):
-            off = np.abs(p.residual[:, j, k]).sum()
-            scale = np.abs(p.tau[:, j] - p.tau[:, j].mean()).sum()
-            assert frame.loc[joint, column] == pytest.approx(off / scale)
+            off = np.sqrt(np.mean(p.residual[:, j, k] ** 2))
+            assert frame.loc[joint, column] == pytest.approx(off / p.tau[:, j].std())
     for at, log in enumerate(("good", "bad")):
         part = result.fitted.log == at
         off = np.abs(result.fitted.residual[part][:, :, k]).sum()

@@ -12,19 +12,23 @@ from operator import add
 
 import numpy as np
 
+from identifiability.estimation.layout import Layout, Turns
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.estimation.torque_errors import (
     ErrorSums,
-    Layout,
+    error_over_joints,
+    joint_errors,
+    joint_weights,
+    joints_above,
     relative_error,
     standard_error,
+    standard_error_over_joints,
 )
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.survey import find_signal
 from identifiability.logs.signals import is_constant
-from identifiability.regression.information import Information
 from identifiability.regression.regression import Part, Regression, map_parts
 
 
@@ -33,11 +37,13 @@ class Prediction:
     """Measured torque and its prediction by some models along logs.
 
     Errors are exact sums over every sample. Samples themselves are held as an excerpt: all of
-    them where logs are short, else stretches of each log (`torque_errors.EXCERPT`).
+    them where logs are short, else stretches of each log (`layout.EXCERPT`).
 
     Attributes
     ----------
-    sums : ErrorSums
+    sums, raw : ErrorSums
+        Against the torque as it was low-passed with the columns, and against the torque as it was
+        measured at the same samples.
     t : tuple of (N_l,) [s]
         Times of the excerpt of each log.
     tau : (N, n) [N·m or N]
@@ -53,6 +59,7 @@ class Prediction:
     """
 
     sums: ErrorSums
+    raw: ErrorSums
     t: tuple[Array, ...]
     tau: Array
     predicted: Array
@@ -77,7 +84,7 @@ class Prediction:
         layout = Layout.of(counts, means, signal)
         parts = ((k, 0, tau[log == k], predicted[log == k]) for k in range(len(t)))
         sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
-        return Prediction(sums, tuple(t), tau, predicted, log, log, np.zeros_like(tau))
+        return Prediction(sums, sums, tuple(t), tau, predicted, log, log, np.zeros_like(tau))
 
     @property
     def samples(self) -> int:
@@ -106,9 +113,9 @@ class Prediction:
 
     def select(self, models: Sequence[int]) -> Prediction:
         """Return the prediction of some models."""
-        at, old = list(models), self.sums
-        sums = replace(old, absolute=old.absolute[:, :, at], squares=old.squares[:, :, at])
-        return replace(self, sums=sums, predicted=self.predicted[:, :, at])
+        at = list(models)
+        sums, raw = self.sums.select(at), self.raw.select(at)
+        return replace(self, sums=sums, raw=raw, predicted=self.predicted[:, :, at])
 
     def relative_error(self, log: int | None = None) -> Array:
         """Return ε_RA of each model, (m,); NaN where there is nothing to explain.
@@ -126,58 +133,56 @@ class Prediction:
         """Return ε_RA of predicting each joint's mean torque: what any model must beat."""
         return float(relative_error(self.sums.own[:, :, None], self.sums.deviation)[0])
 
-    def joint_error(self) -> Array:
-        """Return the same for each joint by itself, (n, m)."""
-        spread = self.sums.own.sum(0)
-        wrong = self.sums.absolute.sum(0)
-        error: Array = wrong / np.where(spread > 0, spread, np.nan)[:, None]
-        return error
+    def joint_error(self, *, raw: bool = False) -> Array:
+        """Return the error of each joint over its own scale (`torque_errors.joint_errors`), (n, m).
+
+        Parameters
+        ----------
+        raw : bool
+            Of the torque as it was measured, not as it was low-passed.
+        """
+        sums = self.raw if raw else self.sums
+        return joint_errors(sums.squares, sums.variation)
+
+    def joint_rms(self, *, raw: bool = False) -> Array:
+        """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
+        squares: Array = (self.raw if raw else self.sums).squares.sum(0)
+        return np.sqrt(squares / max(self.samples, 1))
+
+    def error_over_joints(self) -> Array:
+        """Return the error over each joint's own scale, of each model, (m,)."""
+        return error_over_joints(self.sums.squares, self.sums.variation)
 
     def standard_error(self, against: int | None = None) -> Array:
         """Return the standard error of ε_RA, or of its difference to a model's, (m,)."""
         error = np.abs(self.residual).sum(1)
+        return standard_error(self.sums, self._memory(error, against), against)
+
+    def standard_error_over_joints(self, against: int | None = None) -> Array:
+        """Return the same of the error over each joint's own scale, (m,)."""
+        memory = self._memory(self._scaled_squares(), against)
+        return standard_error_over_joints(self.sums, memory, against)
+
+    def joints_above(self, against: int) -> np.ndarray:
+        """Return at which joints each model surely errs more than another, (n, m) bool."""
+        return joints_above(self.sums, self._memory(self._scaled_squares(), against), against)
+
+    def _scaled_squares(self) -> Array:
+        """Return squared errors of the excerpt, each joint on its own scale, summed over joints."""
+        weights = joint_weights(self.sums.variation.sum(0))
+        squares: Array = np.einsum("anm,n->am", self.residual**2, weights)
+        return squares
+
+    def _memory(self, error: Array, against: int | None) -> Array:
+        """Return the autocorrelation time of each model's error, the longest of any series."""
         if against is not None:
             error = error - error[:, [against]]
-        return standard_error(self.sums, self._memory(error), against)
-
-    def _memory(self, error: Array) -> Array:
-        """Return the autocorrelation time of each model's error, the longest of any series."""
         times = np.ones(error.shape[1])
         for k in np.unique(self.series):
             part = error[self.series == k]
             if len(part) > 1:
                 times = np.maximum(times, autocorrelation_time(part))
         return times
-
-
-@frozen
-class Turns:
-    """Which set of values predicts a sample: runs of consecutive samples take turns.
-
-    Attributes
-    ----------
-    ends : (B,) int
-        Sample, over all logs, at which each run ends.
-    fold : (B,) int
-    """
-
-    ends: np.ndarray
-    fold: np.ndarray
-
-    def of(self, start: int, stop: int) -> np.ndarray:
-        """Return the fold of the samples [start, stop), (n,) int."""
-        found: np.ndarray = self.fold[np.searchsorted(self.ends, np.arange(start, stop), "right")]
-        return found
-
-
-def take_turns(information: Information, folds: np.ndarray) -> Turns:
-    """Return who predicts which sample, from the fold of each block."""
-    return Turns(np.cumsum(information.counts), folds)
-
-
-def leave_out(information: Information, folds: np.ndarray, fold: int) -> Information:
-    """Return the information of all blocks but those of one fold."""
-    return information.take(folds != fold)
 
 
 @frozen
@@ -257,35 +262,39 @@ def predict_all(
     return [_join(found, len(counts)) for found in zip(*parts, strict=True)]
 
 
+#: Errors of the low-passed and of the measured torque.
+Both = tuple[ErrorSums, ErrorSums]
+
 #: Time, torque, prediction, velocity, log and series of some samples of an excerpt.
 Held = tuple[Array, Array, Array, Array, np.ndarray, np.ndarray]
 
 
 def _predict_part(
     part: Part, tasks: Sequence[Task], layout: Layout
-) -> list[tuple[ErrorSums, list[Held]]]:
+) -> list[tuple[Both, list[Held]]]:
     n = len(layout.joint_mean)
     sums, held = [], []
     for m in (task.values.shape[2] for task in tasks):
         tau, predicted, none = np.empty((0, n)), np.empty((0, n, m)), np.empty(0, int)
-        sums.append(ErrorSums.of(layout, 0, 0, tau, predicted))
+        sums.append([ErrorSums.of(layout, 0, 0, tau, predicted)] * 2)
         held.append([(np.empty(0), tau, predicted, tau, none, none)])
     for chunk in part.chunks():
         before = int(layout.counts[: chunk.log].sum())
         shown = layout.shown(chunk.log, chunk.start, chunk.start + len(chunk.tau))
         for k, task in enumerate(tasks):
             predicted = task.predict(chunk.W, before + chunk.start)
-            sums[k] += ErrorSums.of(layout, chunk.log, chunk.start, chunk.tau, predicted)
+            for which, tau in enumerate((chunk.tau, chunk.raw)):
+                sums[k][which] += ErrorSums.of(layout, chunk.log, chunk.start, tau, predicted)
             for series, rows in shown if task.excerpt else ():
                 t, tau, velocity = (x[rows] for x in (chunk.t, chunk.tau, chunk.velocity))
                 log, number = np.full(len(t), chunk.log), np.full(len(t), series)
                 held[k].append((t, tau, predicted[rows], velocity, log, number))
-    return list(zip(sums, held, strict=True))
+    return [((low, raw), some) for (low, raw), some in zip(sums, held, strict=True)]
 
 
-def _join(found: Sequence[tuple[ErrorSums, list[Held]]], logs: int) -> Prediction:
-    sums = reduce(add, (part for part, _ in found))
+def _join(found: Sequence[tuple[Both, list[Held]]], logs: int) -> Prediction:
+    sums, raw = (reduce(add, parts) for parts in zip(*(both for both, _ in found), strict=True))
     held = [some for _, several in found for some in several]
     t, tau, predicted, velocity, log, series = map(np.concatenate, zip(*held, strict=True))
     times = tuple(t[log == k] for k in range(logs))
-    return Prediction(sums, times, tau, predicted, log, series, velocity)
+    return Prediction(sums, raw, times, tau, predicted, log, series, velocity)

@@ -1,41 +1,32 @@
-"""ε_RA, how well it is known, and the stretches of time: one definition for every verb.
+"""How far predicted torque is from the measured, and how well that is known: one definition.
 
-What to use when: `relative_error` and `change_interval` for samples that are all held;
-`ErrorSums` and `standard_error` for logs of any length, whose errors are added up over stretches of
-time in one pass. Means that variation is measured from are known before (`Layout`), so parts of a
-log can be worked on anywhere. `divide_blocks` and `choose_folds` say what is left out while the
-rest is fitted.
+What to use when: models are chosen by the error over each joint's own scale
+(`error_over_joints`), which sees small joints as well as large ones; ε_RA (`relative_error`) is the
+paper's, which adds up N and N·m as they are. `change_interval` is for samples that are all held;
+`ErrorSums` and the standard errors for logs of any length, whose errors are added up over stretches
+of time in one pass. Means that variation is measured from are known before (`Layout`), so parts of
+a log can be worked on anywhere.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm
 
+from identifiability.estimation.layout import FEWEST, Layout
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS
 from identifiability.foundation.values import frozen
 
-#: Stretches of time whose errors give the standard error of ε_RA, each at least so many
-#: autocorrelation times of the error long, as long as `FEWEST` are left.
-STRETCHES, MEMORIES, FEWEST = 20, 5.0, 4
+#: Stretches whose errors give a standard error are each at least so many autocorrelation times
+#: of the error long, as long as `FEWEST` are left.
+MEMORIES = 5.0
 
 #: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
 DRAWN_STRETCHES = 24
-
-#: Stretches over which models are compared while one is chosen; at least `FEWEST` of each log.
-CHOICE_STRETCHES = 16
-
-#: From this many logs on a choice leaves out whole logs; of fewer, stretches.
-FEWEST_LOGS = 4
-
-#: Folds of the blocked cross-validation when there is one log.
-FOLDS = 5
-
-#: Samples of a log that are all held for figures and autocorrelations; of longer logs only so
-#: many windows of so many samples are, evenly spaced.
-EXCERPT, WINDOWS, WINDOW = 100_000, 4, 10_000
 
 
 def relative_error(error: Array, deviation: Array) -> Array:
@@ -53,6 +44,55 @@ def relative_error(error: Array, deviation: Array) -> Array:
     total = float(deviation.sum())
     ratio: Array = error.sum((0, 1)) / (total if total > 0 else np.nan)
     return ratio
+
+
+def joint_errors(squares: Array, variation: Array) -> Array:
+    """Return the error of each joint over its own scale, (n, m).
+
+    The root mean square of its error over that of its torque about its mean; NaN where the torque
+    never varies.
+
+    Parameters
+    ----------
+    squares : (S, n, m) [(N·m)² or N²]
+        Squared errors of m models, or their sums over stretches of time.
+    variation : (S, n) [(N·m)² or N²]
+        Squared distances of the measured torque from its mean over the joint, or their sums.
+    """
+    own = variation.sum(0)
+    ratio: Array = np.sqrt(squares.sum(0) / np.where(own > 0, own, np.nan)[:, None])
+    return ratio
+
+
+def joint_weights(variation: Array) -> Array:
+    """Return what a squared error of each joint weighs, (n,): all joints alike in all.
+
+    Parameters
+    ----------
+    variation : (n,) [(N·m)² or N²]
+        As in `joint_errors`, its sum; a joint without any weighs nothing.
+    """
+    seen = variation > 0
+    weights: Array = np.where(seen, 1.0, 0.0) / np.where(seen, variation, 1.0)
+    return weights / seen.sum() if seen.any() else np.full(len(variation), np.nan)
+
+
+def error_over_joints(squares: Array, variation: Array) -> Array:
+    """Return the error over each joint's own scale, root mean square over the joints, (m,).
+
+    Zero is perfect, one as good as each joint's mean. Joints whose torque never varies have no say;
+    NaN where there is nothing to explain. Parameters are those of `joint_errors`.
+    """
+    total: Array = np.sqrt(joint_weights(variation.sum(0)) @ squares.sum(0))
+    return total
+
+
+def joint_reach(joints: int) -> float:
+    """Return how many standard errors the largest of so many rises may be by chance.
+
+    One for one joint; of several as seldom as one standard error of one.
+    """
+    return float(norm.ppf(norm.cdf(1.0) ** (1.0 / max(joints, 1))))
 
 
 def split_evenly(x: Array, parts: int) -> list[Array]:
@@ -82,114 +122,25 @@ def change_interval(
     return float(low), float(high)
 
 
-def choose_folds(log: np.ndarray) -> np.ndarray:
-    """Return the fold of each block or sample: whole logs where there are several, else stretches.
+def change_interval_over_joints(
+    squares: Array, variation: Array, rng: np.random.Generator, draws: int = 2000
+) -> tuple[float, float]:
+    """Return the same interval of the change of the error over each joint's own scale.
 
     Parameters
     ----------
-    log : (B,) int
-        Which log it comes from.
+    squares, variation : (N, n, 2) and (N, n) [(N·m)² or N²]
+        As in `joint_errors`.
+    rng : numpy.random.Generator
+    draws : int
     """
-    count = len(log)
-    return log if log.max(initial=0) > 0 else (np.arange(count) * min(FOLDS, count)) // count
-
-
-def divide_blocks(log: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the stretch (B,) of each block, and the fold (S,) of each stretch, for a choice.
-
-    Parameters
-    ----------
-    log : (B,) int
-        Which log a block comes from.
-    counts : (B,) int
-        Its samples.
-    """
-    logs = np.unique(log)
-    stretch = np.empty(len(counts), int)
-    fold: list[int] = []
-    for k, one in enumerate(logs):
-        rows = np.flatnonzero(log == one)
-        share = counts[rows].sum() / counts.sum()
-        wanted = max(FEWEST, round(CHOICE_STRETCHES * share))
-        pieces = min(wanted, len(rows))
-        stretch[rows] = len(fold) + np.arange(len(rows)) * pieces // len(rows)
-        # Two or three folds cannot contradict anything: then stretches of the logs are the folds.
-        whole = len(logs) >= FEWEST_LOGS
-        fold += [k] * pieces if whole else list(range(len(fold), len(fold) + pieces))
-    return stretch, np.array(fold)
-
-
-@frozen
-class Layout:
-    """Where stretches of logs begin, and what their torque is on average.
-
-    Attributes
-    ----------
-    counts : (L,) int
-        Samples of each log.
-    log, first : (S,) int
-        Log of each stretch and the sample of it that the stretch begins with.
-    mean : float [N·m or N]
-        Of the torque over all joints and logs.
-    joint_mean : (n,) [N·m or N]
-    log_mean : (L,) [N·m or N]
-        Over all joints of a log.
-    signal : (n,) bool
-        Joints at which there is something to explain (`samples.survey.find_signal`).
-    """
-
-    counts: np.ndarray
-    log: np.ndarray
-    first: np.ndarray
-    mean: float
-    joint_mean: Array
-    log_mean: Array
-    signal: np.ndarray
-
-    @staticmethod
-    def of(counts: Sequence[int], torque: Array, signal: np.ndarray) -> Layout:
-        """Return the layout of logs, with about `STRETCHES` over all and one in each at least.
-
-        Parameters
-        ----------
-        counts : sequence of int
-            Samples of each log.
-        torque : (L, n) [N·m or N]
-            Sum of the torque of each log.
-        signal : (n,) bool
-            Joints at which there is something to explain.
-        """
-        total = max(sum(counts), 1)
-        parts = [min(max(1, round(STRETCHES * c / total)), max(c, 1)) for c in counts]
-        first = [
-            np.arange(k) * (c // k) + np.minimum(np.arange(k), c % k)
-            for c, k in zip(counts, parts, strict=True)
-        ]
-        return Layout(
-            counts=np.array(counts, int),
-            log=np.repeat(np.arange(len(counts)), parts),
-            first=np.concatenate(first),
-            mean=float(torque.sum() / (total * torque.shape[1])),
-            joint_mean=torque.sum(0) / total,
-            log_mean=torque.sum(1) / (np.maximum(counts, 1.0) * torque.shape[1]),
-            signal=signal,
-        )
-
-    def stretch(self, log: int, start: int, stop: int) -> np.ndarray:
-        """Return the stretch of the samples [start, stop) of a log, (n,) int."""
-        mine = np.flatnonzero(self.log == log)
-        found = np.searchsorted(self.first[mine], np.arange(start, stop), "right") - 1
-        which: np.ndarray = mine[found]
-        return which
-
-    def shown(self, log: int, start: int, stop: int) -> list[tuple[int, slice]]:
-        """Return which samples of [start, stop) are held, by the number of their window."""
-        count = int(self.counts[log])
-        starts = np.linspace(0, count - WINDOW, WINDOWS).astype(int).tolist()
-        every = [(s, s + WINDOW) for s in starts] if count > EXCERPT else [(0, count)]
-        inside = ((max(first, start), min(last, stop)) for first, last in every)
-        numbered = enumerate(inside, log * WINDOWS)
-        return [(k, slice(a - start, b - start)) for k, (a, b) in numbered if a < b]
+    parts = np.array([p.sum(0) for p in split_evenly(squares, DRAWN_STRETCHES)])
+    own = np.array([p.sum(0) for p in split_evenly(variation, DRAWN_STRETCHES)])
+    counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), size=draws)
+    drawn = zip(np.tensordot(counts, parts, 1), counts @ own, strict=True)
+    both = np.array([error_over_joints(p[None], v[None]) for p, v in drawn])
+    low, high = np.quantile(both[:, 1] - both[:, 0], ENDS)
+    return float(low), float(high)
 
 
 @frozen
@@ -207,6 +158,8 @@ class ErrorSums:
     deviation, own, local : (S, n) [N·m or N]
         Distances of the torque from its mean over everything, over the joint, over the log: the
         denominators of relative errors. Zero where there is nothing to explain.
+    variation : (S, n) [(N·m)² or N²]
+        Squared distances from the mean over the joint.
     """
 
     log: np.ndarray
@@ -217,6 +170,7 @@ class ErrorSums:
     deviation: Array
     own: Array
     local: Array
+    variation: Array
 
     @staticmethod
     def of(layout: Layout, log: int, start: int, tau: Array, predicted: Array) -> ErrorSums:
@@ -231,7 +185,7 @@ class ErrorSums:
         deviation, own, local = (np.abs(tau - mean) for mean in means)
         signal = layout.signal
         some = signal.any()  # joints without any are still apart from the mean over all
-        spread = deviation * some, own * signal, local * some
+        spread = deviation * some, own * signal, local * some, own**2 * signal
         sums = []
         for rows in (np.ones(len(tau), int), error, error**2, tau**2, *spread):
             sums.append(np.zeros((len(layout.log), *rows.shape[1:]), rows.dtype))
@@ -243,6 +197,11 @@ class ErrorSums:
         """Return the sums over the samples of both, in the same layout."""
         mine, others = ([*vars(sums).values()][1:] for sums in (self, other))
         return ErrorSums(self.log, *map(np.add, mine, others))
+
+    def select(self, models: Sequence[int]) -> ErrorSums:
+        """Return the sums of some models."""
+        at = list(models)
+        return replace(self, absolute=self.absolute[:, :, at], squares=self.squares[:, :, at])
 
     def merge(self, least: float, fewest: int) -> np.ndarray:
         """Return where longer stretches begin: at least so many samples, none across logs.
@@ -277,12 +236,43 @@ def standard_error(sums: ErrorSums, memory: Array | float, against: int | None =
         Autocorrelation time of the error of each model.
     against : int, optional
     """
-    absolute = sums.absolute.sum(1)
+    return relative_error(
+        _scatter_each(sums, sums.absolute.sum(1), memory, against)[None, None], sums.deviation
+    )
+
+
+def standard_error_over_joints(
+    sums: ErrorSums, memory: Array | float, against: int | None = None
+) -> Array:
+    """Return the same of the error over each joint's own scale, (m,)."""
+    error = error_over_joints(sums.squares, sums.variation)
+    shares = np.einsum("snm,n->sm", sums.squares, joint_weights(sums.variation.sum(0)))
+    # What adds up over time is the error's square: d(e²) = 2 e de.
+    return _scatter_each(sums, shares / np.where(error > 0, 2 * error, 1.0), memory, against)
+
+
+def joints_above(sums: ErrorSums, memory: Array | float, against: int) -> np.ndarray:
+    """Return the joints at which each model surely errs more than another does, (n, m) bool.
+
+    Rises of a joint's relative squares beyond `joint_reach` standard errors. Where one joint is
+    hard to predict its scatter hides in any sum what a model does to the others.
+
+    Parameters are those of `standard_error`.
+    """
+    own = sums.variation.sum(0)
+    shares = sums.squares / np.where(own > 0, own, np.inf)[:, None]
+    rise = (shares - shares[:, :, [against]]).sum(0)
+    each = [_scatter_each(sums, x, memory, against) for x in shares.transpose(1, 0, 2)]
+    above: np.ndarray = rise > joint_reach(int((own > 0).sum())) * np.nan_to_num(each)
+    return above
+
+
+def _scatter_each(sums: ErrorSums, x: Array, memory: Array | float, against: int | None) -> Array:
+    """Return the standard error of Σ x of each model, or of its difference to another's, (m,)."""
     if against is not None:
-        absolute = absolute - absolute[:, [against]]
-    least = MEMORIES * np.broadcast_to(memory, absolute.shape[1])
-    spread = np.array([_scatter(sums, x, m) for x, m in zip(absolute.T, least, strict=True)])
-    return relative_error(spread[None, None], sums.deviation)
+        x = x - x[:, [against]]
+    least = MEMORIES * np.broadcast_to(memory, x.shape[1])
+    return np.array([_scatter(sums, y, m) for y, m in zip(x.T, least, strict=True)])
 
 
 def _scatter(sums: ErrorSums, x: Array, least: float) -> float:

@@ -114,6 +114,21 @@ class ActuatorBlocks:
         groups = [hold(rows.reshape(-1, r)) for rows in np.split(self.blocks, at[1:])]
         return replace(self, blocks=stack(groups))
 
+    def merge_weighted(self, group: np.ndarray, counts: Array) -> Array:
+        """Return ``Zᵀ Z`` of groups of blocks, each of them counted so often, (G, r, r).
+
+        Parameters
+        ----------
+        group : (B,) int
+            Ascending from 0.
+        counts : (B,)
+        """
+        out = []
+        for blocks, c in ((self.blocks[group == g], counts[group == g]) for g in np.unique(group)):
+            rows = (blocks * np.sqrt(c)[:, None, None]).reshape(-1, blocks.shape[2])
+            out.append(np.tensordot(c, blocks, 1) if self.squared else rows.T @ rows)
+        return np.stack(out)
+
     def join(self, other: ActuatorBlocks) -> ActuatorBlocks:
         """Return the blocks of both, over the columns that either sees."""
         columns = np.union1d(self.columns, other.columns)

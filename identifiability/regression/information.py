@@ -148,6 +148,11 @@ class Information:
         """Upper triangular, (k + 1, k + 1), with ``[W τ] = Z basis`` for all rows."""
         return self._common[0]
 
+    @property
+    def of_actuators(self) -> tuple[tuple[ActuatorBlocks, Array], ...]:
+        """Blocks of each actuator, and what turns coordinates of `basis` into theirs (r, k + 1)."""
+        return tuple(zip(self.parts, self._common[1], strict=True))
+
     def squares(self, z: Array) -> Array:
         """Return each actuator's sum of squares of ``Z z``, (n,) or (n, m).
 

@@ -42,7 +42,8 @@ class Chunk:
     start : int
         Output of that log at which they begin.
     W : (m, n, p)
-    tau : (m, n) [N·m or N]
+    tau, raw : (m, n) [N·m or N]
+        Torque, low-passed like W where that was, and as it was measured.
     t : (m,) [s]
     velocity : (m, n) [rad/s or m/s]
         Of the actuated joints.
@@ -54,6 +55,7 @@ class Chunk:
     start: int
     W: Array
     tau: Array
+    raw: Array
     t: Array
     velocity: Array
     instruments: Array | None = None
@@ -210,7 +212,8 @@ class Part:
             if self.kept is not None:
                 W, V = W.copy(), None if V is None else V.copy()  # noqa: PLW2901 - a buffer
             t, velocity = piece.motion.t[piece.at], piece.motion.actuated_v[piece.at]
-            chunk = Chunk(self.log, start, W, piece.down(piece.tau), t, velocity, V)
+            tau, raw = piece.down(piece.tau), piece.tau[piece.at]
+            chunk = Chunk(self.log, start, W, tau, raw, t, velocity, V)
             start += len(t)
             if self.kept is not None:
                 done.append(chunk)

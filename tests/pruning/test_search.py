@@ -65,8 +65,9 @@ def test_held_out_squares_are_those_of_predictions():
         mine = of_sample == f
         x = np.linalg.lstsq(W[~mine].reshape(-1, 4), tau[~mine].ravel(), rcond=None)[0]
         np.testing.assert_allclose(fit.values[f + 1], x, rtol=1e-6)
-        expected += float(((tau[mine] - W[mine] @ x) ** 2).sum())
-    np.testing.assert_allclose(fit.errors().held.sum(), expected, rtol=1e-6)
+        expected = expected + ((tau[mine] - W[mine] @ x) ** 2).sum(0)
+    expected = expected / (tau**2).sum(0) / 2  # each joint on its own scale
+    np.testing.assert_allclose(fit.errors().by_joint, expected, rtol=1e-6)
 
 
 def test_of_two_nearly_equal_columns_the_ladder_says_either():

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.estimation import torque_errors
+from identifiability.estimation import layout
 from identifiability.logs import signals, tables
 from identifiability.logs.prepare import longsamples
 from identifiability.robot import Robot
@@ -23,8 +23,8 @@ def sizes(monkeypatch):
         monkeypatch.setattr(tables, "PIECE_BYTES", characters)
         if window is not None:
             monkeypatch.setattr(signals, "WINDOW", window)
-            monkeypatch.setattr(torque_errors, "EXCERPT", 4 * window)
-            monkeypatch.setattr(torque_errors, "WINDOW", window)
+            monkeypatch.setattr(layout, "EXCERPT", 4 * window)
+            monkeypatch.setattr(layout, "WINDOW", window)
 
     chosen()
     return chosen

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identifiability.estimation.prediction import Prediction, Turns
-from identifiability.estimation.torque_errors import MEMORIES, ErrorSums, Layout, standard_error
+from identifiability.estimation.layout import Layout, Turns
+from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.torque_errors import MEMORIES, ErrorSums, standard_error
 from identifiability.logs import signals
 
 
@@ -26,7 +27,9 @@ def test_errors_are_those_of_all_samples(case):
     error, spread = np.abs(tau[:, :, None] - predicted), np.abs(tau - tau.mean())
     assert p.relative_error() == pytest.approx(error.sum((0, 1)) / spread.sum())
     own = np.abs(tau - tau.mean(0))
-    assert p.joint_error() == pytest.approx(error.sum(0) / own.sum(0)[:, None])
+    scaled = np.sqrt((error**2).mean(0) / tau.var(0)[:, None])
+    assert p.joint_error() == pytest.approx(scaled)
+    assert p.error_over_joints() == pytest.approx(np.sqrt((scaled**2).mean(0)))
     assert p.constant_error() == pytest.approx(own.sum() / spread.sum())
     assert p.rms == pytest.approx(np.sqrt(np.mean(tau**2, axis=0)))
     one, x = log == 1, tau[log == 1]

@@ -6,7 +6,7 @@ from dataclasses import fields
 from operator import itemgetter
 
 from identifiability.estimation.estimator import PAPER_FACTOR
-from identifiability.estimation.torque_errors import STRETCHES
+from identifiability.estimation.layout import STRETCHES
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.logs.prepare.longsamples import Prepared

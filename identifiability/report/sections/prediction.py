@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from identifiability.estimation.layout import WINDOW, WINDOWS
 from identifiability.estimation.noise.autocorrelation import autocorrelation
-from identifiability.estimation.torque_errors import WINDOW, WINDOWS
 from identifiability.foundation.names import Array
 from identifiability.report.blocks import Block, Fold, Gallery, Section
 from identifiability.report.figures.motion import (

@@ -37,6 +37,8 @@ class JudgedModel:
         ε_RA on the validation logs.
     error_se : float
         Standard error of the difference of its held-out ε_RA to another model's.
+    error_joints, error_joints_validation, error_joints_se : float
+        The same three of the error over each joint's own scale, by which models are chosen.
     infeasible : tuple of str
         Parameters with a sign that physics forbids, the paper's test.
     """
@@ -47,6 +49,9 @@ class JudgedModel:
     error_ra: float
     error_ra_validation: float
     error_se: float
+    error_joints: float
+    error_joints_validation: float
+    error_joints_se: float
     infeasible: tuple[str, ...]
 
     @property
@@ -94,6 +99,8 @@ class JudgedModel:
             "not_judged": self.count(Class.NOT_JUDGED),
             "error_ra": self.error_ra,
             "error_ra_validation": self.error_ra_validation,
+            "error_joints": self.error_joints,
+            "error_joints_validation": self.error_joints_validation,
             "infeasible": list(self.infeasible),
             "condition": self.estimate.condition,
         }
@@ -106,6 +113,8 @@ class RungResult(JudgedModel):
     Attributes
     ----------
     uncertainty : Uncertainty
+    worse_at : tuple of str
+        Joints at which it surely errs more on unseen motion than the best model does.
     error_ra_physical : float
         ε_RA of the nearest real robot, on the same samples as `error_ra_validation`.
     error_ra_real, error_ra_file : float
@@ -116,6 +125,7 @@ class RungResult(JudgedModel):
     """
 
     uncertainty: Uncertainty
+    worse_at: tuple[str, ...]
     error_ra_physical: float
     error_ra_real: float
     error_ra_file: float
@@ -149,6 +159,8 @@ class RungResult(JudgedModel):
         return super().row() | {
             "description": self.rung.description,
             "error_ra_validation_se": self.error_se,
+            "error_joints_validation_se": self.error_joints_se,
+            "worse_at": list(self.worse_at),
             "feasible": self.feasible,
             "signs_possible": self.signs_possible,
             "physical_margin": self.margin,
@@ -182,8 +194,13 @@ def assess_ladder(
     """
     m = len(models)
     error, held_error = fitted.relative_error(), held_out.relative_error()
-    best = int(np.nanargmin(held_error[:m])) if np.isfinite(held_error[:m]).any() else 0
-    spread = held_out.standard_error(best)
+    joints, held_joints = fitted.error_over_joints(), held_out.error_over_joints()
+    best = int(np.nanargmin(held_joints[:m])) if np.isfinite(held_joints[:m]).any() else 0
+    spread, joints_spread = (
+        held_out.standard_error(best),
+        held_out.standard_error_over_joints(best),
+    )
+    above = held_out.joints_above(best)
     torque = float(np.sqrt(np.mean(fitted.rms**2)))
     results = []
     for k, (model, real) in enumerate(zip(models, physical, strict=True)):
@@ -204,6 +221,10 @@ def assess_ladder(
             error_ra=float(error[k]),
             error_ra_validation=float(held_error[k]),
             error_se=float(spread[k]),
+            error_joints=float(joints[k]),
+            error_joints_validation=float(held_joints[k]),
+            error_joints_se=float(joints_spread[k]),
+            worse_at=tuple(np.array(model.structure.robot.joints)[above[:, k]].tolist()),
             error_ra_physical=float(held_error[m + k]),
             error_ra_real=float(error[m + k]),
             error_ra_file=float(error[2 * m + k]),
@@ -241,17 +262,18 @@ def _aliases(information: Information, fit: Estimate, rung: Rung) -> tuple[str, 
 
 
 def select_model(results: Sequence[RungResult]) -> int:
-    """Return the smallest model within one standard error of the best.
+    """Return the smallest model within one standard error of the best, and worse at no joint.
 
     Among those that predict as well as the best, models come last of which the data call something
     identifiable that physics forbids, and models that a real robot can have first, then those
     without forbidden signs.
     """
-    error = np.array([r.error_ra_validation for r in results])
+    error = np.array([r.error_joints_validation for r in results])
     if not np.isfinite(error).any():
         return len(results) - 1
     best = float(np.nanmin(error))
-    good = [k for k, r in enumerate(results) if error[k] <= best + np.nan_to_num(r.error_se)]
+    slack = [best + np.nan_to_num(r.error_joints_se) for r in results]
+    good = [k for k, r in enumerate(results) if error[k] <= slack[k] and not r.worse_at]
 
     def rank(k: int) -> tuple[bool, bool, bool, int, float]:
         r = results[k]

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.layout import choose_folds, leave_out, take_turns
 from identifiability.estimation.least_squares import leave_open
-from identifiability.estimation.prediction import Task, leave_out, take_turns
-from identifiability.estimation.torque_errors import choose_folds
+from identifiability.estimation.prediction import Task
 from identifiability.foundation.names import Array
 from identifiability.physical.feasibility import (
     PhysicalResult,

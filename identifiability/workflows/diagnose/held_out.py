@@ -16,10 +16,10 @@ from scipy.linalg import block_diag
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.layout import choose_folds
 from identifiability.estimation.torque_errors import (
     DRAWN_STRETCHES,
     change_interval,
-    choose_folds,
     relative_error,
     split_evenly,
 )

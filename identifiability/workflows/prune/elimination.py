@@ -20,7 +20,8 @@ from scipy.stats import f as f_distribution
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.prune.folds import Errors, Fit
+from identifiability.workflows.prune.errors import Errors
+from identifiability.workflows.prune.folds import Fit
 from identifiability.workflows.prune.moves import Kind, Move, Partition
 
 #: A suggested move is refused only if the data deny it at this level.
@@ -210,7 +211,7 @@ class _Walker:
         after = self.fit.after(move)
         evidence = self._evidence(move, after)
         significant = evidence.p_value < LEVEL
-        if significant and evidence.rise > evidence.rise_se:
+        if significant and not after.errors().as_good(self.fit.errors()):
             reason = (
                 f"The data contradict it: {evidence.say_rise('would ')}, and what it denies is "
                 f"significant (p = {evidence.p_value:.2g})."

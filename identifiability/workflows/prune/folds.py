@@ -19,11 +19,15 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.layout import divide_blocks
 from identifiability.estimation.refits import Asked, Refits, UpdatedRefits, normal_equations
-from identifiability.estimation.torque_errors import divide_blocks
+from identifiability.estimation.torque_errors import joint_weights
+from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.regression.actuator_blocks import ActuatorBlocks
 from identifiability.regression.information import Information
+from identifiability.workflows.prune.errors import Errors
 from identifiability.workflows.prune.moves import Move, Partition
 
 #: A constraint whose share of its first variance is below this holds already.
@@ -43,28 +47,32 @@ class Folds:
         y of the full fit.
     scale : float
         Root of its residual sum of squares.
-    blocks : (B, k + 1, k + 1)
-        Gram matrices of the blocks; residual ``Z (centre - y, scale)``.
+    scored : tuple of (ActuatorBlocks, (r, k + 1))
+        Blocks of each joint, and what gives their coordinates of ``(centre - y, scale)``, on the
+        joint's own scale: fits weigh joints by their noise, but that says nothing of how much an
+        error matters.
     stretch : (B,) int
         Stretch that a block belongs to.
     fold : (S,) int
         Fold that a stretch belongs to.
-    unseen : (k, k)
-        Gram matrix of as many states drawn from the ranges of the log; zero without.
+    unseen : (n, r, k)
+        Factor of the Gram matrix of as many states drawn from the ranges of the log, each joint on
+        its own scale; without any r = 0.
     nonnegative : (k,) bool
     samples : int
         Of the logs.
     asked : Asked or None
         What refits; None where updates of `moments` do.
     moments : (B, k + 1, k + 1)
-        Normal equations by block; of least squares the `blocks`.
+        Normal equations by block; of least squares the Gram matrix of ``Z`` where the residual is
+        ``Z (centre - y, scale)``.
     """
 
     columns: tuple[str, ...]
     inverse: Array
     centre: Array
     scale: float
-    blocks: Array
+    scored: tuple[tuple[ActuatorBlocks, Array], ...]
     stretch: np.ndarray
     fold: np.ndarray
     unseen: Array
@@ -97,13 +105,13 @@ class Folds:
         counts : (B,), optional
             How often each block counts, for a bootstrap replicate.
         """
-        weights = np.ones(len(self.blocks)) if counts is None else counts
+        weights = np.ones(len(self.stretch)) if counts is None else counts
         S, F = len(self.fold), self.count
-        member = np.zeros((S, len(self.blocks)))
-        member[self.stretch, np.arange(len(self.blocks))] = weights
+        member = np.zeros((S, len(self.stretch)))
+        member[self.stretch, np.arange(len(self.stretch))] = weights
         shape = (-1, self.size + 1, self.size + 1)
-        pair = (self.blocks, self.moments)
-        parts, moments = ((member @ x.reshape(len(x), -1)).reshape(shape) for x in pair)
+        moments = (member @ self.moments.reshape(len(self.moments), -1)).reshape(shape)
+        of_joint = [part.merge_weighted(self.stretch, weights) for part, _ in self.scored]
         of_fold = (np.arange(F)[:, None] == self.fold).astype(float)
         refits: Refits
         if self.asked is None:
@@ -112,7 +120,7 @@ class Folds:
         else:
             left_out = np.vstack([np.zeros(S), of_fold])[:, self.stretch]
             refits = self.asked.start(weights, 1.0 - left_out)
-        return Fit(self, Partition.of(self.columns), parts, refits)
+        return Fit(self, Partition.of(self.columns), tuple(of_joint), refits)
 
 
 @frozen
@@ -124,14 +132,14 @@ class Fit:
     folds : Folds
     partition : Partition
         What became of each column.
-    parts : (S, k + 1, k + 1)
-        Gram matrix of each stretch.
+    scored : tuple of (S, r, r)
+        Gram matrix of each stretch, of each joint.
     refits : Refits
     """
 
     folds: Folds
     partition: Partition
-    parts: Array
+    scored: tuple[Array, ...]
     refits: Refits
 
     @property
@@ -200,10 +208,11 @@ class Fit:
         f, delta = self.folds, self.refits.delta[1:]
         F = len(delta)
         z = np.column_stack([-delta, np.full(F, f.scale)])[f.fold]
-        held = np.einsum("si,sij,sj->s", z, self.parts, z)
-        apart = delta - delta.mean(0)
-        scatter = (F - 1) / F * np.einsum("fi,ij,fj->f", apart, f.unseen, apart)
-        return Errors(held, scatter)
+        own = [z @ turn.T for _, turn in f.scored]
+        pairs = zip(own, self.scored, strict=True)
+        held = [((gram @ u[..., None])[..., 0] * u).sum(1) for u, gram in pairs]
+        moved = f.unseen @ (delta - delta.mean(0)).T
+        return Errors(np.stack(held, 1), (F - 1) / F * (moved**2).sum(1).T)
 
     def violations(self) -> int:
         """Return how many free parameters have a sign that physics forbids."""
@@ -212,47 +221,12 @@ class Fit:
         return int((self.folds.nonnegative & (self.values[0] < -tiny)).sum())
 
 
-@frozen
-class Errors:
-    """Sums of squares on motion that the fits have not seen.
-
-    Attributes
-    ----------
-    held : (S,) [weighted torque²]
-        Of each stretch under the fit to the others.
-    scatter : (F,) [weighted torque²]
-        What the scatter of the fits does on states drawn from the ranges of the log, by fold.
-    """
-
-    held: Array
-    scatter: Array
-
-    @property
-    def total(self) -> float:
-        """The sum of both."""
-        return float(self.held.sum() + self.scatter.sum())
-
-    @property
-    def standard_error(self) -> float:
-        """Standard error of the total, from the scatter over stretches and folds."""
-        return _spread(self.held, self.scatter)
-
-    def above(self, other: Errors) -> tuple[float, float]:
-        """Return by how much the total is larger than another's, and the SE of that."""
-        held, scatter = self.held - other.held, self.scatter - other.scatter
-        return float(held.sum() + scatter.sum()), _spread(held, scatter)
-
-
-def _spread(held: Array, scatter: Array) -> float:
-    # With one log, stretches and folds are the same pieces and their errors rise together.
-    if len(held) == len(scatter):
-        return float((held + scatter).std(ddof=1) * np.sqrt(len(held)))
-    variances = [x.var(ddof=1) * len(x) for x in (held, scatter) if len(x) > 1]
-    return float(np.sqrt(sum(variances)))
-
-
 def gather_folds(
-    information: Information, full: Estimate, nonnegative: np.ndarray, unseen: Array | None = None
+    information: Information,
+    full: Estimate,
+    nonnegative: np.ndarray,
+    unseen: Array | None = None,
+    variation: Array | None = None,
 ) -> Folds:
     """Return the folds of a regression whose columns are independent.
 
@@ -264,8 +238,14 @@ def gather_folds(
     nonnegative : (k,) bool
     unseen : (m, n, k), optional
         Regressor at states that are not in the logs.
+    variation : (n,), optional [(N·m)² or N²]
+        Of the torque of each joint about its mean (`torque_errors.joint_weights`); by default the
+        torque's sum of squares.
     """
     k = information.size
+    squares = information.squares(information.basis[:, k]) if variation is None else variation
+    scale = joint_weights(squares)
+    seen = zip(information.of_actuators, np.sqrt(scale), strict=True)
     R = full.estimator.loss(information, full)
     length = float(np.linalg.norm(R[:, k]))
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
@@ -280,21 +260,21 @@ def gather_folds(
         inverse=turned,
         centre=centre,
         scale=float(R[k, k]),
-        blocks=blocks,
+        scored=tuple((part, root * Q @ change) for (part, Q), root in seen),
         moments=blocks if moments is None else moments,
         stretch=stretch,
         fold=fold,
-        unseen=_unseen_gram(unseen, turned, full.weights, information.samples),
+        unseen=_unseen_factor(unseen, turned, scale, information.samples),
         nonnegative=np.asarray(nonnegative, bool),
         samples=information.samples,
         asked=Asked(full.estimator, information, turned, centre) if moments is None else None,
     )
 
 
-def _unseen_gram(unseen: Array | None, inverse: Array, weights: Array, samples: int) -> Array:
-    k = len(inverse)
+def _unseen_factor(unseen: Array | None, inverse: Array, weights: Array, samples: int) -> Array:
+    k, n = len(inverse), len(weights)
     if unseen is None or not len(unseen):
-        return np.zeros((k, k))
-    Z = unseen @ inverse
-    gram: Array = np.einsum("map,maq,a->pq", Z, Z, weights) * (samples / len(unseen))
-    return gram
+        return np.zeros((n, 0, k))
+    scale = np.sqrt(weights * (samples / len(unseen)))[:, None, None]
+    Z = (unseen @ inverse).transpose(1, 0, 2) * scale
+    return np.stack([triangular_factor(one) for one in Z])

@@ -7,10 +7,11 @@ import numpy as np
 
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.judge import judge_rung
+from identifiability.estimation.layout import take_turns
 from identifiability.estimation.omitted import find_left_out
-from identifiability.estimation.prediction import Prediction, Task, predict_all, take_turns
+from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.scores import scatter_scores
-from identifiability.estimation.torque_errors import standard_error
+from identifiability.estimation.torque_errors import standard_error, standard_error_over_joints
 from identifiability.estimation.uncertainty import Uncertainty, resample
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.engines.mapping import Engine, Steps
@@ -41,15 +42,18 @@ class PrunedRung(JudgedModel):
     ----------
     step : Step
         The move that led here, its evidence and its held-out error in squares.
-    error_ra_unseen : float
-        ε_RA on stretches (or logs) that the fits have not seen.
+    error_ra_unseen, error_joints_unseen : float
+        ε_RA, and the error over each joint's own scale, on stretches (or logs) that the fits have
+        not seen.
     error_squares, error_squares_se : float
-        What the rung was chosen by: held-out squares and scatter on states not in the logs,
-        relative to the unpruned model's; and the standard error of its difference to the least.
+        What the rung was chosen by: held-out squares and scatter on states not in the logs, each
+        joint on its own scale, relative to the unpruned model's; and the standard error of its
+        difference to the least.
     """
 
     step: Step
     error_ra_unseen: float
+    error_joints_unseen: float
     error_squares: float
     error_squares_se: float
 
@@ -88,6 +92,8 @@ class PrunedRung(JudgedModel):
         return super().row() | {
             "error_ra_unseen": self.error_ra_unseen,
             "error_ra_unseen_se": self.error_se,
+            "error_joints_unseen": self.error_joints_unseen,
+            "error_joints_unseen_se": self.error_joints_se,
             "error_squares": self.error_squares,
             "error_squares_se": self.error_squares_se,
             "worst_sigma_robust_percent": self.worst_sigma_percent,
@@ -186,17 +192,21 @@ def measure_rungs(
     fitted, unseen, own = predict_all(
         opening.regression, [every, crossed, two], engine=engine, progress=progress
     )
-    outside, own_held, error_held = unseen, own, np.full(len(steps), np.nan)
+    outside, own_held = unseen, own
+    error_held = joints_held = np.full(len(steps), np.nan)
     if opening.validation:
         held = opening.structure.regression(opening.validation)
         outside, own_held = predict_all(held, [every, two], engine=engine)
-        error_held = outside.relative_error()
+        error_held, joints_held = outside.relative_error(), outside.error_over_joints()
     (result,) = assess_ladder(
         [models[chosen]], [physical], own, own_held, Thresholds(), rng, replicates
     )
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
-    error_se = standard_error(unseen.sums, float(spread.times.mean()), chosen)
+    joints, joints_unseen = fitted.error_over_joints(), unseen.error_over_joints()
+    memory = float(spread.times.mean())
+    error_se = standard_error(unseen.sums, memory, chosen)
+    joints_se = standard_error_over_joints(unseen.sums, memory, chosen)
     best, unit = steps[least_error(steps)], max(steps[0].errors.total, 1e-300)
     rungs = tuple(
         PrunedRung(
@@ -208,6 +218,10 @@ def measure_rungs(
             error_ra_unseen=float(error_unseen[k]),
             error_se=float(error_se[k]),
             error_ra_validation=float(error_held[k]),
+            error_joints=float(joints[k]),
+            error_joints_unseen=float(joints_unseen[k]),
+            error_joints_se=float(joints_se[k]),
+            error_joints_validation=float(joints_held[k]),
             error_squares=step.errors.total / unit,
             error_squares_se=step.errors.above(best.errors)[1] / unit,
             infeasible=forbidden_signs(model.rung, model.information, model.estimate),
@@ -215,7 +229,12 @@ def measure_rungs(
         for k, (step, model) in enumerate(zip(steps, models, strict=True))
     )
     if not opening.validation:
-        result = replace(result, error_ra_validation=rungs[chosen].error_ra_unseen)
+        own_rung = rungs[chosen]
+        result = replace(
+            result,
+            error_ra_validation=own_rung.error_ra_unseen,
+            error_joints_validation=own_rung.error_joints_unseen,
+        )
     better = len(result.rung) and error_unseen[chosen] < unseen.constant_error()
     nothing = result.contradicted if better else WORSE
     if nothing:

@@ -71,6 +71,7 @@ def find_path(
     nonnegative: np.ndarray,
     *,
     unseen: Array | None = None,
+    variation: Array | None = None,
     suggested: Sequence[Move] = (),
     forbid: Sequence[str] = (),
     force: Sequence[str] = (),
@@ -86,6 +87,8 @@ def find_path(
         Whether physics forbids a value below zero.
     unseen : (m, n, k), optional
         Regressor at states that are not in the logs.
+    variation : (n,), optional [(N·m)² or N²]
+        Of the torque of each joint about its mean, as in `gather_folds`.
     suggested : sequence of Move
         What knowledge of the robot suggests.
     forbid, force : sequence of str
@@ -97,7 +100,7 @@ def find_path(
     kept = list(full.kept)
     part = information.select(kept)
     seen = None if unseen is None else unseen[:, :, kept]
-    folds = gather_folds(part, full, np.asarray(nonnegative)[kept], seen)
+    folds = gather_folds(part, full, np.asarray(nonnegative)[kept], seen, variation)
     plan = _plan(suggested, forbid, force, part.columns)
     walked = walk(folds.fit(), plan)
     search = Search(full, folds, plan, walked)
@@ -172,11 +175,10 @@ def good_steps(steps: Sequence[Step], criterion: Criterion) -> list[int]:
     error, then larger ones that are as good.
     """
     best = least_error(steps)
-    slack = steps[best].errors.standard_error
-    total = [s.errors.total for s in steps]
     allowed = range(_first_allowed(steps), len(steps))
-    within = [k for k in allowed if total[k] <= total[best] + slack]
-    equal = [k for k in allowed if k == best or _as_good(steps[k], steps[best])]
+    least = steps[best].errors
+    within = [k for k in allowed if k == best or steps[k].errors.near(least)]
+    equal = [k for k in allowed if k == best or steps[k].errors.as_good(least)]
     pool = {"one-se": within, "best": [best]}.get(criterion, equal)
     first = min(pool, key=lambda k: (steps[k].violations, len(steps[k].partition)))
     if criterion == "identifiable":
@@ -189,11 +191,6 @@ def good_steps(steps: Sequence[Step], criterion: Criterion) -> list[int]:
 def choose_step(steps: Sequence[Step], criterion: Criterion) -> int:
     """Return the step to use, the physical certificate aside."""
     return good_steps(steps, criterion)[0]
-
-
-def _as_good(step: Step, best: Step) -> bool:
-    rise, spread = step.errors.above(best.errors)
-    return rise <= spread
 
 
 def _drop_passengers(steps: Sequence[Step], first: int, within: Sequence[int]) -> int:

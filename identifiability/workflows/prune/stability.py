@@ -102,7 +102,7 @@ def assess_stability(
         Where the replicates are walked; by default here.
     """
     folds = search.folds
-    unit = _units(folds, max(1, round(length * len(folds.blocks) / max(folds.samples, 1))))
+    unit = _units(folds, max(1, round(length * len(folds.stretch) / max(folds.samples, 1))))
     count = int(unit.max()) + 1
     # Drawn here, so that a replicate is the same whoever walks it.
     draws = rng.multinomial(count, np.full(count, 1 / count), size=replicates)
@@ -136,7 +136,7 @@ def _walk_again(
 
 def _units(folds: Folds, blocks: int) -> np.ndarray:
     """Return the unit of resampling of each block: runs of `blocks` within a stretch."""
-    unit = np.empty(len(folds.blocks), int)
+    unit = np.empty(len(folds.stretch), int)
     at = 0
     for s in range(len(folds.fold)):
         rows = np.flatnonzero(folds.stretch == s)

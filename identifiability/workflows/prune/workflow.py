@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from identifiability.estimation.estimate import Kind, Method, find_estimator
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
+from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -22,8 +23,10 @@ from identifiability.foundation.options import (
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.prepare.survey import find_signal
 from identifiability.physical.feasibility import PhysicalResult, assess_feasibility
 from identifiability.regression.gather import gather_information
+from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,
@@ -38,6 +41,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
 from identifiability.workflows.opening import (
     Logs,
+    Opening,
     Progress,
     add_instruments,
     open_logs,
@@ -154,6 +158,7 @@ def prune(
             start.reduce(information),
             start.nonnegative,
             unseen=unseen_regressor(structure, opening.samples, streams[1], reach) @ start.M,
+            variation=_measure_variation(opening, information),
             suggested=suggest(structure, start.columns),
             forbid=forbid,
             force=force,
@@ -207,6 +212,16 @@ def prune(
             },
             **vars(measured),
         )
+
+
+def _measure_variation(opening: Opening, information: Information) -> Array:
+    """Return the sum of squares of each joint's torque about its mean, (n,) [(N·m)² or N²]."""
+    surveys = [s.survey for s in opening.samples]
+    outputs = sum(s.outputs for s in surveys)
+    mean = sum(s.torque for s in surveys) / outputs
+    squares = information.squares(information.basis[:, -1]) - outputs * mean**2
+    variation: Array = np.maximum(squares, 0.0) * find_signal(surveys)
+    return variation
 
 
 def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> None:

@@ -6,23 +6,25 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability.estimation.layout import (
+    FEWEST,
+    STRETCHES,
+    Layout,
+    Turns,
+    choose_folds,
+    leave_out,
+    take_turns,
+)
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.estimation.prediction import (
     Prediction,
     Task,
-    Turns,
-    leave_out,
     predict,
     predict_all,
-    take_turns,
 )
 from identifiability.estimation.torque_errors import (
-    FEWEST,
     MEMORIES,
-    STRETCHES,
     ErrorSums,
-    Layout,
-    choose_folds,
     standard_error,
 )
 from identifiability.regression.regression import Chunk
@@ -65,9 +67,12 @@ def test_a_logs_own_error_is_relative_to_how_its_own_torque_varies(two_logs):
 
 def test_a_joints_own_error_is_relative_to_its_own_torque(two_logs):
     tau, predicted, found = two_logs
+    square = (tau[:, :, None] - predicted) ** 2
+    own = square.mean(0) / tau.var(0)[:, None]
+    np.testing.assert_allclose(found.joint_error(), np.sqrt(own))
+    np.testing.assert_allclose(found.joint_rms(), np.sqrt(square.mean(0)))
+    np.testing.assert_allclose(found.error_over_joints(), np.sqrt(own.mean(0)))
     spread = np.abs(tau - tau.mean(0)).sum(0)
-    wrong = np.abs(tau[:, :, None] - predicted).sum(0)
-    np.testing.assert_allclose(found.joint_error(), wrong / spread[:, None])
     assert found.constant_error() == pytest.approx(spread.sum() / np.abs(tau - tau.mean()).sum())
 
 
@@ -246,6 +251,7 @@ class Rows:
 
     def __init__(self, W, tau, logs, size=7):
         self.W, self.tau, self.logs, self.size = W, tau, logs, size
+        self.raw = tau
         edges = np.cumsum([0, *logs])
         self.spans = list(itertools.pairwise(edges))
         self.samples = [
@@ -273,7 +279,7 @@ class Rows:
             rows = slice(a, min(a + self.size, last))
             tau = self.tau[rows]
             yield Chunk(
-                log=log, start=a - first, W=self.W[rows], tau=tau,
+                log=log, start=a - first, W=self.W[rows], tau=tau, raw=self.raw[rows],
                 t=np.arange(len(tau)) + float(a), velocity=np.sign(tau),
             )  # fmt: skip
 

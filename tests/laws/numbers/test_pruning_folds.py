@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.refits import RIDGE
-from identifiability.workflows.prune.folds import Errors, gather_folds
+from identifiability.estimation.torque_errors import joint_reach
+from identifiability.workflows.prune.errors import Errors
+from identifiability.workflows.prune.folds import gather_folds
 from identifiability.workflows.prune.moves import Kind, Move
 
 from .made import gather
@@ -36,6 +39,11 @@ def solve(W, tau):
     root = np.sqrt(WEIGHTS)
     flat = (W * root[:, None]).reshape(-1, W.shape[2])
     return np.linalg.lstsq(flat, (tau * root).ravel(), rcond=None)[0]
+
+
+def scaled(W, tau, x, of):
+    """Return the squares of each joint over its own scale, those of the whole torque (2,)."""
+    return ((tau - W @ x) ** 2).sum(0) / (of**2).sum(0) / 2
 
 
 def sums(W, tau, x):
@@ -76,18 +84,19 @@ def test_every_fold_is_fitted_to_the_others_and_held_against_itself(rows):
         np.testing.assert_allclose(fit.values[1 + log], x, rtol=1e-6)
         for piece in range(4):
             at = slice(80 * log + 20 * piece, 80 * log + 20 * (piece + 1))
-            assert held[4 * log + piece] == pytest.approx(sums(W[at], tau[at], x), rel=1e-6)
+            own = scaled(W[at], tau[at], x, of=tau)
+            np.testing.assert_allclose(held[4 * log + piece], own, rtol=1e-6)
 
 
 @pytest.mark.parametrize("logs", [(), (80, 80, 80, 80)])
 def test_the_scatter_of_the_fits_is_weighed_on_states_that_the_log_has_not(rows, logs):
-    *_, unseen = rows
+    _, tau, unseen = rows
     fit = folds_of(rows, logs, unseen=True).fit()
     x = fit.values[1:]
     F = len(x)
     torque = np.einsum("map,fp->fma", unseen, x - x.mean(0))
-    # As many states as samples, weighted like them; jackknife: (F - 1)/F of the sum.
-    expected = (F - 1) / F * (torque**2 @ WEIGHTS).sum(1) * 320 / len(unseen)
+    # As many states as samples, on the same scale; jackknife: (F - 1)/F of the sum.
+    expected = (F - 1) / F * (torque**2).sum(1) / (2 * (tau**2).sum(0)) * 320 / len(unseen)
     found = fit.errors()
     np.testing.assert_allclose(found.scatter, expected, rtol=1e-6)
     assert (found.scatter > 0).all()
@@ -161,20 +170,20 @@ def test_a_forbidden_sign_is_counted_while_the_parameter_is_free(rows):
 
 
 def test_the_spread_of_a_total_is_that_of_its_parts():
-    held, scatter = np.array([1.0, 2.0, 4.0, 9.0]), np.array([5.0, 1.0, 2.0, 0.0])
+    held, scatter = np.array([[1.0, 2, 4, 9]]).T, np.array([[5.0, 1, 2, 0]]).T
     alone = Errors(held, scatter)
     both = held + scatter  # one log: stretches and folds are the same pieces
     assert alone.standard_error == pytest.approx(np.std(both, ddof=1) * 2)
     assert alone.total == 24.0
-    several = Errors(np.tile(held, 2), scatter)
-    variance = np.var(np.tile(held, 2), ddof=1) * 8 + np.var(scatter, ddof=1) * 4
+    several = Errors(np.tile(held, (2, 1)), scatter)
+    variance = np.var(np.tile(held, (2, 1)), ddof=1) * 8 + np.var(scatter, ddof=1) * 4
     assert several.standard_error == pytest.approx(np.sqrt(variance))
 
 
 def test_a_rise_has_the_spread_of_the_differences():
     """Two models that are off at the same places differ surely by little."""
-    one = Errors(np.array([1.0, 20.0, 4.0, 9.0]), np.zeros(4))
-    other = Errors(one.held - [0.1, 0.2, 0.1, 0.2], np.zeros(4))
+    one = Errors(np.array([[1.0, 20, 4, 9]]).T, np.zeros((4, 1)))
+    other = Errors(one.held - np.array([[0.1, 0.2, 0.1, 0.2]]).T, np.zeros((4, 1)))
     rise, spread = one.above(other)
     assert rise == pytest.approx(0.6)
     assert spread == pytest.approx(np.std([0.1, 0.2, 0.1, 0.2], ddof=1) * 2)
@@ -215,3 +224,27 @@ def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
                 np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
             compared += 1
     assert compared > 200
+
+
+def test_a_joint_that_surely_rises_is_seen_beside_one_that_scatters():
+    """Sixteen stretches; one joint's errors are a hundred times as large and scatter as much."""
+    rng = np.random.default_rng(0)
+    large, small = 100 * rng.exponential(size=16), rng.exponential(size=16)
+    change = rng.normal(size=(2, 16))
+    one = Errors(np.stack([large, small], 1), np.zeros((16, 2)))
+    more = np.stack([10 * (change[0] - change[0].mean()), 0.5 + 0.1 * change[1]], 1)
+    other = Errors(one.held + more, np.zeros((16, 2)))
+    rise, spread = other.above(one)
+    assert 0 < rise < spread  # the sum does not see it
+    np.testing.assert_array_equal(other.joints_above(one, more.std(0, ddof=1) * 4), [False, True])
+    assert not other.as_good(one)
+    assert one.as_good(other)
+    assert not other.near(one)  # 8 is more than 1.41 × 4 × the spread of `small`
+    assert Errors(one.held + 0.1 * more, np.zeros((16, 2))).near(one)
+
+
+@pytest.mark.parametrize("joints", [1, 2, 7])
+def test_the_largest_of_several_rises_is_chance_as_often_as_one(joints):
+    """One standard error of one is passed in 16 % of cases, and so is the reach of several."""
+    drawn = np.random.default_rng(joints).normal(size=(100_000, joints)).max(1)
+    assert (drawn > joint_reach(joints)).mean() == pytest.approx(norm.sf(1.0), abs=0.004)

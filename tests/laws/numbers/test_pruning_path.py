@@ -6,7 +6,8 @@ from scipy.stats import f as f_distribution
 
 from identifiability.estimation.estimate import estimate
 from identifiability.workflows.prune.elimination import Evidence, Plan, Step, explain, walk
-from identifiability.workflows.prune.folds import Errors, gather_folds
+from identifiability.workflows.prune.errors import Errors
+from identifiability.workflows.prune.folds import gather_folds
 from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
 from identifiability.workflows.prune.search import choose_step, find_path, good_steps, least_error
 
@@ -54,7 +55,7 @@ def step(held, size, *, kind=Kind.DROP, violations=0, sigma=1.0, columns=8):
     group = np.where(np.arange(columns) < size, np.arange(columns), ZERO)
     return Step(
         partition=Partition(tuple(f"p{j}" for j in range(columns)), group),
-        errors=Errors(np.asarray(held, float), np.zeros(len(held))),
+        errors=Errors(np.asarray(held, float)[:, None], np.zeros((len(held), 1))),
         violations=violations,
         values=np.zeros((2, columns)),
         move=Move(kind, ("x",)),
@@ -309,7 +310,7 @@ def test_unseen_states_weigh_on_the_path_of_the_columns_that_are_excited():
     assert plain.scatter.sum() == 0
     x = find_path(information, np.zeros(4, bool)).path.steps[0].values[1:]
     torque = np.einsum("map,fp->fma", states, x - x.mean(0))
-    expected = 15 / 16 * (torque**2).sum() * 640 / 100
+    expected = 15 / 16 * (torque**2).sum() * 640 / 100 / (tau**2).sum()
     assert errors.scatter.sum() == pytest.approx(expected, rel=1e-5)
     assert errors.scatter.sum() > plain.held.sum()
 

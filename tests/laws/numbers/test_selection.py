@@ -23,11 +23,12 @@ class Judged:
     """What selection asks of a model."""
 
     size: int
-    error_ra_validation: float
-    error_se: float = 0.0
+    error_joints_validation: float
+    error_joints_se: float = 0.0
     feasible: bool = True
     signs_possible: bool = True
     contradicted: str = ""
+    worse_at: tuple[str, ...] = ()
 
     @property
     def rung(self):
@@ -37,9 +38,9 @@ class Judged:
 def test_the_smallest_model_within_one_standard_error_is_used():
     models = [Judged(9, 0.100), Judged(7, 0.104, 0.005), Judged(5, 0.106, 0.005)]
     assert select_model(models) == 1
-    models[2].error_se = 0.0061
+    models[2].error_joints_se = 0.0061
     assert select_model(models) == 2
-    models[1].error_se = models[2].error_se = 0.0
+    models[1].error_joints_se = models[2].error_joints_se = 0.0
     assert select_model(models) == 0
 
 
@@ -67,6 +68,13 @@ def test_a_model_that_is_sure_of_something_impossible_comes_last():
 
 def test_possible_models_come_first_only_among_those_that_predict_as_well():
     assert select_model([Judged(9, 0.1, 0.0, False), Judged(5, 0.2, 0.01)]) == 0
+
+
+def test_a_model_that_is_surely_worse_at_one_joint_is_not_used():
+    models = [Judged(9, 0.1), Judged(5, 0.101, 0.01, worse_at=("wrist",))]
+    assert select_model(models) == 0
+    models[1].worse_at = ()
+    assert select_model(models) == 1
 
 
 def test_of_equal_sizes_the_better_one_is_used():
@@ -98,6 +106,7 @@ def fitted_model(model, every, nominal):
         nominal=np.array(nominal),
         G=np.eye(4),
         columns=every.columns,
+        robot=SimpleNamespace(joints=("one", "two")),
         inertial=np.empty((0, 10), int),
         base=SimpleNamespace(names=every.columns),
     )
@@ -149,6 +158,11 @@ def test_every_model_gets_its_own_errors(ladder):
         assert (r.error_ra_real, r.error_ra_file) == (fitted[2 + k], fitted[4 + k])
     assert results[0].error_se == 0.0  # it is the best
     assert results[1].error_se == made[1].standard_error(0)[1] > 0
+    fitted, held = (p.error_over_joints() for p in made)
+    for k, r in enumerate(results):
+        assert (r.error_joints, r.error_joints_validation) == (fitted[k], held[k])
+    assert results[1].error_joints_se == made[1].standard_error_over_joints(0)[1] > 0
+    assert [r.worse_at for r in results] == [(), ("one", "two")]
 
 
 def test_signs_that_physics_forbids_are_named_and_make_a_model_impossible(ladder):

@@ -1,0 +1,94 @@
+"""Errors over each joint's own scale: what they see, how well they are known, the raw torque."""
+
+import numpy as np
+import pytest
+
+from identifiability.estimation.prediction import predict
+
+from .test_errors import Rows, prediction
+
+
+def test_no_joint_counts_more_than_another_and_units_do_not_matter():
+    """Two joints with the same relative errors, one in N and large, one in N·m and tiny."""
+    rng = np.random.default_rng(7)
+    shape, error = rng.normal(size=1000), rng.normal(size=(1000, 2))
+    shape, error = shape / shape.std(), error / np.sqrt((error**2).mean(0))
+    tau = np.stack([900 + 300 * shape, 0.01 * shape], 1)
+    off = np.stack([error * [0.1, 0.1], error * [0.1, 0.7]], 1) * np.array([300, 0.01])[:, None]
+    found = prediction(tau, tau[:, :, None] - off, (1000,))
+    np.testing.assert_allclose(found.joint_error(), [[0.1, 0.1], [0.1, 0.7]], rtol=1e-9)
+    np.testing.assert_allclose(found.error_over_joints(), [0.1, 0.5], rtol=1e-9)
+    assert found.relative_error()[1] < 1.01 * found.relative_error()[0]  # ε_RA does not see it
+    units = np.array([1e-3, 1e3])
+    other = prediction(tau * units, (tau[:, :, None] - off) * units[:, None], (1000,))
+    np.testing.assert_allclose(other.error_over_joints(), found.error_over_joints(), rtol=1e-12)
+    np.testing.assert_array_equal(found.joints_above(0), [[False, False], [False, True]])
+
+
+def test_a_joint_whose_torque_never_varies_has_no_say():
+    rng = np.random.default_rng(8)
+    tau = np.stack([rng.normal(size=200), np.full(200, 3.0)], 1)
+    off = rng.normal(size=(200, 2, 2)) * [[0.1, 0.2], [50.0, 90.0]]
+    found = prediction(tau, tau[:, :, None] - off, (200,))
+    np.testing.assert_allclose(found.error_over_joints(), found.joint_error()[0])
+    assert np.isnan(found.joint_error()[1]).all()
+    assert not found.joints_above(0)[1].any()
+    still = prediction(np.ones((50, 2)), np.zeros((50, 2, 1)), (50,))
+    assert np.isnan(still.error_over_joints()).all()
+
+
+def test_a_constant_torque_has_the_error_one_over_joints():
+    tau = np.random.default_rng(9).normal(size=(300, 3)) * [1.0, 10.0, 100.0] + 5
+    predicted = np.broadcast_to(tau.mean(0)[:, None], (300, 3, 1))
+    assert prediction(tau, predicted, (300,)).error_over_joints() == pytest.approx([1.0])
+
+
+def test_the_standard_error_over_joints_is_the_scatter_of_repetitions():
+    """400 logs with new noise of their own; the 20 stretches of each know it to 16 %."""
+    rng = np.random.default_rng(10)
+    tau = rng.normal(size=(1000, 2)) * [1.0, 1000.0]
+    known, seen = [], []
+    for _ in range(400):
+        base = rng.normal(size=(1000, 2))
+        errors = np.stack([base, 0.8 * base + rng.normal(size=(1000, 2))], 2)
+        errors *= np.array([[0.1], [300.0]])
+        found = prediction(tau, tau[:, :, None] - errors, (1000,))
+        seen.append(found.error_over_joints())
+        known.append(
+            [found.standard_error_over_joints()[0], found.standard_error_over_joints(0)[1]]
+        )
+    seen, known = np.array(seen), np.mean(known, axis=0)
+    assert known[0] == pytest.approx(seen[:, 0].std(), rel=0.12)
+    assert known[1] == pytest.approx((seen[:, 1] - seen[:, 0]).std(), rel=0.12)
+
+
+def test_no_joint_is_called_worse_by_chance_more_often_than_one_error_of_one():
+    """Two models as good as each other at seven joints: 16 %, as for one joint, within 3 SE."""
+    rng = np.random.default_rng(11)
+    tau = rng.normal(size=(1000, 7)) * 10.0 ** np.arange(-3, 4)
+    called = []
+    for _ in range(400):
+        errors = 0.1 * rng.normal(size=(1000, 7, 2)) * (10.0 ** np.arange(-3, 4))[:, None]
+        called.append(
+            prediction(tau, tau[:, :, None] - errors, (1000,)).joints_above(0)[:, 1].any()
+        )
+    # Normal quantiles on 20 stretches: a little more.
+    assert 0.10 < np.mean(called) < 0.26
+
+
+def test_errors_of_the_raw_torque_are_those_of_the_measured_samples():
+    rng = np.random.default_rng(12)
+    W, tau = rng.normal(size=(80, 2, 3)), rng.normal(size=(80, 2))
+    noise = rng.normal(size=(80, 2))
+    rows = Rows(W, tau, (80,))
+    rows.raw = tau + noise
+    values = rng.normal(size=(3, 1))
+    found = predict(rows, values)
+    left = tau - (W @ values)[:, :, 0]
+    np.testing.assert_allclose(found.joint_rms()[:, 0], np.sqrt((left**2).mean(0)))
+    raw = left + noise
+    np.testing.assert_allclose(found.joint_rms(raw=True)[:, 0], np.sqrt((raw**2).mean(0)))
+    mean = tau.mean(0)
+    scale = ((tau + noise - mean) ** 2).sum(0)
+    expected = np.sqrt((raw**2).sum(0) / scale)
+    np.testing.assert_allclose(found.joint_error(raw=True)[:, 0], expected)
