@@ -63,6 +63,19 @@ def test_prune_and_diagnose_name_it_fitted_or_held_out(frame):
         assert any(h.startswith("bad: one value lies") and "elbow.tau" in h for h in found.hints)
 
 
+def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
+    frame.loc[300:311, "elbow.tau"] *= 10
+    log = Log.from_frame(frame, "a")
+    for found in (
+        analyze("two-link", log, replicates=50),
+        prune("two-link", log, replicates=20),
+        diagnose("two-link", log, quick=True, forward=False),
+    ):
+        (hint,) = (h for h in found.hints if " and decides: without it " in h)
+        assert "the torque of elbow is up to " in hint
+        assert hint.startswith(("a from t = 2.", "a, part 1 from t = 2."))
+
+
 def test_the_command_line_says_it_on_the_page_and_in_the_file(frame, command, write, tmp_path):
     spoilt, named = spoil(frame, "torque times 1000")
     path, result, page = write("log.csv", spoilt), tmp_path / "out.json", tmp_path / "out.html"

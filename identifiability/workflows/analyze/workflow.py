@@ -27,6 +27,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
+from identifiability.workflows.analyze.decisive import state_decisive
 from identifiability.workflows.analyze.fit import base_values, fit_ladder, plan_cross_validation
 from identifiability.workflows.analyze.form_belief import believe
 from identifiability.workflows.analyze.result import Analysis
@@ -138,6 +139,8 @@ def analyze(
         at = select_model(results)
         results, nothing = doubt(silence, results, at, out)
         bands = check_cutoff(opening, recordings, results[at], how)
+        fit, part = results[at].estimate, results[at].rung.reduce(information)
+        decided = state_decisive(robot.joints, opening.samples, part, fit)
         belief = None
         if posterior:
             results, belief = believe(structure, information, results, at, streams[2], say, silence)
@@ -151,7 +154,7 @@ def analyze(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=tuple(filter(None, (mixed, *opening.hints, *bands))),
+            hints=tuple(filter(None, (mixed, decided, *opening.hints, *bands))),
             information=information,
             models=results,
             selected=at,

@@ -10,12 +10,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from identifiability.effects import stated_effects
+from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.options import Names, Seed, at_least, checked
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import ModelLike, choose_model, free_again, unused_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.analyze.decisive import state_decisive
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting, gather
 from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows
@@ -24,6 +27,7 @@ from identifiability.workflows.diagnose.result import Diagnosis, simulate_forwar
 from identifiability.workflows.diagnose.stress import stress_named
 from identifiability.workflows.opening import (
     Logs,
+    Opening,
     Progress,
     Recordings,
     in_memory,
@@ -133,6 +137,7 @@ def diagnose(
         naming = stress_named(material, naming, roles.fit, how, streams[1])
         say("verifying", 0.9)
         found = conclude(material, naming, streams[2])
+        decided = "" if fixed else _state_decisive(opening)
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed,
@@ -143,13 +148,25 @@ def diagnose(
         }
         found = replace(
             found,
-            hints=(*opening.hints, *free_again(model), *unused_ladder(robot, model)),
+            hints=(
+                *filter(None, [decided]),
+                *opening.hints,
+                *free_again(model),
+                *unused_ladder(robot, model),
+            ),
             provenance=state_provenance(robot, [*fit, *held], seed, None, options),
         )
         if not (forward and found.effects):
             return found
         say("simulating forward", 0.95)
         return replace(found, forward=simulate_forward(found, streams[3]))
+
+
+def _state_decisive(opening: Opening) -> str:
+    """Return one sentence on stretches of the fitted logs that decide a value, or none."""
+    information = gather_information(opening.regression)
+    fit = find_estimator("wls").fit(information)
+    return state_decisive(opening.robot.joints, opening.samples, information, fit)
 
 
 def usual_effects(robot: Robot) -> tuple[str, ...]:

@@ -39,6 +39,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
+from identifiability.workflows.analyze.decisive import state_decisive
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -184,11 +185,14 @@ def prune(
         )
         bands = check_cutoff(opening, recordings, measured.result, how)
         part, full = start.reduce(information), measured.rungs[0].estimate
+        result = measured.result
+        reduced = result.rung.reduce(information)
+        decided = state_decisive(robot.joints, opening.samples, reduced, result.estimate)
         return Ladder(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=(*opening.hints, *bands, *unused_ladder(robot, ladder)),
+            hints=(*filter(None, [decided]), *opening.hints, *bands, *unused_ladder(robot, ladder)),
             information=information,
             start=start,
             selected=selected,

@@ -1,0 +1,90 @@
+"""Stretches that no model follows are told when they decide a value, and only then."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.estimation.decisive import BEYOND, DECIDES, LEAST, find_decisive
+from identifiability.estimation.estimate import find_estimator
+from identifiability.estimation.estimator import Estimate
+from identifiability.regression.information import Information
+from identifiability.workflows.analyze.decisive import state_decisive
+
+ROWS, SIZE = 600, 5
+WLS = find_estimator("wls")
+
+
+def rows(seed=0, memory=0.0):
+    """Two actuators, three columns, two logs of 400 and 200 samples; torque of size one."""
+    rng = np.random.default_rng(seed)
+    W = rng.standard_normal((ROWS, 2, 3)) * np.array([[1, 1, 0], [0, 1, 1]])
+    noise = rng.standard_normal((ROWS, 2))
+    for k in range(1, ROWS):
+        noise[k] = memory * noise[k - 1] + np.sqrt(1 - memory**2) * noise[k]
+    return W, W @ [1.0, -1.0, 0.5] + 0.05 * noise
+
+
+def fitted(W, tau) -> tuple[Information, Estimate]:
+    log = np.repeat([0, 1], [400, 200])
+    information = Information.of_rows(["a", "b", "c"], W, tau, log, SIZE)
+    return information, WLS.fit(information)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+def test_noise_is_not_told(memory):
+    found = [find_decisive(*fitted(*rows(seed, memory))) for seed in range(100)]
+    assert found == [None] * 100
+
+
+def test_a_burst_is_told_with_log_outputs_actuator_and_what_it_moves():
+    W, tau = rows()
+    tau[500:510, 0] += 5.0 * W[500:510, 0, 0]
+    information, fit = fitted(W, tau)
+    found = find_decisive(information, fit)
+    assert found.log.tolist() == [1, 1]
+    assert (found.first.tolist(), found.last.tolist()) == ([100, 105], [105, 110])
+    assert found.beyond[0] > BEYOND > found.beyond[1]
+    assert found.parameter == 0
+    without = WLS.refit(information, fit, np.delete(np.eye(120), [100, 101], 0).sum(0)[None])[0]
+    rest = information.take(np.delete(np.arange(120), [100, 101]))
+    scatter = np.sqrt((WLS.influence(rest, fit)[:, 0] ** 2).sum())
+    assert found.moved == pytest.approx(abs(fit.value - without)[0] / scatter, rel=0.1)
+    assert found.moved > DECIDES
+
+
+def test_a_burst_that_moves_nothing_is_not_told():
+    """Its error is at right angles to every column."""
+    W, tau = rows()
+    Q = np.linalg.qr(W[500:510, 0])[0]
+    error = np.random.default_rng(1).standard_normal(10)
+    tau[500:510, 0] += 3.0 * (error - Q @ (Q.T @ error))
+    assert find_decisive(*fitted(W, tau)) is None
+
+
+def test_what_exact_logs_leave_at_reversals_is_not_told():
+    """Far beyond the rest, and yet small beside the torque."""
+    W, tau = rows()
+    tau = W @ [1.0, -1.0, 0.5]
+    tau[500:510, 0] += 0.05 * W[500:510, 0, 0]
+    assert find_decisive(*fitted(W, tau)) is None
+
+
+def test_too_few_blocks_say_nothing():
+    W, tau = rows()
+    tau[5:10, 0] += 5.0
+    information = Information.of_rows(["a", "b", "c"], W[:25], tau[:25], np.zeros(25, int), SIZE)
+    assert LEAST < SIZE
+    assert find_decisive(information, WLS.fit(information)) is None
+
+
+def test_the_sentence_names_log_time_joint_and_parameter():
+    W, tau = rows()
+    tau[500:510, 1] += 5.0 * W[500:510, 1, 2]
+    logs = [SimpleNamespace(name=n, survey=SimpleNamespace(start=10.0, stop=12.0, outputs=k))
+            for n, k in (("one", 400), ("two", 200))]  # fmt: skip
+    text = state_decisive(["shoulder", "elbow"], logs, *fitted(W, tau))
+    assert text.startswith("two from t = 11 to 11.1 s: the torque of elbow is up to ")
+    assert " decides: without it c moves by " in text
+    assert text.endswith("cut it out if it is no motion of this robot.")
+    assert state_decisive(["shoulder", "elbow"], logs, *fitted(*rows())) == ""
