@@ -28,7 +28,8 @@ LOWEST_CUTOFF = 5.0
 LEAST_CUTOFF = 2.5
 
 #: The cut-off in bandwidths of the motion: what is taken, and the least that noise may lower it to.
-WIDE, NARROW = 10.0, 3.0
+#: At three bandwidths few outputs are left, and nothing can be judged.
+WIDE, NARROW = 10.0, 5.0
 
 #: Largest cut-off as a share of the sampling rate.
 HIGHEST = 0.2
@@ -204,7 +205,7 @@ def choose_band(
     """Return the low-pass for all logs that are judged together.
 
     Ten times the band of the motion, at least `LOWEST_CUTOFF`; less where noise would have more
-    than `NOISE_SHARE` of the power of an acceleration, but never less than three times the band
+    than `NOISE_SHARE` of the power of an acceleration, but never less than five times the band
     and `LEAST_CUTOFF`; and a fifth of the sampling rate at most.
 
     Parameters

@@ -39,8 +39,9 @@ SURE = 4.0
 #: A cut-off below so many times the band of the motion cuts into it.
 INSIDE = 2.0
 
-#: Noise with a larger share of an acceleration's power is said.
-LOUD = 0.1
+#: Noise with a larger share of an acceleration's power is said. On one period of a motion
+#: intervals hold up to three tenths (`studies/cutoff.py`).
+LOUD = 0.2
 
 #: Parameters that a hint names.
 NAMED = 3
@@ -94,7 +95,7 @@ def _say_noise(band: Band) -> str:
     if band.limit < 0.9 * band.cutoff:
         remedy = f"set it to {band.limit:.2g} Hz (--cutoff), {remedy}"
     return (
-        f"Noise of what is differentiated has {100 * min(band.noise, 1.0):.2g} % of the power of "
+        f"Noise of what is differentiated has {100 * min(band.noise, 1.0):.0f} % of the power of "
         f"an acceleration below the cut-off of {band.cutoff:.3g} Hz, which pulls inertias towards "
         f"zero: {remedy}."
     )
