@@ -80,5 +80,5 @@ def test_calibration_says_in_how_many_repetitions_nothing_is_judged(analysis):
     found = calibrate(analysis, noise=(1.0,), rho=(0.0,), trials=2, replicates=20)
     share = found.cells[0].not_judged
     assert share > 0
-    assert f"In up to {100 * share:.0f} % of the repetitions nothing is judged" in found.statement
+    assert f"In {100 * share:.0f} % of the repetitions nothing is judged" in found.statement
     assert found.to_dict()["cells"][0]["not_judged"] == share

@@ -25,13 +25,15 @@ def calibrate(
     seed: options.Seed = 0,
     quick: bool = False,
 ) -> None:
-    """Measure how far intervals and verdicts can be trusted on this robot and motion.
+    """Say whether the intervals and verdicts of the model to use can be trusted here.
 
-    The experiment is repeated with planted parameters and noise like the residual: how often do
-    95 % intervals hold the truth, of all parameters and of the worst one; how often is a parameter
-    called identifiable wrong by more than half? Shares come with their Monte-Carlo error. And are
-    planted values ranked uniformly among the draws of their posterior? How often does diagnose name
-    an effect when nothing is missing, and how small an effect would it see?
+    The experiment is repeated with robots around the likeliest one, with what the model leaves out,
+    noise like the residual and errors of the motion like the log's: how often do 95 % intervals
+    hold the truth, how often is a parameter called identifiable wrong by more than half? If the
+    answer is no, each cause is switched off to find the one to blame. Shares come with their
+    Monte-Carlo error. And are planted values ranked uniformly among the draws of their posterior?
+    How often does diagnose name an effect when nothing is missing, and how small an effect would
+    it see?
 
     ```
     identifiability calibrate 3-rps run.csv --report calibration.html
@@ -40,7 +42,7 @@ def calibrate(
     Parameters
     ----------
     model
-        Model of the ladder; default: the unpruned one.
+        Model of the ladder; default: the one to use, of a model file its only one.
     trials
         Simulated repetitions a row; four times as many in the first.
     sbc
@@ -57,9 +59,7 @@ def calibrate(
         from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
         common.check_outputs(*astuple(outputs), inputs=[*machine.files, *logs, ladder])
-        analysis = analyze(
-            machine.load(), logs, (), ladder, estimator=estimator, replicates=0, seed=seed
-        )
+        analysis = analyze(machine.load(), logs, (), ladder, estimator=estimator, seed=seed)
         result = run(
             analysis,
             model=model,
@@ -72,4 +72,4 @@ def calibrate(
             engine=runner,
         )
         written = outputs.write(result, say)
-    common.print_end([result.statement], written)
+    common.print_end([result.statement, *result.notes], written)

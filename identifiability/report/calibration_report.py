@@ -15,9 +15,10 @@ from identifiability.report.numbers import NONE, digits, format_number, rough_pe
 from identifiability.report.page import Page
 from identifiability.report.tables import Column, Table
 from identifiability.report.words import columns, picture, section, sentence
-from identifiability.workflows.calibrate.calibration import Calibration
+from identifiability.workflows.calibrate.answer import WORDS
 from identifiability.workflows.calibrate.outcome import Cell
 from identifiability.workflows.calibrate.ranks import PRIOR_WIDTH, RankCheck
+from identifiability.workflows.calibrate.result import Calibration
 from identifiability.workflows.diagnose import FalseNames
 
 
@@ -25,6 +26,8 @@ def build_calibration_page(calibration: Calibration) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
     own, worst = calibration.cells[0], max(c.wrong for c in calibration.cells)
     sections = [_coverage(calibration), _each(calibration), _verdicts(calibration)]
+    if calibration.effects:
+        sections.insert(0, _causes(calibration))
     if calibration.ranks is not None:
         sections.append(_ranks(calibration.ranks))
     if calibration.false_names is not None:
@@ -37,13 +40,11 @@ def build_calibration_page(calibration: Calibration) -> Page:
         overline="Calibration",
         subtitle=f"{calibration.robot} · {calibration.model}",
         tiles=(
+            Tile(calibration.answer.word, "the answer", f"for {calibration.model}"),
             Tile(
                 whole_percent(own.coverage_robust), "robust coverage", "of nominal 95 % intervals"
             ),
             Tile(least, "worst parameter", f"{own.names[own.worst]}: robust coverage"),
-            Tile(
-                whole_percent(own.coverage_white), "white-noise coverage", "of the same intervals"
-            ),
             Tile(_rare(worst), "wrong verdicts", "identifiable, but off by more than half"),
         ),
     )
@@ -57,6 +58,21 @@ def label(cell: Cell) -> str:
     """Return what a cell simulates, ``noise × 0.3, ρ = 0.9``."""
     rho = "as the residual" if np.isnan(cell.rho) else f"ρ = {cell.rho:g}"
     return f"noise × {cell.noise:g}, {rho}"
+
+
+CAUSES = (
+    Column("without", get=lambda e: WORDS[e.cause][0]),
+    Column("intervals that hold", get=lambda e: _tenths(e.cell.coverage_robust)),
+    Column("identifiable and wrong", get=lambda e: _rare(e.cell.wrong)),
+    Column("gain", get=lambda e: f"{100 * e.gain:.1f} ± {100 * e.gain_se:.1f} %"),
+    Column("does harm", get=lambda e: "yes" if e.harmful else "no"),
+)
+
+
+def _causes(calibration: Calibration) -> Section:
+    """Show what the answer would be without each of the causes."""
+    table = Table.of("One cause switched off", CAUSES, calibration.effects)
+    return section("calibration.causes", table)
 
 
 def _coverage(calibration: Calibration) -> Section:

@@ -13,6 +13,7 @@ from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
+from identifiability.logs.repeats import Recording
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource
 from identifiability.workflows.analyze.arviz import Which, build_datatree
@@ -52,6 +53,8 @@ class Analysis(Result, Opening):
         Other options that decided the numbers.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
+    recordings : tuple of Log or LogFile
+        What the fitted logs were prepared from.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
@@ -68,6 +71,7 @@ class Analysis(Result, Opening):
     source: LadderSource | None = None
     settings: Mapping[str, object] = field(default_factory=dict)
     nothing: str = ""
+    recordings: tuple[Recording, ...] = ()
 
     @property
     def chosen(self) -> RungResult:

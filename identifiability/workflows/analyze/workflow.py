@@ -167,4 +167,5 @@ def analyze(
             source=source,
             settings={**settings, "preparation": preparation or Preparation()},
             nothing=nothing,
+            recordings=recordings.fitted,
         )

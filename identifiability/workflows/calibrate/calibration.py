@@ -1,28 +1,25 @@
 """Operating characteristics on the user's own robot and motion.
 
-How often do nominal 95 % intervals hold the truth under autocorrelated noise? How often is a
-parameter that is called identifiable wrong by more than half? Truth is planted at the fitted
-values, noise has the size and the correlation of the residual, of any order at each actuator.
+How often do 95 % intervals of the model to use hold what their labels mean? How often is a
+parameter that is called identifiable wrong by more than half? Truth is a robot around the likeliest
+one, with what the model leaves out; noise is like the residual; the motion errs as the log's does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import chain, islice
-from typing import Annotated, Any, ClassVar
+from typing import Annotated
 
 import numpy as np
-import pandas as pd
 
-from identifiability.estimation.noise.residual_noise import (
-    ResidualNoise,
-    find_runs,
-    fit_residual_noise,
-)
+from identifiability.estimation.noise.residual_noise import ResidualNoise, find_runs
 from identifiability.foundation.engines.local import Engine, Serial
+from identifiability.foundation.engines.mapping import Steps
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     Correlations,
     Levels,
@@ -31,151 +28,40 @@ from identifiability.foundation.options import (
     at_least,
     checked,
 )
-from identifiability.foundation.result import Result
-from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
+from identifiability.logs import Log
+from identifiability.logs.prepare import Preparation, Samples
 from identifiability.workflows.analyze import Analysis
+from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.calibrate.answer import Effect, compare, decide
+from identifiability.workflows.calibrate.motion_errors import MotionErrors
 from identifiability.workflows.calibrate.outcome import (
     Cell,
     Experiment,
+    Outcome,
+    Seeds,
     count_outcomes,
-    repeat,
     spawn_seeds,
 )
-from identifiability.workflows.calibrate.ranks import RankCheck, check_ranks
-from identifiability.workflows.diagnose import FalseNames, measure_false_names
+from identifiability.workflows.calibrate.ranks import check_ranks
+from identifiability.workflows.calibrate.result import Calibration
+from identifiability.workflows.calibrate.true_robots import TrueRobots
+from identifiability.workflows.calibrate.world import (
+    EVERYTHING,
+    Cause,
+    World,
+    build_world,
+    repeat,
+)
+from identifiability.workflows.diagnose import measure_false_names
 from identifiability.workflows.opening import Logs, Progress, in_memory, require_signal, share
+
+__all__ = ["Calibration", "calibrate"]
 
 #: How many times more repetitions the first cell has, by which single parameters are judged.
 FIRST = 4
 
 #: Repetitions that one item of an engine does, some tenths of a second.
 BATCH = 10
-
-
-@frozen
-class Calibration(Result):
-    """Operating characteristics of the verdicts on one motion.
-
-    Attributes
-    ----------
-    robot, model : str
-    parameters : int
-    cells : tuple of Cell
-    seed : int
-    ranks : RankCheck or None
-        Simulation-based calibration of the posterior, where it was asked for.
-    joints : tuple of str
-        The actuators, for `own`.
-    own : ResidualNoise or None
-        The noise like the residual, which the first cell simulates.
-    false_names : FalseNames or None
-        Names that a diagnosis gives where nothing is missing, where that was asked for.
-    unmeasured : str
-        Why that could not be measured.
-    provenance : mapping
-        What decided the numbers of the analysis and these.
-    hints : tuple of str
-        What seems to be wrong with robot file and logs, for the user to check.
-    """
-
-    schema: ClassVar[str] = "identifiability/calibration/1"
-
-    robot: str
-    model: str
-    parameters: int
-    cells: tuple[Cell, ...]
-    seed: int
-    ranks: RankCheck | None = None
-    joints: tuple[str, ...] = ()
-    own: ResidualNoise | None = None
-    false_names: FalseNames | None = None
-    unmeasured: str = ""
-    provenance: Mapping[str, str] = field(default_factory=dict)
-    hints: tuple[str, ...] = ()
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a cell."""
-        return pd.DataFrame([c.to_row() for c in self.cells])
-
-    def parameters_frame(self) -> pd.DataFrame:
-        """Return one row a parameter: coverage under the first cell's noise, with its interval."""
-        first = self.cells[0]
-        rows = [{"parameter": n, **vars(s)} for n, s in zip(first.names, first.each, strict=True)]
-        return pd.DataFrame(rows)
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        own = self.cells[0]
-        worst = max(self.cells, key=lambda c: c.wrong)
-        return (
-            f"On this motion the robust 95 % intervals of {self.model} hold the truth in "
-            f"{100 * own.coverage_robust:.1f} ± {100 * own.coverage_se:.1f} % of {own.trials} "
-            f"simulated repetitions with {_noise_words(own)} (white-noise intervals: "
-            f"{100 * own.coverage_white:.0f} %). {self.worst_statement} Of the "
-            f"parameters called identifiable at most {100 * worst.wrong:.2g} % are wrong by more "
-            f"than half, at any noise tried (within the Monte-Carlo error up to "
-            f"{100 * float(np.nanmax([0.0, *(c.wrong_high for c in self.cells)])):.2g} %); of "
-            f"those that pass the 10× rule up to "
-            f"{100 * max(c.paper_wrong for c in self.cells):.2g} %."
-            + self._unjudged_statement
-            + ("" if self.ranks is None else f" {self.ranks.statement}")
-            + ("" if self.false_names is None else f" {self.false_names.statement}")
-            + "".join(f" {text}" for text in (self.unmeasured, *self.hints) if text)
-        )
-
-    @property
-    def _unjudged_statement(self) -> str:
-        most = max(c.not_judged for c in self.cells)
-        if not most:
-            return ""
-        return (
-            f" In up to {100 * most:.0f} % of the repetitions nothing is judged, for want of "
-            "independent outputs or of blocks to resample: give longer logs."
-        )
-
-    @property
-    def worst_statement(self) -> str:
-        """What the pooled coverage hides, in plain words."""
-        own = self.cells[0]
-        name, share = own.names[own.worst], own.each[own.worst]
-        text = (
-            f"Of single parameters {name} fares worst: {100 * share.value:.0f} % (between "
-            f"{100 * share.low:.0f} and {100 * share.high:.0f} %, allowing for the choice among "
-            f"{len(own.each)})"
-        )
-        if not own.below:
-            return f"{text}, which chance explains."
-        many = f"{len(own.below)} parameters" if len(own.below) > 1 else "it"
-        return f"{text}; the intervals of {many} are too narrow beyond chance."
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON."""
-        return {
-            "schema": self.schema,
-            "robot": self.robot,
-            "model": self.model,
-            "parameters": self.parameters,
-            "statement": self.statement,
-            "cells": [c.to_dict() for c in self.cells],
-            "noise": self._noise_rows(),
-            "posterior": None if self.ranks is None else self.ranks.to_dict(),
-            "diagnosis": None if self.false_names is None else self.false_names.to_dict(),
-            "hints": list(self.hints),
-            "seed": self.seed,
-            "provenance": self.provenance,
-        }
-
-    def _noise_rows(self) -> list[dict[str, Any]]:
-        """Return the noise like the residual, one row a joint."""
-        own = self.own
-        if own is None:
-            return []
-        columns = zip(self.joints, own.orders, own.sd, own.times, strict=True)
-        return [
-            {"joint": j, "order": p, "sd": s, "autocorrelation_time": t} for j, p, s, t in columns
-        ]
 
 
 @checked
@@ -201,7 +87,7 @@ def calibrate(
     analysis : Analysis
         Whose motion, model and residual are used.
     model : str, optional
-        Which model of the ladder; by default its first one.
+        Which model of the ladder; by default the one to use, of a model file its only one.
     noise : sequence of float
         Multiples of the residual's standard deviation.
     rho : sequence of float
@@ -231,32 +117,41 @@ def calibrate(
         If the logs do not fit in memory, or have nothing to explain.
     """
     require_signal(analysis.samples, "calibrated")
-    result = analysis.models[analysis.find_model(model or analysis.first)]
-    runs = find_runs(in_memory(analysis.samples, Samples))
-    experiment = replace(
-        Experiment.of(analysis.regression, result.rung),
-        method=result.estimate.estimator,
-        thresholds=analysis.thresholds,
-        replicates=replicates,
-    )
-    truth = result.estimate.value
-    own = fit_residual_noise(experiment.tau, experiment.W, runs)
+    result = analysis.models[analysis.find_model(model or _asked(analysis))]
+    *streams, last, making = np.random.default_rng(seed).spawn(len(noise) * len(rho) + 2)
+    world, own = _world(analysis, result, replicates, making)
     pairs = [(level, r) for r in rho for level in noise]
-    *streams, last = np.random.default_rng(seed).spawn(len(pairs) + 1)
     counts = [FIRST * trials, *[trials] * (len(pairs) - 1)]
-    items = []
-    for (level, r), count, rng in zip(pairs, counts, streams, strict=True):
-        like = own if np.isnan(r) else ResidualNoise.first_order(own.sd, r)
-        seeds = spawn_seeds(rng, count)
-        items += [(like.scaled(level), seeds[k : k + BATCH]) for k in range(0, count, BATCH)]
+    seeds = [spawn_seeds(rng, count) for rng, count in zip(streams, counts, strict=True)]
     runner, say = engine or Serial(), progress or (lambda _text, _share: None)
-    simulating = share(say, "simulating repetitions", 0.0, 0.9)
-    found = runner.map(partial(repeat, experiment, truth, runs), items, progress=simulating)
-    outcomes = chain.from_iterable(list(found))
-    cells = tuple(
-        count_outcomes(list(islice(outcomes, count)), result.rung.columns, truth, *pair)
-        for count, pair in zip(counts, pairs, strict=True)
-    )
+    sizes = world.noise.sd
+
+    def simulate(
+        wanted: Sequence[tuple[ResidualNoise, Cause, Seeds]], steps: Steps
+    ) -> list[list[tuple[Outcome, Array]]]:
+        """Return the repetitions of each cell."""
+        items = [(like, causes, own[k : k + BATCH]) for like, causes, own in wanted
+                 for k in range(0, len(own), BATCH)]  # fmt: skip
+        found = chain.from_iterable(runner.map(partial(repeat, world), items, progress=steps))
+        return [list(islice(found, len(own))) for _, _, own in wanted]
+
+    def count(trials: Sequence[tuple[Outcome, Array]], level: float, r: float) -> Cell:
+        outcomes, truths = zip(*trials, strict=True)
+        return count_outcomes(outcomes, result.rung.columns, np.array(truths), level, r)
+
+    like = [world.noise if np.isnan(r) else ResidualNoise.first_order(sizes, r) for _, r in pairs]
+    wanted = [(n.scaled(level), EVERYTHING, own_seeds)
+              for n, (level, _), own_seeds in zip(like, pairs, seeds, strict=True)]  # fmt: skip
+    found = simulate(wanted, share(say, "simulating repetitions", 0.0, 0.7))
+    cells = tuple(count(f, *pair) for f, pair in zip(found, pairs, strict=True))
+    effects: tuple[Effect, ...] = ()
+    if not analysis.nothing and decide(cells[0]) == "no":
+        again = [(wanted[0][0], EVERYTHING & ~cause, seeds[0][: 2 * trials]) for cause in Cause]
+        looking = share(say, "looking for the cause", 0.7, 0.9)
+        effects = tuple(
+            compare(cause, count(f, *pairs[0]), found[0][: 2 * trials], f, cells[0])
+            for cause, f in zip(Cause, simulate(again, looking), strict=True)
+        )
     ranks, named, unmeasured = None, None, ""
     if sbc:
         ranking = share(say, "ranking planted values", 0.9, 1.0)
@@ -274,7 +169,7 @@ def calibrate(
     return Calibration(
         robot=analysis.robot.name,
         model=result.name,
-        parameters=len(truth),
+        parameters=len(result.rung),
         cells=cells,
         seed=seed,
         ranks=ranks,
@@ -284,11 +179,38 @@ def calibrate(
         unmeasured=unmeasured,
         provenance=analysis.provenance | {k: str(v) for k, v in {"seed": seed, **numbers}.items()},
         hints=analysis.hints,
+        effects=effects,
+        nothing=analysis.nothing,
     )
 
 
-def _noise_words(cell: Cell) -> str:
-    """Return what a cell simulates, for the middle of a sentence."""
-    size = "" if cell.noise == 1 else f"{cell.noise:g} times "
-    like = "noise like the residual" if np.isnan(cell.rho) else f"AR(1) noise, ρ = {cell.rho:g}"
-    return size + like
+def _asked(analysis: Analysis) -> str:
+    """Return the model of a model file, else the one to use."""
+    entry = None if analysis.source is None else analysis.source.entry.models
+    return entry[0].name if entry and len(entry) == 1 else analysis.chosen.name
+
+
+def _world(
+    analysis: Analysis, result: RungResult, replicates: int, rng: np.random.Generator
+) -> tuple[World, ResidualNoise]:
+    """Return the world that is like the logs, and the noise that the residual is like."""
+    samples = in_memory(analysis.samples, Samples)
+    how = analysis.settings.get("preparation")
+    how = how if isinstance(how, Preparation) else Preparation()
+    experiment = replace(
+        Experiment.of(analysis.regression, result.rung),
+        method=result.estimate.estimator,
+        thresholds=analysis.thresholds,
+        replicates=replicates,
+        structure=analysis.structure,
+        whole=analysis.information,
+    )
+    logs = in_memory(analysis.recordings, Log)
+    motion = tuple(
+        MotionErrors.of(analysis.robot, s, raw, how) for s, raw in zip(samples, logs, strict=True)
+    )
+    robots = TrueRobots.of(analysis, result)
+    chunks = [(tau, W.copy()) for _, _, W, tau in analysis.regression.chunks()]
+    tau, W = (np.concatenate(x) for x in zip(*chunks, strict=True))
+    sizes = np.sqrt(analysis.full.estimate.variance)
+    return build_world(experiment, robots, motion, (tau, W), find_runs(samples), sizes, rng)

@@ -13,8 +13,7 @@ import numpy as np
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.judge import judge_rung
-from identifiability.estimation.noise.autoregression import Runs
-from identifiability.estimation.noise.residual_noise import ResidualNoise
+from identifiability.estimation.omitted import find_left_out
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.estimation.verdict import Class, Thresholds
 from identifiability.foundation.names import Array
@@ -23,6 +22,7 @@ from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
 
 #: A parameter is wrong if it is off by more than this share of its true value.
 WRONG = 0.5
@@ -48,6 +48,16 @@ class Outcome:
     paper: np.ndarray
     judged: bool = True
 
+    def holds(self, truth: Array) -> np.ndarray:
+        """Return which robust intervals hold the truth (k,), (k,) bool."""
+        held: np.ndarray = np.abs(self.value - truth) <= REACH * self.robust
+        return held
+
+    def wrong(self, truth: Array) -> np.ndarray:
+        """Return which values are off by more than half of the truth (k,), (k,) bool."""
+        off: np.ndarray = np.abs(self.value - truth) > WRONG * np.abs(truth)
+        return off
+
 
 @frozen(kw_only=True)
 class Experiment:
@@ -66,6 +76,9 @@ class Experiment:
         Samples a block of the information.
     method, thresholds, replicates
         As in `analyze`.
+    structure, whole : Structure, Information, or None
+        What is behind the columns, and the information of all base parameters on the log: with
+        them intervals know what the model leaves out.
     """
 
     rung: Rung
@@ -76,6 +89,8 @@ class Experiment:
     method: Method = "wls"
     thresholds: Thresholds = Thresholds()
     replicates: int = 200
+    structure: Structure | None = None
+    whole: Information | None = None
 
     @staticmethod
     def of(regression: Regression, rung: Rung) -> Experiment:
@@ -118,11 +133,17 @@ class Experiment:
         residual, rules = tau - self.W @ fit.value, self.thresholds
         spread = assess_uncertainty(information, fit, residual, self.log, rng, self.replicates)
         torque, aliases = float(np.sqrt(np.mean(tau**2))), ("",) * len(self.rung)
-        verdicts = judge_rung(self.rung, information, fit, spread, torque, aliases, rules)
+        left = None
+        if self.structure is not None and self.whole is not None:
+            left = find_left_out(self.structure, self.rung, self.whole, fit)
+        verdicts = judge_rung(
+            self.rung, information, fit, spread, torque, aliases, rules, left_out=left
+        )
+        ends = np.array([v.interval95 for v in verdicts]).reshape(-1, 2)
         return Outcome(
             value=fit.value,
             white=spread.white,
-            robust=spread.robust,
+            robust=(ends[:, 1] - ends[:, 0]) / (2 * REACH),
             identifiable=np.array([v.verdict is Class.IDENTIFIABLE for v in verdicts]),
             paper=fit.paper_rule,
             judged=not spread.why_unjudged(len(fit.kept), rules),
@@ -132,29 +153,6 @@ class Experiment:
 def spawn_seeds(rng: np.random.Generator, count: int) -> Seeds:
     """Return independent seeds."""
     return list(rng.bit_generator.seed_seq.spawn(count))  # type: ignore[attr-defined]
-
-
-def repeat(
-    experiment: Experiment, truth: Array, runs: Runs, item: tuple[ResidualNoise, Seeds]
-) -> list[Outcome]:
-    """Simulate and judge some repetitions.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    truth : (k,)
-        The planted parameters.
-    runs : Runs
-        Stretches of time without gaps, between which noise remembers nothing.
-    item : (ResidualNoise, sequence of SeedSequence)
-        The noise, and the seed of each repetition.
-    """
-    noise, seeds = item
-    outcomes = []
-    for rng in map(np.random.default_rng, seeds):
-        information, tau = experiment.outcome(truth, noise.simulate(runs, rng))
-        outcomes.append(experiment.judge(information, tau, rng))
-    return outcomes
 
 
 @frozen(kw_only=True)
@@ -178,8 +176,8 @@ class Cell:
         Monte-Carlo standard error of the robust coverage, by trials.
     coverage_white_se : float
         The same of the coverage of white-noise intervals.
-    wrong_high, paper_wrong_high : float
-        Upper ends of 95 % intervals of the shares that are off, by Monte-Carlo error.
+    wrong_low, wrong_high, paper_wrong_high : float
+        Ends of 95 % intervals of the shares that are off, by Monte-Carlo error.
     names : tuple of str
         Of the parameters.
     each : tuple of Share
@@ -199,6 +197,7 @@ class Cell:
     paper_called: float
     paper_wrong: float
     coverage_white_se: float = float("nan")
+    wrong_low: float = float("nan")
     wrong_high: float = float("nan")
     paper_wrong_high: float = float("nan")
     names: tuple[str, ...] = ()
@@ -240,7 +239,8 @@ def count_outcomes(
     trials : sequence of Outcome
     names : sequence of str
         Of the k parameters.
-    truth : (k,)
+    truth : (k,) or (T, k)
+        What the labels meant, in all trials or in each.
     noise, rho : float
         What was simulated.
     """
@@ -251,6 +251,7 @@ def count_outcomes(
     wrong = off > WRONG * np.abs(truth)
     called = np.array([t.identifiable for t in trials])
     paper = np.array([t.paper for t in trials])
+    share = clustered_share(wrong, called, ~robust)
     return Cell(
         noise=noise,
         rho=rho,
@@ -263,7 +264,8 @@ def count_outcomes(
         paper_called=float(paper.sum(1).mean()),
         paper_wrong=_share(wrong, paper),
         coverage_white_se=_error(white),
-        wrong_high=clustered_share(wrong, called, ~robust).high,
+        wrong_low=share.low,
+        wrong_high=share.high,
         paper_wrong_high=clustered_share(wrong, paper, ~robust).high,
         names=tuple(names),
         each=each_share(robust),

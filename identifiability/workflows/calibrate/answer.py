@@ -1,0 +1,223 @@
+"""`Answer`: may the intervals and verdicts of the model to use be trusted? In three lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.shares import REACH
+from identifiability.foundation.values import frozen
+from identifiability.workflows.calibrate.outcome import Cell, Outcome
+from identifiability.workflows.calibrate.world import Cause
+
+#: Least coverage of 95 % intervals, of all parameters together and of a single one.
+LEAST, LEAST_SINGLE = 0.90, 0.85
+
+#: Most of the parameters called identifiable that may be off by more than half.
+MOST_WRONG = 0.02
+
+#: Most repetitions in which nothing is judged.
+MOST_SILENT = 0.5
+
+#: A cause does harm if the gain without it is more than this many of its standard errors.
+CLEAR = 2.0
+
+#: Parameters that a sentence names.
+NAMED = 3
+
+Word = Literal["yes", "no", "not enough trials"]
+
+#: What a cause is called, and what to do about it.
+WORDS = {
+    Cause.NOISE_MEMORY: (
+        "noise that remembers",
+        "give longer logs, so that they hold more independent stretches of noise",
+    ),
+    Cause.LEFT_OUT: (
+        "what the model leaves out",
+        "use a model that leaves out less (--model), or correct the bodies of the robot file",
+    ),
+    Cause.MOTION: (
+        "errors of the measured motion",
+        "measure the motion better, or low-pass it more (--cutoff)",
+    ),
+}
+
+
+@frozen
+class Effect:
+    """What switching off one cause does.
+
+    Attributes
+    ----------
+    cause : Cause
+    cell : Cell
+        What was counted without it.
+    gain, gain_se : float
+        By how much the failed share (of intervals, or of verdicts) gets better, in the same
+        repetitions, and its Monte-Carlo standard error.
+    """
+
+    cause: Cause
+    cell: Cell
+    gain: float
+    gain_se: float
+
+    @property
+    def harmful(self) -> bool:
+        """Whether the cause does harm beyond Monte-Carlo error."""
+        return self.gain > CLEAR * self.gain_se and self.gain > 0
+
+
+@frozen
+class Answer:
+    """The answer, and what it rests on.
+
+    Attributes
+    ----------
+    model : str
+    cell : Cell
+        Repetitions with all causes.
+    effects : tuple of Effect
+        What each cause does, where the answer is no.
+    nothing : str
+        Why the analysis believes no verdict, for after "because"; empty where it does.
+    """
+
+    model: str
+    cell: Cell
+    effects: tuple[Effect, ...] = ()
+    nothing: str = ""
+
+    @property
+    def word(self) -> Word:
+        """Yes, no, or that the trials do not say."""
+        return "no" if self.nothing else decide(self.cell)
+
+    @property
+    def lines(self) -> tuple[str, str, str]:
+        """The answer in three lines: intervals, verdicts, and the weakest point or the reason."""
+        return self._intervals, self._verdicts, self._weakest
+
+    @property
+    def _intervals(self) -> str:
+        cell = self.cell
+        start = {"yes": "Yes", "no": "No", "not enough trials": "Not enough trials to say"}
+        if not self.nothing and fails(cell) == "single":
+            start["no"] = "No, not for every parameter"
+        return (
+            f"{start[self.word]}: of 95 % intervals of {self.model}, "
+            f"{100 * cell.coverage_robust:.1f} ± {100 * cell.coverage_se:.1f} % hold the truth "
+            f"in {cell.trials} simulated repetitions."
+        )
+
+    @property
+    def _verdicts(self) -> str:
+        cell = self.cell
+        silent = ""
+        if cell.not_judged:
+            silent = (
+                f" In {100 * cell.not_judged:.0f} % of the repetitions nothing is judged, for want "
+                "of independent outputs or of blocks to resample."
+            )
+        if not cell.called:
+            return f"Wrong by more than half: none, for none is called identifiable.{silent}"
+        return (
+            f"Wrong by more than half: {100 * cell.wrong:.1f} % of those called identifiable (at "
+            f"most {100 * cell.wrong_high:.1f} %; {cell.called:.1f} of {len(cell.names)} are "
+            f"called so).{silent}"
+        )
+
+    @property
+    def _weakest(self) -> str:
+        cell = self.cell
+        name, share = cell.names[cell.worst], cell.each[cell.worst]
+        least = f"Least sure: {name}, {100 * share.value:.0f} %"
+        if self.nothing:
+            return f"Why: the analysis believes no verdict, because {self.nothing}."
+        if cell.not_judged > MOST_SILENT:
+            return "Why: too little is measured to judge; give longer logs."
+        if self.word == "yes":
+            return f"{least} of its intervals hold the truth."
+        if self.word == "not enough trials":
+            return f"{least}; repeat with more trials (--trials {_enough(cell)})."
+        blamed = sorted((e for e in self.effects if e.harmful), key=lambda e: -e.gain)
+        if not blamed:
+            return f"{least}; no single cause explains it: give longer or other logs."
+        first = blamed[0]
+        what, remedy = WORDS[first.cause]
+        others = "".join(f", then {WORDS[e.cause][0]}" for e in blamed[1:])
+        weak = [n for n, s in zip(cell.names, cell.each, strict=True) if s.value < LEAST]
+        weak.sort(key=lambda n: cell.each[cell.names.index(n)].value)
+        names = f" ({listing(weak, NAMED)})" if weak else ""
+        return (
+            f"{least}. Why: {what}{others}{names}; without it "
+            f"{100 * first.cell.coverage_robust:.0f} % hold and "
+            f"{100 * first.cell.wrong:.1f} % are wrong: {remedy}."
+        )
+
+
+def fails(cell: Cell) -> str:
+    """Return what surely is not as it should be: nothing, or one of the four that follow."""
+    faults = {
+        "silent": cell.not_judged > MOST_SILENT,
+        "coverage": cell.coverage_robust + REACH * cell.coverage_se < LEAST,
+        "verdicts": cell.wrong_low > MOST_WRONG,
+        "single": min(s.high for s in cell.each) < LEAST_SINGLE,
+    }
+    return next((name for name, holds in faults.items() if holds), "")
+
+
+def decide(cell: Cell) -> Word:
+    """Return whether intervals and verdicts can be trusted, if the trials say so."""
+    if fails(cell):
+        return "no"
+    covered = cell.coverage_robust - REACH * cell.coverage_se >= LEAST
+    return "yes" if covered and not cell.wrong_high > MOST_WRONG else "not enough trials"
+
+
+def _enough(cell: Cell) -> int:
+    """Return how many trials (a quarter of the first cell's) would probably tell."""
+    room = max(abs(cell.coverage_robust - LEAST), 0.01)
+    by_coverage = (2 * REACH * cell.coverage_se / room) ** 2
+    by_wrong = 2 * cell.wrong_high / MOST_WRONG if cell.wrong_high > MOST_WRONG else 0.0
+    more = float(np.nanmax([2.0, by_coverage, by_wrong]))
+    return int(np.ceil(cell.trials / 4 * min(more, 40.0) / 10) * 10)
+
+
+def compare(
+    cause: Cause,
+    cell: Cell,
+    all_: Sequence[tuple[Outcome, Array]],
+    without: Sequence[tuple[Outcome, Array]],
+    failed: Cell,
+) -> Effect:
+    """Return what a cause does, from the same repetitions with and without it.
+
+    Parameters
+    ----------
+    cause : Cause
+    cell : Cell
+        Of the repetitions without it.
+    all_, without : sequences of (Outcome, truth)
+    failed : Cell
+        With all causes: what of it is not as it should be is compared.
+    """
+    fault = fails(failed)
+
+    def bad(outcome: Outcome, truth: Array) -> float:
+        if fault == "verdicts":
+            return float((outcome.wrong(truth) & outcome.identifiable).sum())
+        missed = ~outcome.holds(truth)
+        return float(missed[failed.worst] if fault == "single" else missed.mean())
+
+    pairs = zip(all_, without, strict=True)
+    gains = np.array([bad(*one) - bad(*other) for one, other in pairs])
+    if fault == "verdicts":
+        gains = gains / max(failed.called, 1e-9)
+    error = float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else float("inf")
+    return Effect(cause, cell, float(gains.mean()), error)

@@ -1,0 +1,151 @@
+"""Errors of the measured motion, estimated from the log, and the motion with new ones.
+
+Differences of high order leave nothing of a smooth motion and all of white noise: their size is
+that of the noise. New noise goes the way of the log: filter, differentiate, close the loops.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import comb
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.signal import lfilter
+
+from identifiability.foundation.errors import ClosureError
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log, signals
+from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare.plan import Plan, joint_log
+from identifiability.logs.prepare.preparation import make_plan
+from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
+from identifiability.robot import Robot, complete_motion
+
+#: Order of the differences.
+ORDER = 8
+
+#: Shares of the samples in the variance of a difference, and the quantile above which it is cut.
+WEIGHTS = np.array([comb(ORDER, k) ** 2 for k in range(ORDER + 1)]) / comb(2 * ORDER, ORDER)
+CUT = 0.995
+
+#: Rounds of the fit of variances, and the least of them over the largest when they weigh.
+STEPS, FLOOR = 6, 1e-4
+
+#: Logs with a step longer than this many usual ones are not smoothed.
+GAP = 1.5
+
+
+def noise_size(x: Array) -> Array:
+    """Return the standard deviation of independent noise on smooth signals x (N, n), (N, n).
+
+    Its variance is a constant and a share of the signal's square, both by weighted least
+    squares on squared differences; the largest of these, at jumps and glitches, are cut.
+    """
+    if len(x) <= ORDER:
+        return np.zeros(x.shape)
+    squares = np.diff(x, ORDER, axis=0) ** 2 / comb(2 * ORDER, ORDER)
+    squares = np.minimum(squares, np.quantile(squares, CUT, axis=0))
+    near = lfilter(WEIGHTS, [1.0], x**2, axis=0)[ORDER:]
+    size = np.zeros(x.shape)
+    for j in np.flatnonzero(~signals.never_moves(x.min(0), x.max(0))):
+        scale = max(float(near[:, j].mean()), 1e-300)
+        A = np.column_stack([np.ones(len(near)), near[:, j] / scale])
+        fitted = np.full(len(near), 1.0)
+        for _ in range(STEPS):  # squares scatter by their own mean: they weigh by one over it
+            weight = 1.0 / np.maximum(fitted, FLOOR * fitted.max())
+            found = nnls(A * weight[:, None], squares[:, j] * weight)[0]
+            fitted = A @ found if found.any() else fitted
+        constant, share = found
+        size[:, j] = np.sqrt(constant + share * x[:, j] ** 2 / scale)
+    return size
+
+
+@frozen
+class MotionErrors:
+    """The motion of one log, to be measured again.
+
+    Attributes
+    ----------
+    samples : Samples
+        The true motion: as prepared, or smoothed where it was taken as measured.
+    log : Log
+        What they were prepared from, at the joints.
+    plan : Plan
+    sd : (3, N, n)
+        Of the noise on measured positions, velocities and accelerations of the actuated joints;
+        zero for what is not measured [rad or m, and per s, per s²].
+    """
+
+    samples: Samples
+    log: Log
+    plan: Plan
+    sd: Array
+
+    @staticmethod
+    def of(robot: Robot, samples: Samples, raw: Log, how: Preparation) -> MotionErrors:
+        """Return the errors of a log that was prepared."""
+        if samples.cutoff is not None:
+            how = replace(how, cutoff=samples.cutoff)
+        plan = make_plan(robot, raw, how)
+        log = joint_log(robot, plan.mend(raw))
+        none = np.zeros(log.q.shape)
+        sd = [none if x is None else noise_size(x) for x in (log.q, log.dq, log.ddq)]
+        return MotionErrors(_smoothed(robot, samples, log, plan), log, plan, np.stack(sd))
+
+    def scaled(self, factor: float) -> MotionErrors:
+        """Return the same with errors of another size."""
+        return replace(self, sd=factor * self.sd)
+
+    def measure(self, robot: Robot, rng: np.random.Generator) -> Samples:
+        """Return the samples with new errors, at the same times."""
+        return _moved(robot, self.samples, self._prepared(rng))
+
+    def _prepared(self, rng: np.random.Generator) -> list[Array]:
+        """Return errors of position, velocity and acceleration after the preparation."""
+        log, plan = self.log, self.plan
+        e = self.sd * rng.standard_normal(self.sd.shape)
+        noise = replace(
+            log,
+            q=e[0],
+            dq=None if log.dq is None else e[1],
+            ddq=None if log.ddq is None else e[2],
+        )
+        if plan.series is not None:
+            series = plan.series
+            t = log.t - plan.start
+            fit = signals.fit_fourier(t, noise.q, series.period, series.harmonics)
+            plan = replace(plan, series=fit)
+        return [x[self.samples.motion.kept].copy() for x in plan.derive(noise)]
+
+
+def _smoothed(robot: Robot, samples: Samples, log: Log, plan: Plan) -> Samples:
+    """Return samples without the errors of velocities and accelerations that were measured."""
+    step = np.diff(log.t)
+    dt = float(np.median(step))
+    if plan.cutoff is not None or plan.series is not None or step.max() > GAP * dt:
+        return samples
+    cutoff = max(WIDE * bandwidth_of_windows([log.q], dt), LOWEST_CUTOFF)
+    cutoff = min(cutoff, HIGHEST / dt)
+    given = plan.derive(log)
+    errors = [(signals.lowpass(x, dt, cutoff) - x)[samples.motion.kept] for x in given]
+    return _moved(robot, samples, errors)
+
+
+def _moved(robot: Robot, samples: Samples, errors: list[Array]) -> Samples:
+    """Return samples with something added to position, velocity and acceleration, each (N, n)."""
+    motion = samples.motion
+    near = [motion.actuated_q, motion.actuated_v, motion.actuated_a]
+    for _ in range(2):
+        q, dq, ddq = (x + e for x, e in zip(near, errors, strict=True))
+        try:
+            found = complete_motion(robot, motion.t, q, dq, ddq)
+        except ClosureError:
+            break
+        if len(found) == len(motion):
+            rows = {k: getattr(motion, k) for k in ("kept", "dropped", "near_singular")}
+            return replace(samples, motion=replace(found, **rows))
+        for e in errors:
+            e[found.dropped] = 0.0  # their loops do not close with the error
+    return samples

@@ -1,0 +1,206 @@
+"""`World`: simulated repetitions of an experiment, as like the real one as the log can tell.
+
+Torque is that of a true robot, with what the model leaves out, along the measured motion, and noise
+like the residual's; the motion that is fitted has errors like the log's. Each of the three can be
+switched off, with all other random numbers the same, to see which of them does harm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from enum import Flag, auto
+
+import numpy as np
+from scipy.linalg import eigvalsh, toeplitz
+
+from identifiability.estimation.noise.autoregression import Runs, autocovariance, durbin
+from identifiability.estimation.noise.residual_noise import ResidualNoise, fit_residual_noise
+from identifiability.estimation.noise.restricted_likelihood import HIGHEST_ORDER
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
+from identifiability.regression.regression import Regression
+from identifiability.workflows.calibrate.motion_errors import MotionErrors
+from identifiability.workflows.calibrate.outcome import Experiment, Outcome, Seeds
+from identifiability.workflows.calibrate.true_robots import TrueRobots
+
+#: Drawings of the errors of the motion by which the torque that they make is measured.
+DRAWS = 8
+
+#: Share of the residual's variance that noise of the torque keeps at least.
+LEAST = 0.01
+
+#: Worlds of white noise in which the likelihood is asked for a memory, and how many times theirs
+#: that of the log must be to be one.
+PRETENCES, DOUBT = 4, 3.0
+
+
+class Cause(Flag):
+    """What can take an interval from the truth."""
+
+    NOISE_MEMORY = auto()
+    LEFT_OUT = auto()
+    MOTION = auto()
+
+
+NOTHING, EVERYTHING = Cause(0), Cause.NOISE_MEMORY | Cause.LEFT_OUT | Cause.MOTION
+
+
+@frozen(kw_only=True)
+class World:
+    """How repetitions are simulated.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        The model and how its outcomes are judged.
+    robots : TrueRobots
+    motion : tuple of MotionErrors
+        Of each log.
+    W : (N, n, b)
+        Columns of the base parameters along the true motion.
+    noise : ResidualNoise
+        Of the torque; with what the errors of the motion add it is like the residual.
+    runs : Runs
+        Stretches of time without gaps, between which noise remembers nothing.
+    """
+
+    experiment: Experiment
+    robots: TrueRobots
+    motion: tuple[MotionErrors, ...]
+    W: Array
+    noise: ResidualNoise
+    runs: Runs
+
+    def repeat(
+        self, noise: ResidualNoise, causes: Cause, seed: np.random.SeedSequence
+    ) -> tuple[Outcome, Array]:
+        """Return one repetition, fitted and judged, and what the labels meant in it, (k,)."""
+        of_robot, of_noise, of_motion, of_fit = map(np.random.default_rng, seed.spawn(4))
+        rung = self.experiment.rung
+        beta = self.robots.draw(of_robot)
+        truth = np.linalg.lstsq(rung.M, beta - rung.held, rcond=None)[0]
+        if Cause.LEFT_OUT not in causes:
+            beta = rung.expand(truth)
+        if Cause.NOISE_MEMORY not in causes:
+            noise = ResidualNoise(tuple(np.empty(0) for _ in noise.pacf), noise.sd)
+        tau = self.W @ beta + noise.simulate(self.runs, of_noise)
+        W, held = self.experiment.W, self.W @ rung.held
+        if Cause.MOTION in causes and any(m.sd.any() for m in self.motion):
+            again = _columns(measure(self.robots, self.motion, of_motion))
+            W, held = again @ rung.M, again @ rung.held
+        log, size = self.experiment.log, self.experiment.block
+        information = Information.of_rows(rung.columns, W, tau - held, log, size)
+        return replace(self.experiment, W=W).judge(information, tau - held, of_fit), truth
+
+
+def measure(
+    robots: TrueRobots, motion: Sequence[MotionErrors], rng: np.random.Generator
+) -> Regression:
+    """Return the regression along a motion that was measured again, over base parameters."""
+    structure = robots.structure
+    return structure.regression([m.measure(structure.robot, rng) for m in motion])
+
+
+def build_world(
+    experiment: Experiment,
+    robots: TrueRobots,
+    motion: tuple[MotionErrors, ...],
+    columns: tuple[Array, Array],
+    runs: Runs,
+    sizes: Array,
+    rng: np.random.Generator,
+) -> tuple[World, ResidualNoise]:
+    """Return the world that is like the log, and the noise that the whole residual is like.
+
+    Errors of the motion make part of the residual: the noise of the torque is the rest. Where they
+    would make more than was found, they are made smaller.
+
+    Parameters
+    ----------
+    columns : ((N, n), (N, n, b))
+        The torque, and the columns of the base parameters along the measured motion.
+    sizes : (n,) [N·m or N]
+        Standard deviation of the residual.
+    """
+    erring = any(m.sd.any() for m in motion)
+    structure = robots.structure
+    W = _columns(structure.regression([m.samples for m in motion]))
+    experiment = replace(experiment, W=W @ experiment.rung.M)
+    made = np.zeros((len(sizes), HIGHEST_ORDER + 1))
+    for _ in range(DRAWS if erring else 0):
+        beta = robots.draw(rng)
+        again = _columns(measure(robots, motion, rng))
+        made += _autocovariances((again - W) @ beta, runs) / DRAWS
+    worst = float(np.max(made[:, 0] / np.maximum(sizes**2, 1e-300), initial=0.0))
+    if worst > 1:
+        motion = tuple(m.scaled(worst**-0.5) for m in motion)
+        made /= worst
+    own = fit_residual_noise(*columns, runs)
+    rest = np.maximum(sizes**2 - made[:, 0], LEAST * sizes**2)
+    if erring and any(own.orders):
+        own = _without_pretence(own, sizes, np.sqrt(rest), (robots, motion, W, runs), rng)
+    parts = []
+    for pacf, new, part in zip(own.pacf, own.innovation, made, strict=True):
+        parts.append(_less(new**2 * autocovariance(pacf, HIGHEST_ORDER), part))
+    noise = ResidualNoise(tuple(p for p, _ in parts), np.array([s for _, s in parts]))
+    world = World(experiment=experiment, robots=robots, motion=motion, W=W, noise=noise, runs=runs)
+    return world, own
+
+
+def _without_pretence(
+    own: ResidualNoise,
+    sizes: Array,
+    rest: Array,
+    world: tuple[TrueRobots, tuple[MotionErrors, ...], Array, Runs],
+    rng: np.random.Generator,
+) -> ResidualNoise:
+    """Return the noise, white at actuators where errors of the motion only pretend a memory.
+
+    The likelihood takes columns for exact; beside noisy ones it sees slow noise that is not there.
+    So it is asked about worlds of white noise: a memory that it finds there too is no evidence.
+    """
+    robots, motion, W, runs = world
+    times = np.ones(len(sizes))
+    for _ in range(PRETENCES):
+        tau = W @ robots.draw(rng) + rest * rng.standard_normal((len(W), len(sizes)))
+        seen = fit_residual_noise(tau, _columns(measure(robots, motion, rng)), runs)
+        times = np.maximum(times, seen.times)
+    pretended = (times > 2.0) & (own.times < DOUBT * times)
+    pairs = list(zip(pretended, own.pacf, strict=True))
+    return ResidualNoise(
+        tuple(np.empty(0) if no else p for no, p in pairs),
+        np.where(pretended, sizes, own.innovation),
+    )
+
+
+def _columns(regression: Regression) -> Array:
+    """Return the columns of a regression in memory, (N, n, b)."""
+    return np.concatenate([W.copy() for _, _, W, _ in regression.chunks()])
+
+
+def _autocovariances(x: Array, runs: Runs) -> Array:
+    """Return autocovariances of x (N, n) at lags 0 … the highest order, (n, lags)."""
+    lags = range(HIGHEST_ORDER + 1)
+    sums = [sum((x[a : max(a, b - k)] * x[a + k : b]).sum(0) for a, b in runs) for k in lags]
+    covariances: Array = np.stack(sums, axis=1) / max(len(x), 1)
+    return covariances
+
+
+def _less(total: Array, part: Array) -> tuple[Array, float]:
+    """Return partials and innovation of noise that makes the total with (most of) a part of it."""
+    if not total[0] > 0:
+        return np.empty(0), 0.0
+    for share in np.linspace(1.0, 0.0, 21):
+        left = total - share * part
+        least = eigvalsh(toeplitz(left))[0]
+        if left[0] >= LEAST * total[0] and least > 1e-4 * left[0]:
+            return durbin(left)
+    return durbin(total)
+
+
+def repeat(world: World, item: tuple[ResidualNoise, Cause, Seeds]) -> list[tuple[Outcome, Array]]:
+    """Simulate and judge some repetitions; the item holds noise, causes and a seed for each."""
+    noise, causes, seeds = item
+    return [world.repeat(noise, causes, seed) for seed in seeds]
