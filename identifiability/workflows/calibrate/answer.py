@@ -43,7 +43,8 @@ WORDS = {
     ),
     Cause.MOTION: (
         "errors of the measured motion",
-        "measure the motion better, or low-pass it more (--cutoff)",
+        "log '<joint>.dq' and '<joint>.ddq' as measured, for instrumental variables (--estimator "
+        "auto), or low-pass the motion more (--cutoff)",
     ),
 }
 

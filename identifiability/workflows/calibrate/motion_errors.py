@@ -6,6 +6,7 @@ that of the noise. New noise goes the way of the log: filter, differentiate, clo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import comb
 
@@ -18,6 +19,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.prepare.preparation import make_plan
 from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
@@ -69,19 +71,23 @@ class MotionErrors:
     Attributes
     ----------
     samples : Samples
-        The true motion: as prepared, or smoothed where it was taken as measured.
+        The true motion: the second record where there is one, else as prepared, and smoothed where
+        velocities and accelerations were measured.
     log : Log
-        What they were prepared from, at the joints.
+        The same, as a log at the joints.
     plan : Plan
     sd : (3, N, n)
         Of the noise on measured positions, velocities and accelerations of the actuated joints;
         zero for what is not measured [rad or m, and per s, per s²].
+    instrumented : bool
+        Whether a second record of the motion is made, for instrumental variables.
     """
 
     samples: Samples
     log: Log
     plan: Plan
     sd: Array
+    instrumented: bool
 
     @staticmethod
     def of(robot: Robot, samples: Samples, raw: Log, how: Preparation) -> MotionErrors:
@@ -91,8 +97,11 @@ class MotionErrors:
         plan = make_plan(robot, raw, how)
         log = joint_log(robot, plan.mend(raw))
         none = np.zeros(log.q.shape)
-        sd = [none if x is None else noise_size(x) for x in (log.q, log.dq, log.ddq)]
-        return MotionErrors(_smoothed(robot, samples, log, plan), log, plan, np.stack(sd))
+        sd = [none if x is None else noise_size(x) for x in _channels(log)]
+        instrumented = samples.beside is not None
+        samples = samples.beside or _smoothed(robot, samples, log, plan)
+        samples = replace(samples, instrument=None)
+        return MotionErrors(samples, _as_log(log, samples), plan, np.stack(sd), instrumented)
 
     def scaled(self, factor: float) -> MotionErrors:
         """Return the same with errors of another size."""
@@ -100,24 +109,47 @@ class MotionErrors:
 
     def measure(self, robot: Robot, rng: np.random.Generator) -> Samples:
         """Return the samples with new errors, at the same times."""
-        return _moved(robot, self.samples, self._prepared(rng))
-
-    def _prepared(self, rng: np.random.Generator) -> list[Array]:
-        """Return errors of position, velocity and acceleration after the preparation."""
-        log, plan = self.log, self.plan
         e = self.sd * rng.standard_normal(self.sd.shape)
-        noise = replace(
-            log,
-            q=e[0],
-            dq=None if log.dq is None else e[1],
-            ddq=None if log.ddq is None else e[2],
-        )
+        found = _moved(robot, self.samples, self._prepared(e))
+        if not self.instrumented:
+            return found
+        pairs = zip(_channels(self.log), e, strict=True)
+        log = _with(self.log, [x if x is None else x + y for x, y in pairs])
+        return add_instrument(robot, log, found, always=True) or found
+
+    def _prepared(self, e: Array) -> list[Array]:
+        """Return errors (3, N, n) of position, velocity and acceleration after the preparation."""
+        log, plan = self.log, self.plan
+        noise = _with(log, [x if x is None else y for x, y in zip(_channels(log), e, strict=True)])
         if plan.series is not None:
             series = plan.series
             t = log.t - plan.start
             fit = signals.fit_fourier(t, noise.q, series.period, series.harmonics)
             plan = replace(plan, series=fit)
         return [x[self.samples.motion.kept].copy() for x in plan.derive(noise)]
+
+
+def _channels(log: Log) -> tuple[Array, Array | None, Array | None]:
+    return log.q, log.dq, log.ddq
+
+
+def _as_log(log: Log, samples: Samples) -> Log:
+    """Return a log with the motion of samples, where it has such channels and they have rows."""
+    motion = samples.motion
+    out: list[Array | None] = []
+    near = (motion.actuated_q, motion.actuated_v, motion.actuated_a)
+    for x, true in zip(_channels(log), near, strict=True):
+        if x is not None:
+            x = x.copy()  # noqa: PLW2901 - logs are read-only
+            x[motion.kept] = true
+        out.append(x)
+    return _with(log, out)
+
+
+def _with(log: Log, channels: Sequence[Array | None]) -> Log:
+    q, dq, ddq = channels
+    assert q is not None
+    return replace(log, q=q, dq=dq, ddq=ddq)
 
 
 def _smoothed(robot: Robot, samples: Samples, log: Log, plan: Plan) -> Samples:

@@ -86,12 +86,12 @@ class World:
         if Cause.NOISE_MEMORY not in causes:
             noise = ResidualNoise(tuple(np.empty(0) for _ in noise.pacf), noise.sd)
         tau = self.W @ beta + noise.simulate(self.runs, of_noise)
-        W, held = self.experiment.W, self.W @ rung.held
+        W, held, V = self.experiment.W, self.W @ rung.held, None
         if Cause.MOTION in causes and any(m.sd.any() for m in self.motion):
-            again = _columns(measure(self.robots, self.motion, of_motion))
-            W, held = again @ rung.M, again @ rung.held
+            again, V = _columns(measure(self.robots, self.motion, of_motion))
+            W, held, V = again @ rung.M, again @ rung.held, None if V is None else V @ rung.M
         log, size = self.experiment.log, self.experiment.block
-        information = Information.of_rows(rung.columns, W, tau - held, log, size)
+        information = Information.of_rows(rung.columns, W, tau - held, log, size, V)
         return replace(self.experiment, W=W).judge(information, tau - held, of_fit), truth
 
 
@@ -126,12 +126,12 @@ def build_world(
     """
     erring = any(m.sd.any() for m in motion)
     structure = robots.structure
-    W = _columns(structure.regression([m.samples for m in motion]))
+    W, _ = _columns(structure.regression([m.samples for m in motion]))
     experiment = replace(experiment, W=W @ experiment.rung.M)
     made = np.zeros((len(sizes), HIGHEST_ORDER + 1))
     for _ in range(DRAWS if erring else 0):
         beta = robots.draw(rng)
-        again = _columns(measure(robots, motion, rng))
+        again, _ = _columns(measure(robots, motion, rng))
         made += _autocovariances((again - W) @ beta, runs) / DRAWS
     worst = float(np.max(made[:, 0] / np.maximum(sizes**2, 1e-300), initial=0.0))
     if worst > 1:
@@ -165,7 +165,7 @@ def _without_pretence(
     times = np.ones(len(sizes))
     for _ in range(PRETENCES):
         tau = W @ robots.draw(rng) + rest * rng.standard_normal((len(W), len(sizes)))
-        seen = fit_residual_noise(tau, _columns(measure(robots, motion, rng)), runs)
+        seen = fit_residual_noise(tau, _columns(measure(robots, motion, rng))[0], runs)
         times = np.maximum(times, seen.times)
     pretended = (times > 2.0) & (own.times < DOUBT * times)
     pairs = list(zip(pretended, own.pacf, strict=True))
@@ -175,9 +175,14 @@ def _without_pretence(
     )
 
 
-def _columns(regression: Regression) -> Array:
-    """Return the columns of a regression in memory, (N, n, b)."""
-    return np.concatenate([W.copy() for _, _, W, _ in regression.chunks()])
+def _columns(regression: Regression) -> tuple[Array, Array | None]:
+    """Return the columns of a regression in memory, (N, n, b), and instruments if it has any."""
+    wide = [c.wide.copy() for part in regression.parts(whole=True) for c in part.chunks()]
+    both = np.concatenate(wide)
+    if regression.instruments is None:
+        return both, None
+    V, W = np.split(both, 2, axis=2)
+    return W, V
 
 
 def _autocovariances(x: Array, runs: Runs) -> Array:

@@ -1,0 +1,161 @@
+"""The answer of a calibration, in planted worlds: yes where all is well, no with its cause."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import analyze
+from identifiability.foundation.shares import Share
+from identifiability.physical.pseudo_inertia import margin, natural_scale
+from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.robot import Robot
+from identifiability.simulation import Noise
+from identifiability.workflows.calibrate.answer import Answer, Effect, decide
+from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.calibrate.motion_errors import noise_size
+from identifiability.workflows.calibrate.outcome import Cell
+from identifiability.workflows.calibrate.true_robots import TrueRobots, make_possible
+from identifiability.workflows.calibrate.world import Cause
+
+ONE = {"noise": (1.0,), "rho": (float("nan"),), "replicates": 60}
+
+
+@pytest.fixture
+def log(simulated_session):
+    return lambda noise: simulated_session("two-link", "a", 0, noise)
+
+
+def test_yes_where_intervals_hold(log):
+    found = calibrate(analyze("two-link", log(Noise(torque=0.05)), replicates=60), trials=15, **ONE)
+    assert found.answer.word == "yes"
+    first, second, third = found.lines
+    assert first.startswith("Yes: of 95 % intervals of symmetric friction, ")
+    assert second.startswith("Wrong by more than half: 0.0 % ")
+    assert third.startswith("Least sure: ")
+    assert found.effects == ()
+    assert found.statement.splitlines() == [first, second, third]
+    told = found.to_dict()
+    assert (told["answer"], told["lines"], told["causes"]) == ("yes", [first, second, third], [])
+
+
+def test_no_where_the_motion_errs_and_instruments_mend_it(log):
+    noisy = log(Noise(motion=0.1, torque=0.02))
+    found = calibrate(analyze("two-link", noisy, estimator="ls", replicates=60), trials=15, **ONE)
+    assert found.answer.word == "no"
+    harm = [e.cause for e in found.effects if e.harmful]
+    assert Cause.MOTION in harm
+    assert Cause.NOISE_MEMORY not in harm
+    assert "errors of the measured motion" in found.lines[2]
+    assert "--estimator auto" in found.lines[2]
+    cell = found.cells[0]
+    mended = calibrate(analyze("two-link", noisy, replicates=60), trials=15, **ONE).cells[0]
+    error = np.hypot(cell.coverage_se, mended.coverage_se)
+    assert mended.coverage_robust - cell.coverage_robust > 3 * error
+
+
+def test_no_where_the_model_leaves_out_what_no_file_states(log):
+    """Coulomb friction of the elbow is in the log, not in the model and not in the file."""
+    effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
+    blind = RungEntry(name="blind", zero=["elbow.Fc+", "elbow.Fc-"])
+    ladder = LadderEntry(models=[RungEntry(name="whole", effects=effects), blind])
+    robot = Robot.load("two-link")
+    silent = replace(robot, nominal={k: v for k, v in robot.nominal.items() if "Fc" not in k})
+    analysis = analyze(silent, log(Noise(torque=0.02)), ladder=ladder, replicates=60)
+    found = calibrate(analysis, model="blind", trials=15, **ONE)
+    assert found.answer.word == "no"
+    assert [e.cause for e in found.effects if e.harmful] == [Cause.LEFT_OUT]
+    assert "Why: what the model leaves out (elbow.Fv" in found.lines[2]
+    (effect,) = [e for e in found.effects if e.harmful]
+    assert effect.cell.coverage_robust > 0.95 - 3 * effect.cell.coverage_se
+    # What the file states is known: then the interval is as wide as what is left out does.
+    stated = analyze(robot, log(Noise(torque=0.02)), ladder=ladder, replicates=60)
+    assert calibrate(stated, model="blind", trials=15, **ONE).answer.word == "yes"
+
+
+def cell(coverage, *, se=0.005, wrong=(0.0, 0.0, 0.01), single=(0.95, 0.9, 0.99), silent=0.0):
+    return Cell(
+        noise=1.0, rho=float("nan"), trials=240, coverage_white=coverage,
+        coverage_robust=coverage, coverage_se=se, called=5.0, wrong=wrong[0], paper_called=5.0,
+        paper_wrong=0.0, wrong_low=wrong[1], wrong_high=wrong[2], names=("a", "b"),
+        each=(Share(0.96, 0.9, 0.99), Share(*single)), not_judged=silent,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("found", "word"),
+    [
+        (cell(0.94), "yes"),
+        (cell(0.91), "yes"),
+        (cell(0.905), "not enough trials"),
+        (cell(0.895), "not enough trials"),
+        (cell(0.88), "no"),
+        (cell(0.94, se=0.03), "not enough trials"),
+        (cell(0.94, wrong=(0.01, 0.001, 0.03)), "not enough trials"),
+        (cell(0.94, wrong=(0.05, 0.03, 0.08)), "no"),
+        (cell(0.94, single=(0.7, 0.6, 0.84)), "no"),
+        (cell(0.94, single=(0.8, 0.7, 0.86)), "yes"),
+        (cell(0.94, silent=0.6), "no"),
+        (cell(0.94, wrong=(0.0, float("nan"), float("nan"))), "yes"),
+    ],
+)
+def test_the_answer_is_only_given_beyond_monte_carlo_error(found, word):
+    assert decide(found) == word
+
+
+def test_noise_memory_is_named_with_its_remedy_and_the_largest_gain_first():
+    bad, good = cell(0.7, single=(0.4, 0.3, 0.5)), cell(0.95)
+    effects = (
+        Effect(Cause.NOISE_MEMORY, good, 0.2, 0.02),
+        Effect(Cause.LEFT_OUT, bad, 0.01, 0.02),
+        Effect(Cause.MOTION, bad, 0.1, 0.02),
+    )
+    lines = Answer("m", bad, effects).lines
+    assert lines[0].startswith("No: of 95 % intervals of m, 70.0 ± 0.5 % hold")
+    assert lines[2].startswith("Least sure: b, 40 %. Why: noise that remembers, then errors of ")
+    assert "(b); without it 95 % hold" in lines[2]
+    assert "longer logs" in lines[2]
+    assert "no single cause" in Answer("m", bad, effects[1:2]).lines[2]
+    assert "more trials (--trials " in Answer("m", cell(0.905)).lines[2]
+    told = Answer("m", good, nothing="the robot does not move").lines
+    assert told[0].startswith("No: ")
+    assert told[2] == "Why: the analysis believes no verdict, because the robot does not move."
+
+
+def test_the_size_of_noise_is_found_constant_or_relative():
+    t = np.arange(4000) * 0.01
+    x = np.stack([np.sin(t), 2 * np.cos(1.3 * t), 0 * t], axis=1)
+    rng = np.random.default_rng(0)
+    size = noise_size(x + 0.01 * rng.standard_normal(x.shape) * [1, 1, 0])
+    # An eighth difference holds 2 / 2.9 of an independent square: 4 errors of √(2.9 / 2 / 4000).
+    np.testing.assert_allclose(size[:, :2].mean(0), 0.01, rtol=0.08)
+    assert not size[:, 2].any()
+    relative = noise_size(x * (1 + 0.03 * rng.standard_normal(x.shape)))
+    still = np.abs(x[:, 0]) < 0.01
+    assert relative[still, 0].mean() < 0.1 * relative[:, 0].mean()
+    np.testing.assert_allclose(relative[~still, 0] / np.abs(x[~still, 0]), 0.03, rtol=0.25)
+
+
+def test_true_robots_are_possible_and_scatter_around_what_file_and_log_say(log):
+    analysis = analyze("two-link", log(Noise(torque=0.02)), replicates=60)
+    robots = TrueRobots.of(analysis, analysis.chosen)
+    structure, rng = analysis.structure, np.random.default_rng(0)
+    like = structure.nominal[structure.inertial]
+    bodies = like + robots.scatter[structure.inertial] * rng.standard_normal((200, *like.shape))
+    for body in bodies:
+        assert (margin(make_possible(body, like), *natural_scale(like)) > -1e-9).all()
+    np.testing.assert_allclose(make_possible(like, like), like, atol=1e-12)
+    centre = structure.G @ robots.bodies + robots.others
+    # A small noise: the log decides, and friction stays as tied as the model ties it.
+    np.testing.assert_allclose(
+        np.linalg.pinv(analysis.chosen.rung.M) @ centre,
+        analysis.chosen.estimate.value,
+        atol=2 * analysis.chosen.uncertainty.robust.max(),
+    )
+    fc = [structure.base.names.index(f"elbow.Fc{s}") for s in "+-"]
+    assert centre[fc[0]] == pytest.approx(centre[fc[1]])
+    drawn = np.array([robots.draw(rng) for _ in range(400)])
+    at = structure.base.names.index("link2.mx")
+    column = structure.columns.index("link2.mx")
+    assert drawn[:, at].std() == pytest.approx(robots.scatter[column], rel=0.3)
+    assert np.ptp(drawn[:, fc], axis=0).max() == 0.0
