@@ -25,6 +25,9 @@ from identifiability.robot import Motion, Robot, complete_motion
 #: Order of the differences that leave noise alone.
 ORDER = 8
 
+#: Changes are whole multiples of a step up to this share of it.
+WHOLE = 1e-3
+
 #: Noise below this share of a signal moves no value by what could be seen.
 NEGLIGIBLE = 1e-3
 
@@ -71,6 +74,18 @@ def noise_level(x: Array) -> Array:
     return level
 
 
+def resolution(x: Array) -> Array:
+    """Return the step of which signals (N, n) are whole multiples, (n,); 0 where none is seen."""
+    steps = np.abs(np.diff(x, axis=0))
+    found = np.zeros(x.shape[1])
+    for k, own in enumerate(steps.T):
+        own = own[own > 1e-9 * np.ptp(x[:, k])]  # noqa: PLW2901 - what moved
+        least = own.min(initial=np.inf)
+        if len(own) and np.all(np.abs(own / least - np.rint(own / least)) < WHOLE):
+            found[k] = least
+    return found
+
+
 def add_instrument(
     robot: Robot, log: Log, samples: Samples, *, always: bool = False
 ) -> Samples | None:
@@ -95,7 +110,8 @@ def add_instrument(
 def find_record(log: Log, samples: Samples, *, always: bool = False) -> SecondRecord | None:
     """Return a second record of the motion of a log on the joint side; None where there is none."""
     channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
-    noise = [noise_level(x) for x in channels]
+    # While a coarse encoder stands still, its noise does so too: differences do not see it.
+    noise = [np.maximum(noise_level(x), resolution(x) / np.sqrt(12)) for x in channels]
     size = [x.std(0) for x in channels]
     worst = max(float(np.max(s / np.maximum(v, 1e-300), where=v > 0, initial=0.0))
                 for s, v in zip(noise, size, strict=True))  # fmt: skip

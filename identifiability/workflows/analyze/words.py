@@ -84,6 +84,23 @@ def _state_certificate(chosen: RungResult) -> str:
     return f"No real robot has exactly its values, although each sign is possible; {near}"
 
 
+def state_weak(chosen: RungResult) -> str:
+    """Return one sentence on values without a strong instrument, or nothing."""
+    correction = chosen.estimate.correction
+    if correction is None:
+        return ""
+    known = {v.name for v in chosen.verdicts if v.verdict is Class.IDENTIFIABLE}
+    touched = [name for name in correction.touched if name in known]
+    if not touched:
+        return ""
+    return (
+        f"In {correction.weak} of {len(chosen.estimate.kept)} directions the second record of the "
+        "motion says too little, and least squares stays, with the bias that noise in the motion "
+        f"gives it; {listing(touched, 4)} lean on them: move faster or longer, or measure the "
+        "motion better."
+    )
+
+
 def doubt(
     silence: str, results: tuple[RungResult, ...], at: int, held_out: Prediction
 ) -> tuple[tuple[RungResult, ...], str]:

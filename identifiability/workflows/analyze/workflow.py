@@ -31,7 +31,7 @@ from identifiability.workflows.analyze.decisive import state_decisive
 from identifiability.workflows.analyze.fit import base_values, fit_ladder, plan_cross_validation
 from identifiability.workflows.analyze.form_belief import believe
 from identifiability.workflows.analyze.result import Analysis
-from identifiability.workflows.analyze.words import doubt
+from identifiability.workflows.analyze.words import doubt, state_weak
 from identifiability.workflows.opening import (
     Logs,
     Progress,
@@ -150,11 +150,12 @@ def analyze(
             "posterior": posterior,
             "cad_weight": cad_weight,
         }
+        weak = state_weak(results[at])
         return Analysis(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=tuple(filter(None, (mixed, decided, *opening.hints, *bands))),
+            hints=tuple(filter(None, (mixed, decided, *opening.hints, *bands, weak))),
             information=information,
             models=results,
             selected=at,

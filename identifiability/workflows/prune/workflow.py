@@ -40,6 +40,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
 from identifiability.workflows.analyze.decisive import state_decisive
+from identifiability.workflows.analyze.words import state_weak
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -188,11 +189,12 @@ def prune(
         result = measured.result
         reduced = result.rung.reduce(information)
         decided = state_decisive(robot.joints, opening.samples, reduced, result.estimate)
+        said = filter(None, (decided, state_weak(result)))
         return Ladder(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=(*filter(None, [decided]), *opening.hints, *bands, *unused_ladder(robot, ladder)),
+            hints=(*said, *opening.hints, *bands, *unused_ladder(robot, ladder)),
             information=information,
             start=start,
             selected=selected,

@@ -7,7 +7,7 @@ import pytest
 
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
-from identifiability.logs.prepare.instruments import add_instrument, noise_level
+from identifiability.logs.prepare.instruments import add_instrument, noise_level, resolution
 from identifiability.robot import Robot
 
 STEP = 0.005
@@ -74,6 +74,16 @@ def test_the_errors_of_the_second_record_are_small_and_its_own(robot, periodic, 
         a, b = first[inner], second[inner]
         assert b.std() < 0.4 * a.std()
         assert np.abs((a * b).mean(0) / (a**2).mean(0)).max() < 0.15  # of the noise is shared
+
+
+@pytest.mark.parametrize("step", [1e-5, 1e-2])  # the coarse one stands still for samples
+def test_encoders_of_any_step_have_the_noise_of_their_step(robot, step):
+    log, _ = noisy(robot, periodic=True, level=0.0)
+    coarse = replace(log, q=step * np.rint(log.q / step), dq=None, ddq=None)
+    if step > 1e-3:  # of finer ones differences see the noise
+        np.testing.assert_allclose(resolution(coarse.q), step, rtol=1e-6)
+    assert not resolution(motion(True)[1]).any()
+    assert record(robot, coarse) is not None
 
 
 def test_positions_alone_have_a_series_or_nothing(robot):
