@@ -108,12 +108,12 @@ def full_model(analysis: Analysis) -> FittedModel:
 
 def body_target(analysis: Analysis) -> tuple[Target, Array]:
     """Return the posterior of all standard parameters on the cone, and a point inside."""
-    structure, full = analysis.structure, analysis.full
+    structure = analysis.structure
     model = full_model(analysis)
     data, prior = model.data, state_prior(model)
     region = physical_set(structure)
     start = project(data, region, margin=START_MARGIN, reference=structure.nominal).phi
-    return Target(data, prior, region, max(float(full.autocorrelation_time.mean()), 1.0)), start
+    return Target(data, prior, region), start
 
 
 def measure(

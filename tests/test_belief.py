@@ -11,6 +11,7 @@ from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.certify import certify
 from identifiability.physical.fitted_model import FittedModel, physical_set
+from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Target
@@ -29,8 +30,7 @@ NOTHING = "The chains are short: 80 draws are 44 autocorrelation times of leg3_u
 
 
 def believe(analysis, result, effort=None, robot=None):
-    iact = max(float(result.autocorrelation_time.mean()), 1.0)
-    return form_belief(fitted(analysis, result, robot), iact, np.random.default_rng(1), effort)
+    return form_belief(fitted(analysis, result, robot), np.random.default_rng(1), effort)
 
 
 def fitted(analysis, result, robot=None):
@@ -58,11 +58,13 @@ def unpruned(analysis):
 
 def test_where_no_sign_is_near_the_posterior_is_the_closed_form(analysis):
     fit, signs = analysis.chosen.estimate, analysis.belief.signs
-    iact = max(float(analysis.chosen.autocorrelation_time.mean()), 1.0)
+    data = LeastSquares.likelihood(fitted(analysis, analysis.chosen).information, fit)
     assert signs.trustworthy
     assert not signs.at_edge.any()
-    dof = fit.dof / iact  # the marginal of the parameters is Student's t
-    sd = fit.sigma * np.sqrt(iact * dof / (dof - 2))
+    assert data.dof == pytest.approx((fit.dof + len(fit.kept)) / fit.memory - len(fit.kept))
+    # The marginal of the parameters is Student's t.
+    covariance = data.variance * np.linalg.inv(data.R.T @ data.R)
+    sd = np.sqrt(np.diag(covariance) * data.dof / (data.dof - 2))
     ess = signs.convergence.ess_bulk
     np.testing.assert_array_less(np.abs(signs.mean - fit.value), 4.5 * sd / np.sqrt(ess))
     np.testing.assert_array_less(np.abs(signs.sd / sd - 1), 4.5 / np.sqrt(ess))

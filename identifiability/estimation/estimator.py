@@ -94,7 +94,7 @@ class Estimate:
     kept : tuple of int
         Independent columns, the ones that were fitted.
     variance : (n,)
-        Residual variance of each actuator [torque²].
+        Noise variance of each actuator, with what the columns swallow of it [torque²].
     rss : (n,)
         Residual sum of squares of each actuator.
     dof : int
@@ -105,6 +105,8 @@ class Estimate:
         Of the column-scaled matrix, relative to the largest.
     weights : (n,)
         Weight of each actuator.
+    times : (n,)
+        Integrated autocorrelation time of each actuator's noise [samples].
     estimator : Estimator
         What made it.
     correction : Correction or None
@@ -122,8 +124,16 @@ class Estimate:
     condition: float
     singular_values: Array
     weights: Array
+    times: Array
     estimator: Estimator
     correction: Correction | None = None
+
+    @property
+    def memory(self) -> float:
+        """Autocorrelation time of the actuators that carry the residual [samples]."""
+        share = self.weights * self.variance
+        total = share.sum()
+        return float((share * self.times).sum() / total if total > 0 else self.times.mean())
 
     @property
     def sigma(self) -> Array:

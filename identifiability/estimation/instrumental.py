@@ -22,6 +22,7 @@ from identifiability.estimation.least_squares import (
     OrdinaryLeastSquares,
     WeightedLeastSquares,
     correct_leverage,
+    noise_scale,
 )
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
@@ -95,13 +96,12 @@ class InstrumentalVariables:
             return plain
         part = information.select(kept)
         found = _solve(part, plain.weights, plain.value[kept])
-        S, k = part.basis, part.size
+        S = part.basis
         rss = np.maximum(part.squares(S @ np.append(-found.value, 1.0)), 0.0)
         value, covariance = plain.value.copy(), np.zeros_like(plain.covariance)
         value[kept] = found.value
         spread = found.B * found.length
-        sigma2 = float(plain.weights @ rss) / max(plain.dof, 1)
-        covariance[np.ix_(kept, kept)] = sigma2 * spread @ spread.T
+        covariance[np.ix_(kept, kept)] = _white_covariance(part, found, plain, rss)
         both = np.logical_and.outer(plain.determined, plain.determined)
         share = (spread[:, found.weak] ** 2).sum(1) / (spread**2).sum(1)
         touched = tuple(part.columns[j] for j in np.flatnonzero(share > TOUCHED))
@@ -110,7 +110,7 @@ class InstrumentalVariables:
             value=value,
             covariance=np.where(both, covariance, plain.covariance),
             rss=rss,
-            variance=rss / max(part.samples - k / part.actuators, 1.0),
+            variance=plain.variance + np.maximum(rss - plain.rss, 0.0) / part.samples,
             estimator=self,
             correction=Correction(plain.value, int(found.weak.sum()), touched),
         )
@@ -200,6 +200,18 @@ def _solve(information: Information, weights: Array, plain: Array | None = None)
     x = x + B[:, good] @ ((U @ left[:, good]).T @ e / strength[good])
     length = np.where(weak, 1.0, 1.0 / np.where(weak, 1.0, strength))
     return _Solution(T, B, length, x, weak)
+
+
+def _white_covariance(
+    information: Information, found: _Solution, plain: Estimate, rss: Array
+) -> Array:
+    """Return the covariance under independent residuals, whatever the weights know, (k, k)."""
+    k, joint = information.size, information.joint
+    Z = joint.basis[:, : 2 * k] @ found.left
+    spread = Z.T @ joint.total(plain.weights / plain.times) @ Z
+    return (
+        found.B @ (noise_scale(information, plain.weights, plain.times, rss) * spread) @ found.B.T
+    )
 
 
 def _moments(information: Information, fit: Estimate) -> tuple[_Solution, Array, Array]:

@@ -1,8 +1,8 @@
 """Least squares on `Information`: ordinary, or weighted per actuator.
 
 What to use when: ``ols`` reproduces the literature (one variance for all actuators); ``wls``
-weights each actuator by its own residual variance and is the better estimate whenever joints
-differ in size.
+weights each actuator by the variance of its noise times how long that remembers, and is the better
+estimate whenever joints differ in size or in what their noise remembers.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability.estimation.memory import FEWEST, measure_memory
 from identifiability.foundation.linalg import RANK_TOLERANCE, scan_columns
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -29,6 +30,9 @@ ROUNDING = 1e-12
 #: What a block leaves of a direction that it determines almost alone is raised to this.
 ALONE = 0.05
 
+#: How often the noise is measured beside weights that it gave.
+ROUNDS = 2
+
 #: Replicates whose Gram matrices are summed at a time.
 BATCH = 1000
 
@@ -42,7 +46,9 @@ class OrdinaryLeastSquares:
 
     def fit(self, information: Information) -> Estimate:
         """Return the estimate with the smallest sum of squares."""
-        return _solve(information, np.ones(information.actuators), self)
+        plain = _solve(information, np.ones(information.actuators), self)
+        variance, times, _ = _measure_noise(information, plain)
+        return replace(plain, variance=variance, times=times)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
         """Return the values for weighted sums of blocks, (replicates, k)."""
@@ -76,20 +82,41 @@ class OrdinaryLeastSquares:
 
 @frozen
 class WeightedLeastSquares(OrdinaryLeastSquares):
-    """Least squares with each actuator weighted by its own residual variance."""
+    """Least squares with each actuator weighted by ``1/(σ² κ)`` of its noise.
+
+    σ² is the variance and κ the autocorrelation time: what the noise weighs in an average.
+    """
 
     name: str = "wls"
-    description: str = "least squares with each actuator weighted by its own residual variance"
+    description: str = (
+        "least squares with each actuator weighted by the variance of its noise and by how long "
+        "that remembers"
+    )
 
     def fit(self, information: Information) -> Estimate:
-        """Return the estimate with weights from the residual of the ordinary one."""
+        """Return the estimate with weights from what the ordinary one leaves."""
         plain = _solve(information, np.ones(information.actuators), self)
-        floor = 1e-12 * float(np.max(plain.variance, initial=0.0))
-        floor = max(floor, ROUNDING**2 * _mean_square(information))
-        if floor == 0.0:
-            return plain
-        variance = np.maximum(plain.variance, floor)
-        return _solve(information, float(np.mean(variance)) / variance, self)
+        variance, times, density = _measure_noise(information, plain)
+        weights = float(np.mean(density)) / density
+        return replace(_solve(information, weights, self, times), variance=variance)
+
+
+def _measure_noise(information: Information, plain: Estimate) -> tuple[Array, Array, Array]:
+    """Return variance, autocorrelation time and their product, never zero, (n,) each.
+
+    What is large or slow at one actuator leaks into what a fit leaves of the others, so it is
+    measured beside weights by variance, and once more beside those by both.
+    """
+    floor = 1e-12 * float(np.max(plain.variance, initial=0.0))
+    floor = max(floor, ROUNDING**2 * _mean_square(information))
+    variance, times = plain.variance, plain.times
+    if floor == 0.0:
+        return variance, times, np.ones(information.actuators)
+    for _ in range(ROUNDS if len(information.counts) >= FEWEST else 0):
+        density = np.maximum(variance * times, floor)
+        fit = _solve(information, float(np.mean(density)) / density, plain.estimator)
+        variance, times = measure_memory(information, fit)
+    return variance, times, np.maximum(variance * times, floor)
 
 
 def _mean_square(information: Information) -> float:
@@ -115,17 +142,26 @@ def correct_leverage(scores: Array, shares: Array) -> Array:
     return corrected
 
 
+def noise_scale(information: Information, weights: Array, times: Array, rss: Array) -> float:
+    """Return the variance of noise of weight 1, whose independent rows pay for the columns."""
+    independent = information.samples * float(np.sum(1 / times)) - information.size
+    return float(weights @ rss) / max(independent, 1.0)
+
+
 def leave_open(information: Information, estimator: Estimator) -> Estimate:
     """Return the estimate from logs that have nothing to explain: it determines no parameter."""
     plain = _solve(information.select([]), np.ones(information.actuators), estimator)
     return _embed(plain, information, [], np.empty(0))
 
 
-def _solve(information: Information, weights: Array, estimator: Estimator) -> Estimate:
+def _solve(
+    information: Information, weights: Array, estimator: Estimator, times: Array | None = None
+) -> Estimate:
     k, n = information.size, information.actuators
+    times = np.ones(n) if times is None else times
     kept, singular = _determined(information, weights)
     if len(kept) < k:
-        part = _solve(information.select(kept), weights, estimator)
+        part = _solve(information.select(kept), weights, estimator, times)
         return _embed(part, information, kept, singular)
     # Unknowns in the basis are y = S11 x - s12; the large part of τ that the basis already
     # explains never enters a difference of squares.
@@ -135,8 +171,10 @@ def _solve(information: Information, weights: Array, estimator: Estimator) -> Es
     z = np.append(-y, S[k, k])  # τ - W x = Z z
     rss = np.maximum(information.squares(z), 0.0)
     dof = information.rows - k
-    sigma2 = float(weights @ rss) / max(dof, 1)
-    covariance = sigma2 * inverse @ np.linalg.solve(G[:k, :k], inverse.T)
+    # Weights that know of memory are those of σ² κ; independent residuals would have σ² alone.
+    scale = noise_scale(information, weights, times, rss)
+    to_x = np.linalg.solve(G[:k, :k], inverse.T)
+    covariance = scale * to_x.T @ information.total(weights / times)[:k, :k] @ to_x
     low = float(singular[-1]) if k else 1.0
     return Estimate(
         columns=information.columns,
@@ -151,6 +189,7 @@ def _solve(information: Information, weights: Array, estimator: Estimator) -> Es
         condition=1.0 / low if low > 0 else np.inf,
         singular_values=singular,
         weights=weights,
+        times=times,
         estimator=estimator,
     )
 

@@ -7,8 +7,7 @@ import numpy as np
 from identifiability.estimation.bootstrap import FEWEST_BLOCKS, Bootstrap, bootstrap
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.motions import Motions, compare_motions
-from identifiability.estimation.noise.autocorrelation import autocorrelation_time, block_length
-from identifiability.estimation.noise.residual_noise import ROUNDING
+from identifiability.estimation.noise.autocorrelation import block_length
 from identifiability.estimation.scores import MEMORIES, ScoreScatter, scatter_scores
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.errors import IdentifiabilityError
@@ -26,13 +25,14 @@ class Uncertainty:
     white : (k,)
         Under independent residuals.
     inflated : (k,)
-        The same times the root of the residual's autocorrelation time.
+        The same times the root of the autocorrelation time of the noise at the actuators that
+        determine each.
     bootstrap : Bootstrap or None
         Refits on resampled blocks; None if there are too few blocks.
     scores : ScoreScatter or None
         Scatter of each column's scores over stretches of time; None if there are too few.
     times : (n,)
-        Autocorrelation time of each actuator's residual [samples].
+        Autocorrelation time of each actuator's noise, that of the fit [samples].
     block : float
         Block length of the bootstrap [samples].
     independent : float
@@ -111,39 +111,32 @@ def assess_uncertainty(
     replicates : int
         Of the bootstrap; 0 for none.
     """
-    times, length = residual_times(residual, series)
-    torque = information.squares(information.basis[:, -1])
-    rounded = fit.rss <= (ROUNDING * np.sqrt(torque)) ** 2
-    times = np.where(rounded, 1.0, times)  # what rounding left has no memory to speak of
-    return resample(information, fit, times, length, rng, replicates)
+    length = max(block_length(residual[series == k]) for k in np.unique(series))
+    return resample(information, fit, length, rng, replicates)
 
 
 def resample(
     information: Information,
     fit: Estimate,
-    times: Array,
     length: float,
     rng: np.random.Generator,
     replicates: int,
 ) -> Uncertainty:
-    """Return the standard deviations of a fit whose residual's memory is known.
+    """Return the standard deviations of a fit for which a block length is known.
 
     Parameters
     ----------
     information, fit, rng, replicates
         As in `assess_uncertainty`.
-    times : (n,) [samples]
-        Autocorrelation time of each actuator's residual.
     length : float [samples]
         Block length of the bootstrap, unless that leaves few blocks and the residual forgets
         sooner.
     """
     # The automatic choice is itself uncertain where it leaves few blocks: then what the residual
     # remembers is enough.
-    most = max(MEMORIES * float(times.max()), information.samples / (2 * FEWEST_BLOCKS))
+    most = max(MEMORIES * float(fit.times.max()), information.samples / (2 * FEWEST_BLOCKS))
     length = min(length, most)
-    time = _mean_time(times, fit)
-    inflated = fit.sigma * float(np.sqrt(time))
+    inflated = fit.sigma * np.sqrt(_own_times(information, fit))
     drawn, note = None, ""
     if not replicates:
         note = "No logs were resampled: ask for some replicates."
@@ -152,29 +145,25 @@ def resample(
             drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
         except IdentifiabilityError as error:
             note = str(error)
-    scores = scatter_scores(information, fit, time)
-    independent = float(np.sum(information.samples / times))
-    motions = compare_motions(information, fit, time)
+    scores = scatter_scores(information, fit, fit.memory)
+    independent = float(np.sum(information.samples / fit.times))
+    motions = compare_motions(information, fit, fit.memory)
     return Uncertainty(
-        fit.sigma, inflated, drawn, scores, times, length, independent, note, motions
+        fit.sigma, inflated, drawn, scores, fit.times, length, independent, note, motions
     )
 
 
-def residual_times(residual: Array, series: np.ndarray) -> tuple[Array, float]:
-    """Return autocorrelation times (n,), averaged over series, and the longest block length."""
-    total, length = np.zeros(residual.shape[1]), 1.0
-    for k in np.unique(series):
-        part = residual[series == k]
-        total += len(part) * autocorrelation_time(part)
-        length = max(length, block_length(part))
-    return total / len(residual), length
-
-
-def _mean_time(times: Array, fit: Estimate) -> float:
-    """Return one autocorrelation time: that of the actuators that carry the residual."""
-    share = fit.weights * fit.rss
-    total = share.sum()
-    return float((share * times).sum() / total) if total > 0 else float(times.mean())
+def _own_times(information: Information, fit: Estimate) -> Array:
+    """Return each parameter's autocorrelation time, (k,): of the actuators that determine it."""
+    k, kept = len(fit.kept), list(fit.kept)
+    part, own = information.select(fit.kept), np.ones(information.size)
+    to_x = np.linalg.solve(part.total(fit.weights)[:k, :k], np.linalg.inv(part.basis[:k, :k]).T)
+    white, slow = (
+        np.einsum("ik,ij,jk->k", to_x, part.total(v)[:k, :k], to_x)
+        for v in fit.weights**2 * fit.variance * np.array([np.ones_like(fit.times), fit.times])
+    )
+    own[kept] = np.divide(slow, white, out=np.ones(k), where=white > 0)
+    return own
 
 
 def recurrence(

@@ -76,10 +76,14 @@ class LeastSquares:
 
     @staticmethod
     def likelihood(information: Information, estimate: Estimate) -> LeastSquares:
-        """Return the same for a posterior, to which data without noise have a little of it."""
+        """Return the same for a posterior: it counts as many rows as are independent.
+
+        To it data without noise have a little of it.
+        """
         tau = float(np.linalg.norm(estimate.estimator.loss(information, estimate)[:, -1]))
         rss = max(float(estimate.weights @ estimate.rss), (1e-9 * tau) ** 2)
-        return replace(LeastSquares.of_fit(information, estimate), rss_min=rss)
+        dof = max(information.rows / estimate.memory - len(estimate.kept), 1.0)
+        return replace(LeastSquares.of_fit(information, estimate), rss_min=rss, dof=dof)
 
     def through(self, to_x: Array) -> LeastSquares:
         """Return the problem in other parameters phi, of which these are ``to_x (p, q) phi``."""

@@ -42,11 +42,14 @@ class ActuatorBlocks:
     blocks : (B, m, r) or (B, r, r)
         Rows Z of each block where there are m < r (filled up with zeros), else ``Zᵀ Z``. They lie
         in a file where they are large.
+    sums : (B, r)
+        Sum of the rows Z of each block, which tells what slow noise does.
     """
 
     columns: np.ndarray
     basis: Array
     blocks: Array
+    sums: Array
 
     @property
     def squared(self) -> bool:
@@ -97,22 +100,23 @@ class ActuatorBlocks:
         out = allot((len(self.blocks), m if few else q, q))
         for at in batches(self.blocks):
             out[at] = self.blocks[at] @ Q if few else self.grams(Q, at)
-        return ActuatorBlocks(columns, basis, out)
+        return ActuatorBlocks(columns, basis, out, self.sums @ Q)
 
     def take(self, kept: np.ndarray) -> ActuatorBlocks:
         """Return some of the blocks."""
         kept = np.arange(len(self.blocks))[kept]
         out = allot((len(kept), *self.blocks.shape[1:]))
-        return replace(self, blocks=np.take(self.blocks, kept, axis=0, out=out, mode="clip"))
+        blocks = np.take(self.blocks, kept, axis=0, out=out, mode="clip")
+        return replace(self, blocks=blocks, sums=self.sums[kept])
 
     def merge(self, at: np.ndarray) -> ActuatorBlocks:
         """Return blocks that each hold those from one of `at` up to the next."""
-        r = self.blocks.shape[2]
+        r, sums = self.blocks.shape[2], np.add.reduceat(self.sums, at, axis=0)
         if self.squared:
             out = np.add.reduceat(self.blocks, at, axis=0, out=allot((len(at), r, r)))
-            return replace(self, blocks=out)
+            return replace(self, blocks=out, sums=sums)
         groups = [hold(rows.reshape(-1, r)) for rows in np.split(self.blocks, at[1:])]
-        return replace(self, blocks=stack(groups))
+        return replace(self, blocks=stack(groups), sums=sums)
 
     def merge_weighted(self, group: np.ndarray, counts: Array) -> Array:
         """Return ``Zᵀ Z`` of groups of blocks, each of them counted so often, (G, r, r).
@@ -139,7 +143,8 @@ class ActuatorBlocks:
         Q, basis = np.linalg.qr(np.vstack(wide))
         first = self.turned(Q[: len(wide[0])], basis, columns)
         second = other.turned(Q[len(wide[0]) :], basis, columns)
-        return replace(first, blocks=stack([*first.blocks, *second.blocks]))
+        sums = np.concatenate([first.sums, second.sums])
+        return replace(first, blocks=stack([*first.blocks, *second.blocks]), sums=sums)
 
 
 def hold(rows: Array) -> Array:

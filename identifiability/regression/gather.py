@@ -67,34 +67,41 @@ def gather_information(
         gather = partial(_gather_part, seen=seen, bases=bases, size=size)
         missed = np.zeros(seen.shape)
         held = [allot((count, min(longest, len(S)), len(S))) for S in bases]
+        sums = [np.zeros((count, len(S))) for S in bases]
         counts, logs = np.zeros(count, int), np.zeros(count, int)
         pieces = _pieces(map_parts(gather, regression, engine, progress), missed)
         for b, piece in enumerate(_join(pieces)):
             logs[b], counts[b] = piece.at[0], piece.count
-            for place, one in zip(held, piece.held, strict=True):
-                fill(place[b], one)
+            for a, (one, total) in enumerate(zip(piece.held, piece.sums, strict=True)):
+                fill(held[a][b], one)
+                sums[a][b] = total
         if not missed.any():
             break
         # In the subsample these columns did not act.
         lengths = [np.diag(np.append(np.sqrt(squares), 0.0)) for squares in missed]
         factors = [np.vstack(pair) for pair in zip(factors, lengths, strict=True)]
-    triples = zip(seen, bases, held, strict=True)
-    parts = tuple(ActuatorBlocks(np.flatnonzero(s), S, Z) for s, S, Z in triples)
+    found = zip(seen, bases, held, sums, strict=True)
+    parts = tuple(ActuatorBlocks(np.flatnonzero(s), *rest) for s, *rest in found)
     return Information(names, parts, counts, logs, regression.instruments is not None)
 
 
 @frozen
 class _Piece:
-    """Samples of one block: log and number of the block, what is held by actuator, how many."""
+    """Samples of one block: log and number of the block, what is held by actuator, how many.
+
+    `sums` are those of the rows, by actuator.
+    """
 
     at: tuple[int, int]
     held: list[Array]
+    sums: list[Array]
     count: int
 
     def __add__(self, later: _Piece) -> _Piece:
         pairs = zip(self.held, later.held, strict=True)
         held = [merge_held(one, other) for one, other in pairs]
-        return _Piece(self.at, held, self.count + later.count)
+        sums = [one + other for one, other in zip(self.sums, later.sums, strict=True)]
+        return _Piece(self.at, held, sums, self.count + later.count)
 
 
 def _join(pieces: Iterable[_Piece]) -> Iterator[_Piece]:
@@ -117,19 +124,21 @@ def _gather_part(
     Both are whole once the blocks were gone through, which are made one at a time.
     """
     missed = np.zeros(seen.shape)
-    own = [(np.flatnonzero(s), invert_basis(S)) for s, S in zip(seen, bases, strict=True)]
+    into = [(np.flatnonzero(s), invert_basis(S)) for s, S in zip(seen, bases, strict=True)]
 
     def pieces() -> Iterator[_Piece]:
         for chunk in part.chunks():
             W, tau, start = chunk.wide, chunk.tau, chunk.start
             if not seen.all():
                 missed[~seen] += np.square(W[:, ~seen]).sum(0)
-            Z = [np.column_stack([W[:, a, c], tau[:, a]]) @ inv for a, (c, inv) in enumerate(own)]
+            Z = [np.column_stack([W[:, a, c], tau[:, a]]) @ inv for a, (c, inv) in enumerate(into)]
             at = 0
             while at < len(tau):
                 block = (start + at) // size
                 stop = min(len(tau), (block + 1) * size - start)
-                yield _Piece((chunk.log, block), [hold(rows[at:stop]) for rows in Z], stop - at)
+                own = [rows[at:stop] for rows in Z]
+                sums = [rows.sum(0) for rows in own]
+                yield _Piece((chunk.log, block), [hold(rows) for rows in own], sums, stop - at)
                 at = stop
 
     blocks = _join(pieces())

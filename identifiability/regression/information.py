@@ -91,7 +91,7 @@ class Information:
             basis = choose_basis(rows, seen)
             Z = rows[:, [*seen, -1]] @ invert_basis(basis)
             blocks = stack([hold(block) for block in np.split(Z, at[1:])])
-            parts.append(ActuatorBlocks(seen, basis, blocks))
+            parts.append(ActuatorBlocks(seen, basis, blocks, np.add.reduceat(Z, at, axis=0)))
         counts = np.diff([*at, len(log)])
         log, has = np.asarray(log)[at], instruments is not None
         return Information(tuple(columns), tuple(parts), counts, log, has)
@@ -163,6 +163,11 @@ class Information:
         own = [Q @ z for Q in self._common[1]]
         pairs = zip(own, self.parts, strict=True)
         return np.array([np.einsum("i...,i...->...", u, p.total @ u) for u, p in pairs])
+
+    @property
+    def sums(self) -> list[Array]:
+        """Sums of the rows Z over each block, (B, k + 1) of every actuator."""
+        return [part.sums @ Q for part, Q in zip(self.parts, self._common[1], strict=True)]
 
     def blocks(self, weights: Array) -> Array:
         """Return ``Zᵀ Z`` of each block, actuators weighted, (B, k + 1, k + 1)."""

@@ -61,7 +61,6 @@ def believe(
     model = FittedModel(structure, chosen.rung, information, part, chosen.estimate)
     belief = form_belief(
         model,
-        float(chosen.autocorrelation_time.mean()),
         rng,
         progress=lambda done, total: say("sampling the posterior", 0.9 + 0.09 * done / total),
     )
@@ -72,7 +71,6 @@ def believe(
 
 def form_belief(
     model: FittedModel,
-    iact: float,
     rng: np.random.Generator,
     effort: Effort | None = None,
     progress: Progress | None = None,
@@ -82,8 +80,6 @@ def form_belief(
     Parameters
     ----------
     model : FittedModel
-    iact : float
-        Autocorrelation time of the residual [samples].
     rng : numpy.random.Generator
     effort : Effort, optional
     progress : callable, optional
@@ -93,12 +89,12 @@ def form_belief(
     first, second = rng.spawn(2)
     signs, notes = None, []
     if model.determined:
-        signs = _sample_signs(model, iact, first, effort)
+        signs = _sample_signs(model, first, effort)
     else:
         notes.append("the motion leaves parameters of the model undetermined")
     try:
         prior = state_prior(model)
-        whole = _sample_physical(model, prior, iact, second, effort, progress)
+        whole = _sample_physical(model, prior, second, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
         return Belief(signs, None, None, "; ".join([*notes, str(error)]))
     to_x = model.to_x
@@ -141,14 +137,12 @@ def state_prior(model: FittedModel) -> Prior:
     return Prior(mean, sd)
 
 
-def _sample_signs(
-    model: FittedModel, iact: float, rng: np.random.Generator, effort: Effort
-) -> Summary:
+def _sample_signs(model: FittedModel, rng: np.random.Generator, effort: Effort) -> Summary:
     """Sample the model's own parameters under their signs, flat prior."""
     rung, estimate = model.rung, model.estimate
     data = LeastSquares.likelihood(model.information, estimate)
     region = PhysicalSet(np.empty((0, 10), int), rung.nonnegative, columns=rung.columns)
-    target = Target(data, Prior.flat(len(rung)), region, max(iact, 1.0))
+    target = Target(data, Prior.flat(len(rung)), region)
     start = np.array(estimate.value)
     low = rung.nonnegative & (start <= 0)
     start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
@@ -161,7 +155,6 @@ def _sample_signs(
 def _sample_physical(
     model: FittedModel,
     prior: Prior,
-    iact: float,
     rng: np.random.Generator,
     effort: Effort,
     progress: Progress | None,
@@ -174,7 +167,7 @@ def _sample_physical(
     structure, region, held = model.structure, model.region, model.held
     own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
     data = own.beside(*model.left_out)
-    target = Target(data, prior, region, max(iact, 1.0), held=held)
+    target = Target(data, prior, region, held=held)
     options = {"margin": START_MARGIN, "reference": structure.nominal, "held": held}
     start = np.array(project(data, region, **options).phi)
     # The start must lie inside: the projection ends on the edge of signs, or by rounding outside.

@@ -159,5 +159,4 @@ def build_target(result: RungResult, information: Information) -> tuple[Target, 
     sd = np.where(usable, sd, np.where(wide > 0, wide, 1.0))
     mean = np.where(fit.determined, fit.value, 0.0)
     start = np.where(result.rung.nonnegative, np.maximum(mean, 0.01 * sd), mean)
-    iact = max(float(result.autocorrelation_time.mean()), 1.0)
-    return Target(data, Prior(mean, sd), region, iact), start
+    return Target(data, Prior(mean, sd), region), start

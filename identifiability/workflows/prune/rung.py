@@ -261,9 +261,9 @@ def _plan_unseen(question: Question, search: Search) -> Task:
 def _judge(
     model: FittedModel, spread: Uncertainty, rng: np.random.Generator, replicates: int
 ) -> tuple[Verdict, ...]:
-    """Return the verdicts on a model, with the memory of the chosen one's residual."""
+    """Return the verdicts on a model, with the blocks of the chosen one's bootstrap."""
     part, fit = model.information, model.estimate
-    own = resample(part, fit, spread.times, spread.block, rng, replicates)
+    own = resample(part, fit, spread.block, rng, replicates)
     torque = float(np.linalg.norm(part.factor()[:, -1]) / np.sqrt(max(part.rows, 1)))
     unknown = ("This motion determines it in combination with others only, or not at all.",)
     left_out = find_left_out(model.structure, model.rung, model.whole, fit)

@@ -38,6 +38,7 @@ def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=
         condition=1.0,
         singular_values=np.ones(k),
         weights=np.asarray(weights, float),
+        times=np.ones(len(weights)),
         estimator=OrdinaryLeastSquares(),
     )
 

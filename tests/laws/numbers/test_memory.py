@@ -1,0 +1,168 @@
+"""What noise remembers is found from blocks of time, and weighs: planted noise, known truth."""
+
+import numpy as np
+import pytest
+from scipy.stats import t
+
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.memory import _sum_lags, measure_memory
+from identifiability.estimation.noise.autocorrelation import autocorrelation_time
+from identifiability.foundation.shares import ENDS
+from identifiability.physical.least_squares import LeastSquares
+
+from .made import ar1, gather
+
+#: (1 + ρ) / (1 - ρ) of ρ = .9.
+SLOW = 19.0
+
+
+def slow_columns(rng, samples, columns, actuators=2):
+    """Sums of a few slow sines, (samples, actuators, columns): a motion excites like this."""
+    time = np.linspace(0, 1, samples)[:, None, None, None]
+    shape = (actuators, columns, 3)
+    turns, phase = rng.uniform(1, 25, shape), rng.uniform(0, 7, shape)
+    return np.sin(2 * np.pi * turns * time + phase).sum(-1)
+
+
+def noise_of(rng, samples, *rho):
+    return np.column_stack([ar1(rng, r, samples)[:, 0] for r in rho])
+
+
+@pytest.mark.parametrize("size", [3, 20, 100])
+@pytest.mark.parametrize("logs", [(), (9000, 15_000)])
+def test_times_are_those_of_the_noise_whatever_the_blocks(size, logs):
+    rng = np.random.default_rng(0)
+    W = slow_columns(rng, 24_000, 3)
+    tau = W @ [1.0, 2.0, 3.0] + noise_of(rng, 24_000, 0.9, 0.0) * [3.0, 1.0]
+    fit = estimate(gather(W, tau, size, logs))
+    np.testing.assert_allclose(fit.times, [SLOW, 1.0], rtol=0.25)
+    np.testing.assert_allclose(fit.variance, [9.0, 1.0], rtol=0.15)
+    np.testing.assert_allclose(fit.weights[1] / fit.weights[0], 9 * SLOW, rtol=0.3)
+    np.testing.assert_array_equal(estimate(gather(W, tau, size, logs), "ols").times, fit.times)
+
+
+def test_what_the_columns_swallow_is_counted():
+    """Of 750 samples 30 slow columns take the slow noise first: what is left seems to forget."""
+    rng = np.random.default_rng(1)
+    seen, left, size = [], [], []
+    for _ in range(30):
+        W, noise = slow_columns(rng, 750, 30, 1), noise_of(rng, 750, 0.9)
+        fit = estimate(gather(W, noise, 3))
+        seen.append(fit.times[0])
+        size.append([fit.rss[0] / 750, fit.variance[0]])
+        left.append(autocorrelation_time(noise - W @ fit.value)[0])
+    assert np.mean(left) < 0.6 * SLOW < 0.7 * SLOW < np.mean(seen) < 1.3 * SLOW
+    swallowed, counted = np.mean(size, 0)
+    assert swallowed < 0.6 < 0.8 < counted < 1.5
+
+
+def test_slow_noise_of_one_actuator_is_not_taken_for_that_of_another():
+    """All columns act at both; of large slow noise at the first they carry some to the second."""
+    rng = np.random.default_rng(2)
+    times = []
+    for _ in range(20):
+        W, noise = slow_columns(rng, 750, 12), noise_of(rng, 750, 0.98, 0.0)
+        times.append(estimate(gather(W, noise * [5.0, 1.0], 3)).times)
+    assert np.mean(times, 0)[0] > 30
+    assert np.mean(times, 0)[1] < 1.3
+
+
+def test_lags_are_summed_within_logs():
+    x, log = np.array([[1.0], [2.0], [-3.0], [4.0], [5.0]]), np.array([0, 0, 0, 1, 1])
+    whole = 1 + 4 + 9 + 16 + 25
+    first, second = 2 - 6 + 20, -3
+    expected = [whole, whole + 2 * first] + [whole + 2 * (first + second)] * 3
+    np.testing.assert_allclose(_sum_lags(x, log), expected, atol=1e-12)
+
+
+def test_what_rounding_left_remembers_nothing():
+    rng = np.random.default_rng(3)
+    W = slow_columns(rng, 400, 3)
+    fit = estimate(gather(W, W @ [1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(fit.times, 1.0)
+    variance, times = measure_memory(gather(W, W @ [1.0, 2.0, 3.0]), fit)
+    assert np.isfinite(variance).all()
+    np.testing.assert_array_equal(times, 1.0)
+
+
+def test_times_that_do_not_differ_are_one_and_leave_the_weights_to_the_variances():
+    rng = np.random.default_rng(7)
+    W = slow_columns(rng, 1500, 4, 3)
+    same = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.8, 0.8) * [1.0, 2.0, 3.0]
+    apart = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.0, 0.0) * [1.0, 2.0, 3.0]
+    one, own = estimate(gather(W, same, 6)), estimate(gather(W, apart, 6))
+    assert one.times[0] == one.times[1] == one.times[2] == pytest.approx(9.0, rel=0.4)
+    np.testing.assert_allclose(one.weights * one.variance, one.weights[0] * one.variance[0])
+    assert own.times[0] > 5 > 2 > own.times[1:].max()
+
+
+def test_white_deviations_stay_those_of_independent_residuals():
+    """Weights by memory are not those of white noise: the covariance is the sandwich's."""
+    rng = np.random.default_rng(4)
+    W = slow_columns(rng, 4000, 3)
+    tau = W @ [1.0, 2.0, 3.0] + noise_of(rng, 4000, 0.95, 0.0) * [1.0, 2.0]
+    fit = estimate(gather(W, tau))
+    G = np.einsum("tnk,tnl->nkl", W, W)
+    bread = np.linalg.inv(np.tensordot(fit.weights, G, 1))
+    scale = fit.weights @ fit.rss / ((4000 / fit.times).sum() - 3)
+    white = bread @ np.tensordot(scale * fit.weights / fit.times, G, 1) @ bread
+    np.testing.assert_allclose(fit.covariance, white, rtol=1e-8)
+    meat = np.tensordot(fit.weights**2 * [1.0, 4.0], G, 1)
+    np.testing.assert_allclose(fit.sigma, np.sqrt(np.diag(bread @ meat @ bread)), rtol=0.1)
+
+
+def test_sums_follow_the_information_wherever_it_goes():
+    rng = np.random.default_rng(5)
+    W, tau = rng.normal(size=(230, 2, 4)), rng.normal(size=(230, 2))
+    M = rng.normal(size=(4, 2))
+    held = rng.normal(size=4)
+
+    def sums_of(information):
+        return [own @ information.basis for own in information.sums]
+
+    def by_hand(a, at, rows, right):
+        both = np.column_stack([rows[:, a], right[:, a]])
+        return np.add.reduceat(both, at)
+
+    information = gather(W, tau, 10, (130, 100))
+    at = np.arange(0, 230, 10)
+    small = information.reduce(M, ["a", "b"], held)
+    both = gather(W[:130], tau[:130], 10) + gather(W[130:], tau[130:], 10)
+    for a in range(2):
+        full = by_hand(a, at, W, tau)
+        np.testing.assert_allclose(sums_of(information)[a], full, atol=1e-9)
+        np.testing.assert_allclose(sums_of(both)[a], full, atol=1e-9)
+        np.testing.assert_allclose(sums_of(information.take(at < 60))[a], full[at < 60], atol=1e-9)
+        merged = information.merge(np.array([0, 5, 13, 20]))
+        np.testing.assert_allclose(
+            sums_of(merged)[a], by_hand(a, at[[0, 5, 13, 20]], W, tau), atol=1e-9
+        )
+        reduced = by_hand(a, at, W @ M, tau - W @ held)
+        np.testing.assert_allclose(sums_of(small)[a], reduced, atol=1e-9)
+
+
+@pytest.mark.parametrize("rho", [(0.0, 0.0), (0.9, 0.9), (0.98, 0.0)])
+def test_the_posterior_covers_every_parameter_and_weights_do_no_harm(rho):
+    """60 logs of 750 samples; limits are three Monte-Carlo errors below what the study finds."""
+    rng = np.random.default_rng(6)
+    W = slow_columns(rng, 750, 6)
+    W[:, 0, :2] = W[:, 1, 2:4] = 0.0
+    W[:, 0, 4] = 1.0  # an offset, which slow noise hurts most
+    truth, trials, off, held, even = np.arange(1.0, 7.0), 60, [], [], []
+    flat = np.einsum("tnk,tnl->nkl", W, W)
+    for _ in range(trials):
+        tau = W @ truth + noise_of(rng, 750, *rho) * [2.0, 1.0]
+        information = gather(W, tau, 3)
+        fit = estimate(information)
+        data = LeastSquares.likelihood(information, fit)
+        sd = np.sqrt(data.variance * np.diag(np.linalg.inv(data.R.T @ data.R)))
+        off.append(fit.value - truth)
+        held.append(np.abs(off[-1]) < t.ppf(ENDS[1], data.dof) * sd)
+        rest = np.einsum("tnk,tn->nk", W, tau - W @ truth)
+        weights = [0.25, 1.0]  # by variance alone, known
+        even.append(np.linalg.solve(np.tensordot(weights, flat, 1), weights @ rest))
+    share = np.mean(held, 0)
+    assert share.mean() > 0.92
+    assert share.min() > 0.88 - 3 * np.sqrt(0.88 * 0.12 / trials)
+    error = np.sqrt(np.mean(np.square(off), 0) / np.mean(np.square(even), 0))
+    assert np.exp(np.log(error).mean()) < (0.85 if rho[1] < rho[0] else 1.03)
