@@ -19,6 +19,9 @@ from identifiability.posterior.truncated import travel
 #: Distance of starting points from an inner one, in posterior standard deviations.
 SPREAD = 3.0
 
+#: How far outside is inside, as a share of what a prior standard deviation changes.
+ROUNDING = 1e-11
+
 #: Called with the number of steps done and to do.
 Progress = Callable[[int, int], None]
 
@@ -87,8 +90,12 @@ def build_sampler(target: Target) -> ExactSampler:
     """Prepare the exact sampler of a posterior."""
     origin = target.origin
     entries = target.region.cone_map[:, UPPER].reshape(-1, target.size)
+    m = len(target.region.rows)
     both = np.vstack([target.region.rows, entries])
-    region = Cone(both @ target.basis, both @ origin, len(target.region.rows))
+    # What rounding takes outside is inside: rows and diagonals of matrices have this much room.
+    room = ROUNDING * np.abs(both) @ target.proper_prior.sd
+    room[m:] *= np.tile(UPPER % 5 == 0, len(entries) // 10)
+    region = Cone(both @ target.basis, both @ origin + room, m)
     return ExactSampler(target.diagonal, region)
 
 

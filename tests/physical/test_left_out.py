@@ -118,9 +118,7 @@ def test_what_a_rung_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_posteri
     model = FittedModel.of(
         found.structure, reduced.rung, found.information, reduced.estimate.estimator
     )
-    belief = form_belief(
-        model, 1.0, np.random.default_rng(0), Effort(walkers=4, draws=20, warmup=10)
-    )
+    belief = form_belief(model, np.random.default_rng(0), Effort(walkers=4, draws=20, warmup=10))
     known = belief.standard
     draws = dict(zip(known.names, known.chains.reshape(-1, len(known.names)).T, strict=True))
     assert (draws["elbow.Fc"] == 0.0).all()

@@ -6,6 +6,7 @@ from scipy import stats
 
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
+from identifiability.posterior.exact import build_sampler, interior
 from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
 
@@ -120,3 +121,22 @@ def test_a_prior_around_cad_takes_its_scale_from_the_body():
     np.testing.assert_allclose(prior.sd[9:], [1.0, 15.0, 7.0])
     with pytest.raises(ValueError, match="body 1 has no mass or no inertia"):
         Prior.around(np.zeros(12), np.arange(10)[None], 1.0, np.ones(12))
+
+
+def test_what_rounding_takes_outside_is_inside_and_more_is_not(posteriors, rng):
+    target, truth = posteriors.body_target(rng)
+    sampler = build_sampler(target)
+    edge = np.array(truth)
+    edge[-1] = 0.0  # friction, which may not be negative
+    for outside, inside in ((1.5e-14, True), (1e-6, False)):
+        edge[-1] = -outside
+        if inside:
+            assert sampler.contains(interior(target, sampler, edge)[None])[0]
+        else:
+            with pytest.raises(ValueError, match="not inside the physical set"):
+                interior(target, sampler, edge)
+    body = np.array(truth)
+    body[:10] = [1, 0, 0, 1, 0, 2 + 1.5e-14, 0, 0, 0, 1]  # a plane body: on the cone's edge
+    assert sampler.contains(interior(target, sampler, body)[None])[0]
+    body[5] = 2 + 1e-6
+    assert not sampler.contains(target.to_eta(body)[None])[0]

@@ -107,7 +107,7 @@ def believe(analysis: Analysis, effort: Effort) -> Analysis:
     model = FittedModel.of(
         analysis.structure, chosen.rung, analysis.information, chosen.estimate.estimator
     )
-    belief = form_belief(model, 1.0, np.random.default_rng(0), effort)
+    belief = form_belief(model, np.random.default_rng(0), effort)
     signs, physical = (trust(x) for x in (belief.signs, belief.physical))
     return replace(analysis, belief=replace(belief, signs=signs, physical=physical))
 

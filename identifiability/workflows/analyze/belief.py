@@ -52,7 +52,7 @@ class Effort:
     """How much is sampled: walkers of each of four ensembles, draws of each walker."""
 
     walkers: int = 4
-    draws: int = 120
+    draws: int = 160
     warmup: int = 20
 
 

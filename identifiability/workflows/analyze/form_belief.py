@@ -147,7 +147,7 @@ def _sample_signs(model: FittedModel, rng: np.random.Generator, effort: Effort) 
     low = rung.nonnegative & (start <= 0)
     start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
     # The start must lie inside; a step of 1 % of σ off the edge is nothing to the sampler.
-    many = replace(effort, walkers=max(32, effort.walkers))
+    many = replace(effort, walkers=max(8, effort.walkers))
     posterior = sample_posterior(target, start, rng, **vars(many))
     return _summarise(posterior.draws, rung, rng, diagnose_convergence(posterior, rung.columns))
 
