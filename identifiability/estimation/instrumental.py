@@ -209,9 +209,9 @@ def _white_covariance(
     k, joint = information.size, information.joint
     Z = joint.basis[:, : 2 * k] @ found.left
     spread = Z.T @ joint.total(plain.weights / plain.times) @ Z
-    return (
-        found.B @ (noise_scale(information, plain.weights, plain.times, rss) * spread) @ found.B.T
-    )
+    scale = noise_scale(information, plain.weights, plain.times, rss)
+    white: Array = scale * found.B @ spread @ found.B.T
+    return white
 
 
 def _moments(information: Information, fit: Estimate) -> tuple[_Solution, Array, Array]:
