@@ -111,14 +111,18 @@ def print_errors(model: str, errors: DataFrame) -> None:
     rows: list[tuple[str, ...]] = []
     for _, part in errors[errors.groupby("of")["of"].transform("size") > 1].groupby("of"):
         order = part.sort_values("error_validation", ascending=False)[:LISTED].index
-        for name, *shares in part.loc[sorted(order)].drop(columns="of").itertuples(index=False):
-            rows.append((str(name), *(percent(share, 1) for share in shares)))
+        for e in part.loc[sorted(order)].to_dict("records"):
+            shares = [percent(e[key], 1) for key in ("error", "error_validation")]
+            size = f"{e['rms_validation']:.3g} {e['unit']}" if e["unit"] else ""
+            raw = percent(e["error_raw_validation"], 1) if e["unit"] else ""
+            rows.append((str(e["name"]), *shares, size, raw))
         if len(part) > LISTED:
-            rows.append((f"… {len(part) - LISTED} with smaller errors", "", ""))
+            rows.append((f"… {len(part) - LISTED} with smaller errors", "", "", "", ""))
         rows.append(())
     if rows:
         title = f"Errors of {model} by joint and by log"
-        print_table(title, ("joint or log", "error", "held out"), rows, ("joint or log",))
+        headings = ("joint or log", "error", "held out", "rms", "of raw torque")
+        print_table(title, headings, rows, ("joint or log",))
 
 
 def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:

@@ -69,4 +69,14 @@ def diagnose(
         ]
         title = f"{result.robot.title}: effects that were missing"
         common.print_table(title, headings, rows, left=("effect", "where"))
+    table = [
+        (
+            e["joint"],
+            *(common.percent(e[k], 1) for k in ("before", "after")),
+            f"{e['rms_after']:.3g}",
+        )
+        for e in result.error_frame().to_dict("records")
+    ]
+    title = "Errors by joint on unseen motion, each over its own scale"
+    common.print_table(title, ("joint", "before", "after", "rms after"), table, left=("joint",))
     common.print_end([result.statement], written)

@@ -117,30 +117,27 @@ class Prediction:
         sums, raw = self.sums.select(at), self.raw.select(at)
         return replace(self, sums=sums, raw=raw, predicted=self.predicted[:, :, at])
 
-    def relative_error(self, log: int | None = None) -> Array:
+    def relative_error(self, log: int | None = None, *, raw: bool = False) -> Array:
         """Return ε_RA of each model, (m,); NaN where there is nothing to explain.
 
         Parameters
         ----------
         log : int, optional
             Of one log by itself, relative to how much its own torque varies.
+        raw : bool
+            Of the torque as it was measured, not as it was low-passed.
         """
-        rows = slice(None) if log is None else self.sums.log == log
-        deviation = self.sums.deviation if log is None else self.sums.local
-        return relative_error(self.sums.absolute[rows], deviation[rows])
+        sums = self.raw if raw else self.sums
+        rows = slice(None) if log is None else sums.log == log
+        deviation = sums.deviation if log is None else sums.local
+        return relative_error(sums.absolute[rows], deviation[rows])
 
     def constant_error(self) -> float:
         """Return ε_RA of predicting each joint's mean torque: what any model must beat."""
         return float(relative_error(self.sums.own[:, :, None], self.sums.deviation)[0])
 
     def joint_error(self, *, raw: bool = False) -> Array:
-        """Return the error of each joint over its own scale (`torque_errors.joint_errors`), (n, m).
-
-        Parameters
-        ----------
-        raw : bool
-            Of the torque as it was measured, not as it was low-passed.
-        """
+        """Return each joint's error over its own scale (n, m), `raw` of measured torque."""
         sums = self.raw if raw else self.sums
         return joint_errors(sums.squares, sums.variation)
 

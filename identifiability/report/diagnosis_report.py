@@ -7,12 +7,12 @@ import numpy as np
 from identifiability.effects import find_effect, title_of
 from identifiability.report.blocks import Note, Notes, Prose, Section, Term, Terms, Tile
 from identifiability.report.figures.diagnosis import draw_against, draw_evidence, draw_gap
-from identifiability.report.numbers import digits, format_number, percent, rough_percent
+from identifiability.report.numbers import digits, error_text, format_number, percent, rough_percent
 from identifiability.report.page import Page
 from identifiability.report.sections.effects import section_effects, section_forward
 from identifiability.report.sections.facts import torque_units, velocity_units
 from identifiability.report.tables import Cell, Column, Table
-from identifiability.report.words import gallery, note, picture, section, sentence
+from identifiability.report.words import columns, gallery, note, picture, section, sentence
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.words import headline, remarks
 
@@ -92,7 +92,23 @@ def _section_gap(d: Diagnosis) -> Section:
     errors = {"before": percent(d.real_before), "after": percent(d.real_after)}
     real = sentence("diagnosis.real", **errors) if np.isfinite(d.real_after) else ""
     galleries = gallery("gap", over_time, seconds=f"{STRETCH:g}"), gallery("against", against)
-    return section("diagnosis.gap", *galleries, real=real)
+    own = columns(
+        "gap-joints",
+        Column("joint"),
+        Column("before", error_text),
+        Column("after", error_text),
+        Column("rms before", digits(3)),
+        Column("rms after", digits(3)),
+        Column("unit"),
+    )
+    numbers = d.error_frame()
+    order = ["joint", "before", "after", "rms_before", "rms_after", "unit"]
+    table = Table.of(
+        "Each joint by itself on unseen motion, over its own scale",
+        own,
+        numbers[order].itertuples(index=False, name=None),
+    )
+    return section("diagnosis.gap", *galleries, table, real=real)
 
 
 def _section_where(d: Diagnosis) -> Section:

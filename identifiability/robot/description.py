@@ -136,6 +136,11 @@ class Description:
         return tuple(self.dofs[k] for k in self.actuated)
 
     @property
+    def torque_units(self) -> tuple[str, ...]:
+        """N or N·m for each actuated joint."""
+        return tuple("N" if self.is_prismatic(int(k)) else "N·m" for k in self.actuated)
+
+    @property
     def passive(self) -> tuple[str, ...]:
         """Names of the passive degrees of freedom."""
         return tuple(self.dofs[k] for k in self.dependent)

@@ -21,7 +21,7 @@ def unseen_samples(analysis: Analysis) -> tuple[Prepared, ...]:
 
 def torque_units(robot: Robot) -> tuple[str, ...]:
     """Return N or N·m for each actuated joint."""
-    return tuple("N" if robot.is_prismatic(int(k)) else "N·m" for k in robot.actuated)
+    return robot.torque_units
 
 
 def velocity_units(robot: Robot) -> tuple[str, ...]:

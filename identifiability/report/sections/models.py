@@ -73,10 +73,10 @@ def ladder_pictures(analysis: Analysis) -> Gallery:
 
 
 def _spread_cell(m: RungResult) -> Cell:
-    if not np.isfinite(m.error_se):
-        return Cell(NONE, m.error_se)
-    text = f"± {percent(m.error_se, 2)}" if m.error_se else "least error"
-    return Cell(text, m.error_se)
+    spread, note = m.error_joints_se, f"worse at {join(m.worse_at, 3)}" if m.worse_at else ""
+    if not np.isfinite(spread):
+        return Cell(NONE, spread)
+    return Cell(f"± {percent(spread, 2)}" if spread else "least error", spread, note)
 
 
 def _condition_text(condition: float) -> str:
@@ -100,6 +100,7 @@ LADDER = columns(
     Column("10× rule", "number", "paper_identified"),
     Column("error, fitted", error_text, "error_ra"),
     Column("error, unseen", error_text, "error_ra_validation"),
+    Column("joints, unseen", error_text, "error_joints_validation"),
     Column("± SE", "error", _spread_cell),
     Column("condition", _condition_text, "estimate.condition"),
     Column("real robot", "badge", _possible_cell),

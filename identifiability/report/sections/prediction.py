@@ -88,6 +88,8 @@ def joint_table(analysis: Analysis) -> Table:
         Column("unit"),
         Column("error, fitted", error_text),
         Column("error, unseen", error_text),
+        Column("rms error, unseen", digits(3)),
+        Column("of raw torque, unseen", error_text),
         Column("autocorrelation time [samples]", time_text),
     )
     rows = zip(
@@ -96,6 +98,8 @@ def joint_table(analysis: Analysis) -> Table:
         torque_units(analysis.robot),
         fitted.joint_error()[:, m],
         out.joint_error()[:, m],
+        out.joint_rms()[:, m],
+        out.joint_error(raw=True)[:, m],
         analysis.chosen.autocorrelation_time,
         strict=True,
     )

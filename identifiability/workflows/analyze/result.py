@@ -19,7 +19,12 @@ from identifiability.regression.reduction import LadderSource
 from identifiability.workflows.analyze.arviz import Which, build_datatree
 from identifiability.workflows.analyze.assessment import RungResult
 from identifiability.workflows.analyze.belief import Belief, belief_dict
-from identifiability.workflows.analyze.errors import errors_dict, physical_dict, tell_errors
+from identifiability.workflows.analyze.errors import (
+    errors_dict,
+    physical_dict,
+    state_raw,
+    tell_errors,
+)
 from identifiability.workflows.analyze.words import state_answer, state_physics
 from identifiability.workflows.opening import Opening
 from identifiability.workflows.provenance import state_provenance
@@ -124,12 +129,13 @@ class Analysis(Result, Opening):
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of the selected model by joint and by log, fitted and held out.
 
-        Relative to how much the torque varies: that of the joint about its own mean, that of all
-        joints of a log about the log's mean (ε_RA of the log by itself). NaN where a log took no
-        part, or the torque does not vary.
+        Relative to how much the torque varies: that of the joint about its own mean (`rms` is in
+        N or N·m, `raw` of the torque as it was measured, not low-passed), that of all joints of a
+        log about the log's mean (ε_RA of the log by itself). NaN where a log took no part, or the
+        torque does not vary.
         """
         fitted, unseen = (p.select([self.selected]) for p in (self.fitted, self.held_out))
-        return tell_errors(self.robot.joints, self.samples, self.validation, fitted, unseen)
+        return tell_errors(self.robot, self.samples, self.validation, fitted, unseen)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -198,7 +204,8 @@ class Analysis(Result, Opening):
         text = state_answer(
             self.base, self.models, self.chosen, self.physical_statement, self.nothing
         )
-        return " ".join((text, *self.hints))
+        raw = "" if self.nothing else state_raw(self.held_out.select([self.selected]))
+        return " ".join(filter(None, (text, raw, *self.hints)))
 
     @property
     def physical_statement(self) -> str:

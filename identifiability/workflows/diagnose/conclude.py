@@ -36,7 +36,7 @@ def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis
         against = [e for e in found.effects if e.refuted]
         if not against:
             break
-        worst = max(against, key=lambda e: e.interval[0])
+        worst = max(against, key=lambda e: e.joints_interval[0])
         refuted.append(worst)
         gone = [c for c in naming.chosen if c.family.name == worst.name]
         why = "the motion that verifies contradicts it"
@@ -71,7 +71,7 @@ def _verify(m: Material, naming: Naming, rng: np.random.Generator) -> Verified:
     ]
     gap = m.held.gap(rungs)
     fitted = np.stack([m.held.fitted_residual(chosen) for chosen in rungs], axis=2)
-    errors = gap.relative_error().tolist()
+    errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
     before = Gap(m.train, fitted).relative_error().tolist()
     real = [float("nan")] * len(rungs)
     if m.held.real is not None:
@@ -87,6 +87,9 @@ def _verify(m: Material, naming: Naming, rng: np.random.Generator) -> Verified:
             before=errors[k],
             after=errors[k + 1],
             interval=gap.interval(k, k + 1, rng),
+            joints_before=joints[k],
+            joints_after=joints[k + 1],
+            joints_interval=gap.interval_over_joints(k, k + 1, rng),
             real=(real[k], real[k + 1]),
         )
         effects.append(effect)

@@ -97,6 +97,8 @@ class NamedEffect:
         Held-out ε_RA of the model without and with it.
     interval : (float, float)
         95 % of the change.
+    joints_before, joints_after, joints_interval
+        The same of the error over each joint's own scale, by which it is confirmed or refuted.
     real : (float, float)
         The same errors where every fit is a real robot; nan where the model has no bodies or
         keeps its values.
@@ -108,17 +110,20 @@ class NamedEffect:
     before: float
     after: float
     interval: tuple[float, float]
+    joints_before: float
+    joints_after: float
+    joints_interval: tuple[float, float]
     real: tuple[float, float] = (float("nan"), float("nan"))
 
     @property
     def confirmed(self) -> bool:
         """Whether the motion that verifies surely has less error with it."""
-        return self.interval[1] < 0
+        return self.joints_interval[1] < 0
 
     @property
     def refuted(self) -> bool:
         """Whether the motion that verifies surely has more error with it."""
-        return self.interval[0] > 0
+        return self.joints_interval[0] > 0
 
     @property
     def joints(self) -> tuple[str, ...]:

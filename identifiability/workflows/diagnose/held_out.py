@@ -20,11 +20,15 @@ from identifiability.estimation.layout import choose_folds
 from identifiability.estimation.torque_errors import (
     DRAWN_STRETCHES,
     change_interval,
+    change_interval_over_joints,
+    error_over_joints,
+    joint_errors,
     relative_error,
     split_evenly,
 )
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs.signals import is_constant
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import physical_set
 from identifiability.physical.least_squares import LeastSquares
@@ -58,6 +62,32 @@ class Gap:
         """Return the 95 % interval of the change of ε_RA from one model to another."""
         error = np.abs(self.residual[:, :, [first, second]])
         return change_interval(error, self._deviation, rng, draws)
+
+    def error_over_joints(self) -> Array:
+        """Return the error of each model over each joint's own scale, (m,)."""
+        return error_over_joints(self.residual**2, self._variation)
+
+    def joint_error(self) -> Array:
+        """Return the error of each joint over its own scale, (n, m)."""
+        return joint_errors(self.residual**2, self._variation)
+
+    def joint_rms(self) -> Array:
+        """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
+        rms: Array = np.sqrt(np.mean(self.residual**2, axis=0))
+        return rms
+
+    def interval_over_joints(
+        self, first: int, second: int, rng: np.random.Generator, draws: int = 2000
+    ) -> tuple[float, float]:
+        """Return the 95 % interval of the change of the error over each joint's own scale."""
+        squares = self.residual[:, :, [first, second]] ** 2
+        return change_interval_over_joints(squares, self._variation, rng, draws)
+
+    @property
+    def _variation(self) -> Array:
+        tau = self.rows.measured
+        own: Array = (tau - tau.mean(0)) ** 2 * ~is_constant(tau.min(0), tau.max(0))
+        return own
 
     @property
     def _deviation(self) -> Array:

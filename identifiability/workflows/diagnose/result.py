@@ -69,6 +69,20 @@ class Diagnosis(Result, Findings):
                 rows += [(*where, *row, *which) for row in p.rows]
         return pd.DataFrame(rows, columns=[*PLACE, *PARAMETER, "or", "before", "after"])
 
+    def error_frame(self) -> pd.DataFrame:
+        """Return the errors of each joint on unseen motion before and after.
+
+        Over the joint's own scale (`torque_errors.joint_errors`), and in N or N·m (`rms`), of the
+        torque that was fitted, low-passed with the columns where these were.
+        """
+        error, rms = self.gap.joint_error(), self.gap.joint_rms()
+        columns = {
+            "joint": self.robot.joints, "unit": self.robot.torque_units,
+            "before": error[:, 0], "after": error[:, -1],
+            "rms_before": rms[:, 0], "rms_after": rms[:, -1],
+        }  # fmt: skip
+        return pd.DataFrame(columns)
+
     def evidence_frame(self) -> pd.DataFrame:
         """Return the score of every family and place at every step (family-wise limit last)."""
         steps = {
@@ -100,6 +114,7 @@ class Diagnosis(Result, Findings):
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [_effect_row(e) for e in self.refuted],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
+            "errors": {"joints": self.error_frame().to_dict("records")},
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
                 **pick(self, chosen="chosen_by", verified="verified_on"),
@@ -137,6 +152,9 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "error_ra_validation_before": "before",
         "error_ra_validation_after": "after",
         "change_interval95": "interval",
+        "error_joints_validation_before": "joints_before",
+        "error_joints_validation_after": "joints_after",
+        "joints_change_interval95": "joints_interval",
     }
     return {
         **pick(e, "joints", "p_value", "confirmed", effect="name", **verified),

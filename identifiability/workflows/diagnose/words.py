@@ -107,7 +107,8 @@ def _state_effect(e: NamedEffect) -> str:
 def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
     return (
         f"{_state_effect(e)} stood out from the fitted motion and is refuted: on {verified_on} it "
-        f"raises the error {_change(e.before, e.after, e.interval)}."
+        "raises the error, every joint on its own scale, "
+        f"{_change(e.joints_before, e.joints_after, e.joints_interval)}."
     )
 
 
@@ -128,7 +129,10 @@ def _caveats(e: NamedEffect) -> list[Remark]:
         )
         out.append(Remark("Resembles", text))
     if not e.confirmed:
-        text = f"{title} by itself does not surely lower the error there: treat it with caution."
+        text = (
+            f"{title} by itself does not surely lower the error there, every joint on its own "
+            "scale: treat it with caution."
+        )
         out.append(Remark("Not confirmed", text))
     return out
 

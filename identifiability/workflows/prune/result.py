@@ -21,7 +21,12 @@ from identifiability.regression.reduction import (
     ladder_text,
     rung_entry,
 )
-from identifiability.workflows.analyze.errors import errors_dict, physical_dict, tell_errors
+from identifiability.workflows.analyze.errors import (
+    errors_dict,
+    physical_dict,
+    state_raw,
+    tell_errors,
+)
 from identifiability.workflows.analyze.words import state_physics
 from identifiability.workflows.opening import Opening
 from identifiability.workflows.provenance import state_provenance
@@ -100,7 +105,8 @@ class Ladder(Result, Opening, Measured):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        return " ".join((_state_answer(self), *self.hints))
+        raw = "" if self.nothing else state_raw(self.held_out)
+        return " ".join(filter(None, (_state_answer(self), raw, *self.hints)))
 
     @cached_property
     def provenance(self) -> dict[str, str]:
@@ -119,9 +125,7 @@ class Ladder(Result, Opening, Measured):
 
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of the rung to use by joint and by log, as `Analysis.error_frame`."""
-        return tell_errors(
-            self.robot.joints, self.samples, self.validation, self.fitted, self.held_out
-        )
+        return tell_errors(self.robot, self.samples, self.validation, self.fitted, self.held_out)
 
     def stability_frame(self) -> pd.DataFrame:
         """Return how often each parameter of the starting model survives."""

@@ -114,7 +114,8 @@ def test_what_every_joint_has_is_not_refused_and_stands_at_every_place_beside_th
 )  # fmt: skip
 def test_the_motion_that_verifies_confirms_refutes_or_leaves_open(interval, confirmed, refuted):
     effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
-                         interval=interval)  # fmt: skip
+                         interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
+                         joints_interval=interval)  # fmt: skip
     assert (effect.confirmed, effect.refuted) == (confirmed, refuted)
 
 
@@ -136,6 +137,7 @@ def test_a_named_effect_speaks_for_all_its_places():
     effect = NamedEffect(
         name="a", title="A", placements=(place("j", 0.01, rival("b", 0.7, False),
         rival("a", 1.0, True)), fragile), before=0.2, after=0.1, interval=(-1.0, -0.5),
+        joints_before=0.2, joints_after=0.1, joints_interval=(-1.0, -0.5),
     )  # fmt: skip
     assert effect.joints == ("j", "l")
     assert effect.p_value == 0.04
