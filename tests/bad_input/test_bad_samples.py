@@ -10,6 +10,7 @@ from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.mend import mend_logs
 from identifiability.workflows.diagnose import diagnose
+from identifiability.workflows.excite import excite
 from identifiability.workflows.opening import read_recordings
 
 ROW = 301  # counted from 1
@@ -88,6 +89,16 @@ def test_the_command_line_says_it_on_the_page_and_in_the_file(frame, command, wr
     out = command("calibrate", "two-link", path, "--trials", 4, "--no-sbc", "--names", 0, "--quick")
     assert out.exit_code == 0, out.output
     assert "log.csv: one value lies far" in out.output
+
+
+def test_a_motion_is_not_searched_beside_it(frame):
+    spoilt, named = spoil(frame, "a velocity off")
+    log, options = Log.from_frame(spoilt, "a"), {"iterations": 1, "samples": 100}
+    found = excite("two-link", start_from=log, **options)
+    assert named in found.hints[0]
+    wanted = excite("two-link", start_from=Log.from_frame(frame, "a"), **options)
+    assert wanted.hints == ()
+    assert found.before.figure == pytest.approx(wanted.before.figure, rel=1e-3)
 
 
 def test_a_log_without_wrong_values_is_the_one_that_was_given(frame):

@@ -194,3 +194,24 @@ def test_what_leaves_nothing_of_a_long_log_is_refused(frame_of, saved):
             Robot.load("two-link"), LogFile.read(saved(arm)), Preparation("fourier"),
             engine=Serial(),
         )  # fmt: skip
+
+
+def test_a_wrong_sample_of_a_long_file_is_named_and_weighs_nothing(frame, tmp_path):
+    """As of a short one, at a seam of its pieces too, and a burst with its time."""
+    spoilt = frame.copy()
+    spoilt.loc[[700, 1499], "elbow.tau"] *= 1e4
+    spoilt.loc[2000:2024, "shoulder.tau"] *= 10
+    path = tmp_path / "log.parquet"
+    spoilt.to_parquet(path, index=False, row_group_size=700)
+    log = LogFile.read(path)
+    parts, whole = (analyze("two-link", x, replicates=20) for x in (log, Log.read(path)))
+    burst, wrong = parts.hints
+    assert wrong == whole.hints[1]
+    assert "log.parquet: 2 values lie far" in wrong
+    assert "data row 701 (" in wrong
+    assert "data row 1500 (" in wrong
+    start, stop = (float(burst.split(word)[1].split()[0]) for word in ("t = ", " to "))
+    assert start < spoilt["t"][2024]
+    assert stop > spoilt["t"][2000]
+    assert stop - start < 0.02 * spoilt["t"].iloc[-1]
+    assert whole.hints[0].partition(":")[2] == burst.partition(":")[2]

@@ -23,6 +23,7 @@ from identifiability.foundation.options import (
     counted,
     within,
 )
+from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
@@ -129,7 +130,7 @@ def excite(
         say("reading logs", 0.0)
         bounds = find_limits(robot, limits)
         question = pose_question(robot, rule, model, parameters, separate)
-        start = read_logs(() if start_from is None else start_from)
+        start, wrong = mend_logs(read_logs(() if start_from is None else start_from))
         how = settle_cutoff(robot, start, preparation)
         logs = [prepare_log(robot, log, how, engine=Serial()) for log in start]
         if start_from is not None and not logs:
@@ -172,7 +173,7 @@ def excite(
         seconds=time.monotonic() - begin,
         end=found.end,
         seed=seed,
-        hints=(*free_again(model), *unused_ladder(robot, model)),
+        hints=(*wrong, *free_again(model), *unused_ladder(robot, model)),
         provenance=state_provenance(robot, logs, seed, None, options),
     )
 
