@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Log, analyze, prune
+from identifiability import Log, analyze, diagnose, prune
 from identifiability.logs.prepare import Preparation
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import cutoff_check as check
@@ -136,3 +136,10 @@ def test_noise_that_pulls_values_down_is_said(positions):
     assert hint.startswith("Noise of what is differentiated has ")
     quiet = analyze("two-link", positions(5e-3), replicates=0).samples[0].cutoff
     assert f"set it to {quiet:.2g} Hz (--cutoff)" in hint
+
+
+def test_a_diagnosis_says_it_too(positions):
+    low = Preparation(cutoff=1.2)
+    found = diagnose("two-link", positions(2e-5), preparation=low, draws=19, forward=False)
+    assert len(about_cutoff(found)) == 1
+    assert about_cutoff(found)[0].startswith("The cut-off of 1.2 Hz cuts into the motion")

@@ -24,6 +24,10 @@ LONGEST = 5
 #: rounding explains that nothing changed.
 STEPS = 4.0
 
+#: Changes are whole steps of an encoder if `ALL` of them are, to this share of a step; and a step
+#: that is this share of the usual change from sample to sample is worth a note.
+EXACT, ALL, COARSE = 0.02, 0.95, 0.25
+
 #: What channels are called.
 NAMES = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torque"}
 
@@ -73,6 +77,29 @@ class StaleRule:
             f"values of all joints that repeat the sample before although the joints move "
             f"({', '.join(found)} of the samples) were interpolated"
         )
+
+
+def tell_steps(windows: Sequence[Log], steps: Array) -> str:
+    """Return a note on an encoder that is coarse for how fast samples follow; or nothing.
+
+    Parameters
+    ----------
+    windows : sequence of Log
+    steps : (n,) [rad or m]
+        Smallest change of every joint's position.
+    """
+    change = np.abs(np.concatenate([np.diff(w.q, axis=0) for w in windows]))
+    whole = change / np.where(steps > 0, steps, np.inf)
+    is_step = (np.abs(whole - np.round(whole)) < EXACT).mean(0) > ALL
+    usual = np.array([np.median(c[c > 0]) if (c > 0).any() else np.inf for c in change.T])
+    coarse = np.flatnonzero(is_step & (steps > COARSE * usual))
+    if not len(coarse):
+        return ""
+    worst = coarse[np.argmax(steps[coarse] / usual[coarse])]
+    return (
+        f"positions come in steps, of {steps[worst]:.3g} at '{windows[0].joints[worst]}', where "
+        f"{usual[worst]:.2g} is the usual change from sample to sample"
+    )
 
 
 def smallest_change(x: Array) -> Array:

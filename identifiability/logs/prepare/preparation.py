@@ -27,7 +27,7 @@ from identifiability.logs.prepare.plan import (
     joint_log,
 )
 from identifiability.logs.spectrum import Band, Spectrum, choose_band
-from identifiability.logs.stale import StaleRule
+from identifiability.logs.stale import StaleRule, tell_steps
 from identifiability.logs.units import check_units, find_contradictions
 from identifiability.robot import Robot
 
@@ -169,8 +169,8 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
     if filtered and how.cutoff is None:
         how = _settle(robot, [raw], how)
     plan = _plan_derivatives(robot, log, windows, how)
-    if stale is not None and stale.note:
-        notes.append(stale.note)
+    if stale is not None:
+        notes += filter(None, (stale.note, tell_steps(raw, stale.steps["q"])))
     if len(windows) > 1:
         notes.append(
             f"what holds for the whole log was decided on {len(windows)} windows of "

@@ -67,13 +67,16 @@ def check_cutoff(
     held = settle_cutoff(opening.structure.robot, recordings.held, how)
     seen = held.band if isinstance(held, SettledPreparation) else None
     names = " and ".join(log.name for log in recordings.held)
-    said = (
-        _say_cut(how.band, "the logs"),
-        _say_cut(seen, names) if seen and not _say_cut(how.band, "") else "",
-        _say_noise(how.band),
-        vary_cutoff(opening.regression, recordings.fitted, result, how),
-    )
-    return tuple(filter(None, said))
+    unseen = _say_cut(seen, names) if seen and not _say_cut(how.band, "") else ""
+    varied = vary_cutoff(opening.regression, recordings.fitted, result, how)
+    return (*say_band(how), *filter(None, (unseen, varied)))
+
+
+def say_band(how: Preparation | None) -> tuple[str, ...]:
+    """Return what to say of the cut-off for all logs: does it cut the motion, let noise in?"""
+    band = how.band if isinstance(how, SettledPreparation) else None
+    found = () if band is None else (_say_cut(band, "the logs"), _say_noise(band))
+    return tuple(filter(None, found))
 
 
 def _say_cut(band: Band, whose: str) -> str:

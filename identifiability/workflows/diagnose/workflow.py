@@ -18,6 +18,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import ModelLike, choose_model, free_again, unused_ladder
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.analyze.cutoff_check import say_band
 from identifiability.workflows.analyze.decisive import state_decisive
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting, gather
@@ -151,6 +152,7 @@ def diagnose(
             hints=(
                 *filter(None, [decided]),
                 *opening.hints,
+                *say_band(how),
                 *free_again(model),
                 *unused_ladder(robot, model),
             ),
