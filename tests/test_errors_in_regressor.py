@@ -1,5 +1,7 @@
 """Ten periods of the 3-RPS with the paper's noise: studies/errors_in_regressor.py in short."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,3 +91,23 @@ def test_pruning_follows_the_estimator(noisy_log):
     path = np.array([walked[c] for c in fit.columns if c in walked])
     moved = np.abs(fit.correction.least_squares - fit.value)[alike]
     assert np.median(np.abs(path - fit.value[alike]) / moved) < 0.3
+
+
+def test_a_log_without_a_second_record_is_named_and_does_not_stop_the_others(
+    simulated_session, monkeypatch
+):
+    logs = [simulated_session("3-rps", name, noise=NOISE) for name in ("601", "595")]
+    logs[1] = replace(logs[1], name="bare")
+    monkeypatch.setattr(
+        "identifiability.workflows.instruments.add_instrument",
+        lambda robot, log, samples, **how: (
+            None if log.name == "bare" else add_instrument(robot, log, samples, **how)
+        ),
+    )
+    mixed = analyze("3-rps", logs, replicates=20, posterior=False)
+    assert mixed.chosen.estimate.estimator.name.endswith("iv")
+    (told,) = [h for h in mixed.hints if "no second record" in h]
+    assert told.startswith("bare: ")
+    alone = analyze("3-rps", logs[1], replicates=20, posterior=False)
+    assert not alone.chosen.estimate.estimator.name.endswith("iv")
+    assert not [h for h in alone.hints if "no second record" in h]

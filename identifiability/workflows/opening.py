@@ -14,8 +14,6 @@ from typing import Annotated, TypeVar
 
 import pandas as pd
 
-from identifiability.estimation.estimate import Kind, Method, choose_estimator
-from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.engines.local import Processes
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.errors import LogError, listing
@@ -25,7 +23,6 @@ from identifiability.logs import Log
 from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Samples
-from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
 from identifiability.logs.prepare.survey import explain_silence, torque_varies
 from identifiability.logs.repeats import Recording, drop_repeats
@@ -208,47 +205,6 @@ def open_logs(
     hints = (*find_hints(structure.robot, train), *recordings.hints)
     opening = Opening(structure=structure, samples=train, validation=held, hints=hints)
     return replace(opening, validation=()) if opening.silence else opening
-
-
-def add_instruments(
-    opening: Opening, logs: Sequence[Recording], method: Method, kind: Kind
-) -> tuple[Opening, Estimator]:
-    """Return the estimator of a method and a kind, and fitted samples with what it takes.
-
-    Parameters
-    ----------
-    opening : Opening
-    logs : sequence of Log or LogFile
-        What its fitted samples were prepared from.
-    method : str or Estimator
-    kind : {"auto", "ls", "iv"}
-
-    Raises
-    ------
-    OptionError
-        If method and kind do not go together.
-    LogError
-        If instruments are asked for and a log has no second record of its motion.
-    """
-    plain = choose_estimator(method, kind, instruments=False)
-    if kind == "ls" or opening.silence or choose_estimator(method, kind, instruments=True) is plain:
-        return opening, plain
-    found: list[Prepared] = []
-    for log, samples in zip(logs, opening.samples, strict=True):
-        record = None
-        if isinstance(log, Log) and isinstance(samples, Samples):
-            record = add_instrument(opening.robot, log, samples, always=kind == "iv")
-        if record is None and kind == "iv":
-            raise LogError(
-                f"{log.name} has no second record of its motion, which instrumental variables "
-                "need: repeat the motion, or log '<joint>.dq' and '<joint>.ddq' as measured; else "
-                "leave out the estimator."
-            )
-        if record is None:
-            return opening, plain
-        found.append(record)
-    whole = replace(opening, samples=tuple(found))
-    return whole, choose_estimator(method, kind, instruments=True)
 
 
 def require_signal(samples: Sequence[Prepared], done: str) -> None:

@@ -32,10 +32,10 @@ from identifiability.workflows.analyze.fit import base_values, fit_ladder, plan_
 from identifiability.workflows.analyze.form_belief import believe
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.words import doubt, state_weak
+from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
     Logs,
     Progress,
-    add_instruments,
     open_logs,
     read_recordings,
     running,

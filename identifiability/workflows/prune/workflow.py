@@ -41,11 +41,11 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
 from identifiability.workflows.analyze.decisive import state_decisive
 from identifiability.workflows.analyze.words import state_weak
+from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
     Logs,
     Opening,
     Progress,
-    add_instruments,
     open_logs,
     read_recordings,
     running,
