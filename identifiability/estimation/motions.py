@@ -31,7 +31,7 @@ from identifiability.regression.information import Information
 LEVEL = 0.05
 
 #: Fewest outputs of a motion for each parameter, below which it is not fitted by itself.
-FEWEST_OUTPUTS = 3.0
+FEWEST_OUTPUTS = 1.0
 
 #: Stretches over which the scores of one motion scatter, at most: more say little and cost.
 MOST_STRETCHES = 24

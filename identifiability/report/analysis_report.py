@@ -22,6 +22,7 @@ from identifiability.report.sections.models import (
     section_ladder,
     section_parameters,
 )
+from identifiability.report.sections.motions import section_motions
 from identifiability.report.sections.prediction import section_prediction, section_residuals
 from identifiability.report.sections.robot import section_physics, section_structure
 from identifiability.report.sections.standard import section_bodies, section_standard
@@ -30,6 +31,7 @@ from identifiability.workflows.analyze import Analysis
 SECTIONS = (
     section_parameters,
     section_ladder,
+    section_motions,
     section_prediction,
     section_residuals,
     section_physics,
@@ -44,7 +46,13 @@ SECTIONS = (
 )
 
 #: Left out where there is nothing to explain: no model was fitted whose torque or bodies to show.
-OF_TORQUE = {section_prediction, section_residuals, section_physics, section_full_model}
+OF_TORQUE = {
+    section_motions,
+    section_prediction,
+    section_residuals,
+    section_physics,
+    section_full_model,
+}
 
 #: Only where a posterior was sampled.
 OF_BELIEF = {section_bodies, section_posterior, section_standard}

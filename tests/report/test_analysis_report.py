@@ -11,8 +11,8 @@ import pytest
 from identifiability.report import build_analysis_page, write_analysis_report
 
 SECTIONS = (
-    "parameters", "models", "prediction", "residuals", "physics", "structure", "full-model",
-    "motion", "thresholds", "provenance",
+    "parameters", "models", "motions", "prediction", "residuals", "physics", "structure",
+    "full-model", "motion", "thresholds", "provenance",
 )  # fmt: skip
 
 
@@ -145,7 +145,7 @@ def test_impossible_values_are_a_warning_and_not_a_footnote(paper_analysis):
     page = build_analysis_page(worst)
     assert page.tiles[-1].value == "No"
     assert page.summary[-1].notes[0].title == "Impossible values in the model to use."
-    assert page.sections[6].blocks == ()  # the unpruned model is not shown twice
+    assert page.sections[7].blocks == ()  # the unpruned model is not shown twice
 
 
 def test_long_combinations_are_cut_between_terms():

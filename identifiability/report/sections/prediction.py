@@ -51,7 +51,7 @@ def section_prediction(analysis: Analysis) -> Section:
         "analysis.prediction",
         *torque_pictures(analysis, part),
         joint_table(analysis),
-        log_table(analysis) if len(analysis.held_out.t) > 1 else None,
+        log_table(analysis) if len(analysis.samples) + len(analysis.validation) > 1 else None,
         log=samples.name,
         span=f", t = {shown[0]:.3g} … {shown[-1]:.3g} s," if len(shown) > 1 else "",
         model=model_title(analysis.chosen),
@@ -107,20 +107,18 @@ def joint_table(analysis: Analysis) -> Table:
 
 
 def log_table(analysis: Analysis) -> Table:
-    """Return the error of the selected and of the unpruned model on each unseen log."""
-    out = analysis.held_out
+    """Return the errors of the selected model on each log, as fitted and as held out."""
+    errors = analysis.error_frame()
     own = (
         Column("log"),
         Column("samples", "number"),
-        Column(f"error, {analysis.chosen.name}", error_text),
-        Column(f"error, {analysis.full.name}", error_text),
+        Column("error, fitted", error_text),
+        Column("error, unseen", error_text),
     )
-    errors = [out.relative_error(k) for k in range(len(out.t))]
-    rows = [
-        (s.name, s.outputs, error[analysis.selected], error[0])
-        for s, error in zip(unseen_samples(analysis), errors, strict=True)
-    ]
-    return Table.of("Each log by itself", own, rows)
+    logs = errors[errors["of"] == "log"][["name", "error", "error_validation"]]
+    samples = (*analysis.samples, *analysis.validation)
+    pairs = zip(samples, logs.itertuples(index=False), strict=True)
+    return Table.of("Each log by itself", own, [(n, s.outputs, a, b) for s, (n, a, b) in pairs])
 
 
 def section_residuals(analysis: Analysis) -> Section:

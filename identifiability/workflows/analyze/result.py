@@ -25,6 +25,7 @@ from identifiability.workflows.analyze.errors import (
     state_raw,
     tell_errors,
 )
+from identifiability.workflows.analyze.several_logs import SeveralLogs
 from identifiability.workflows.analyze.words import state_answer, state_physics
 from identifiability.workflows.opening import Opening
 from identifiability.workflows.provenance import state_provenance
@@ -60,6 +61,8 @@ class Analysis(Result, Opening):
         Why no verdict is believed, for after "because"; empty where they are.
     recordings : tuple of Log or LogFile
         What the fitted logs were prepared from.
+    several : SeveralLogs or None
+        Whether the logs, or stretches of one, lead to the same values of the selected model.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
@@ -77,6 +80,7 @@ class Analysis(Result, Opening):
     settings: Mapping[str, object] = field(default_factory=dict)
     nothing: str = ""
     recordings: tuple[Recording, ...] = ()
+    several: SeveralLogs | None = None
 
     @property
     def chosen(self) -> RungResult:
@@ -164,6 +168,7 @@ class Analysis(Result, Opening):
                 "groupings": dict(zip(self.base.names, self.base.labels, strict=True)),
                 "without_effect": list(self.base.without_effect),
             },
+            "several_logs": None if self.several is None else self.several.to_dict(),
             "hints": list(self.hints),
             "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
             "method": self.method,

@@ -31,6 +31,7 @@ from identifiability.workflows.analyze.decisive import state_decisive
 from identifiability.workflows.analyze.fit import base_values, fit_ladder, plan_cross_validation
 from identifiability.workflows.analyze.form_belief import believe
 from identifiability.workflows.analyze.result import Analysis
+from identifiability.workflows.analyze.several_logs import compare_logs
 from identifiability.workflows.analyze.words import doubt, state_weak
 from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
@@ -141,6 +142,7 @@ def analyze(
         bands = check_cutoff(opening, recordings, results[at], how)
         fit, part = results[at].estimate, results[at].rung.reduce(information)
         decided = state_decisive(robot.joints, opening.samples, part, fit)
+        several = compare_logs(robot.joints, opening.samples, information, results[at])
         belief = None
         if posterior:
             results, belief = believe(structure, information, results, at, streams[2], say, silence)
@@ -155,7 +157,7 @@ def analyze(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=tuple(filter(None, (mixed, decided, *opening.hints, *bands, weak))),
+            hints=tuple(filter(None, (mixed, decided, *opening.hints, *bands, weak, several.hint))),
             information=information,
             models=results,
             selected=at,
@@ -169,4 +171,5 @@ def analyze(
             settings={**settings, "preparation": preparation or Preparation()},
             nothing=nothing,
             recordings=recordings.fitted,
+            several=several,
         )

@@ -40,6 +40,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
 from identifiability.workflows.analyze.decisive import state_decisive
+from identifiability.workflows.analyze.several_logs import compare_logs
 from identifiability.workflows.analyze.words import state_weak
 from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import (
@@ -185,6 +186,8 @@ def prune(
             engine=engine,
         )
         bands = check_cutoff(opening, recordings, measured.result, how)
+        compared = compare_logs(robot.joints, opening.samples, information, measured.result)
+        several = filter(None, [compared.hint])
         part, full = start.reduce(information), measured.rungs[0].estimate
         result = measured.result
         reduced = result.rung.reduce(information)
@@ -194,7 +197,7 @@ def prune(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=(*said, *opening.hints, *bands, *unused_ladder(robot, ladder)),
+            hints=(*said, *opening.hints, *bands, *several, *unused_ladder(robot, ladder)),
             information=information,
             start=start,
             selected=selected,

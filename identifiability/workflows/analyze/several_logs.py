@@ -1,0 +1,180 @@
+"""What logs say of each other, in words; of one log, what its own stretches say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from identifiability.estimation.motions import LEVEL, Motions, compare_motions
+from identifiability.foundation.errors import listing
+from identifiability.foundation.values import frozen
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.regression.information import Information
+from identifiability.workflows.analyze.assessment import RungResult
+
+#: Parameters that a sentence names.
+NAMED = 3
+
+#: The stretches of one log that are compared; fewer where they are too short.
+STRETCHES = (
+    ("the first quarter", "the second quarter", "the third quarter", "the last quarter"),
+    ("the first half", "the second half"),
+)
+
+#: The error of a joint is spoken of where it is so many times as large.
+LARGER = 1.3
+
+CAUSE = "a payload, a temperature or another robot does that"
+LEFT_OUT = "or the model leaves out what differs between them (diagnose looks for it)"
+ONE = "One motion cannot show what another would change: no interval holds that."
+
+
+@frozen
+class SeveralLogs:
+    """Whether motions lead to the same values, in numbers and words.
+
+    Attributes
+    ----------
+    motions : Motions or None
+        None where there are not two that can be fitted by themselves.
+    names : tuple of str
+        Of its logs, or of the stretches of one.
+    columns : tuple of str
+        The k parameters.
+    statement : str
+    hint : str
+        What to do where they disagree; empty where they agree.
+    """
+
+    motions: Motions | None
+    names: tuple[str, ...]
+    columns: tuple[str, ...]
+    statement: str
+    hint: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        m = self.motions
+        found: dict[str, Any] = {"statement": self.statement, "names": list(self.names)}
+        if m is None:
+            return found
+        found |= {"p": m.pooled, "variance_ratio": m.ratio, "degrees_of_freedom": m.ratio_dof}
+        rows = zip(self.columns, m.values.T, m.sd.T, m.p, m.between, strict=True)
+        keys = ("name", "values", "sd", "p", "between")
+        found["parameters"] = [
+            dict(zip(keys, (name, v.tolist(), s.tolist(), float(p), float(b)), strict=True))
+            for name, v, s, p, b in rows
+        ]
+        return found
+
+
+def compare_logs(
+    joints: Sequence[str],
+    samples: Sequence[Prepared],
+    information: Information,
+    result: RungResult,
+) -> SeveralLogs:
+    """Return what logs say of each other under a model, or the stretches of one log.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        The n actuated ones.
+    samples : sequence of Samples
+        Of each fitted log.
+    information : Information
+        About the base parameters.
+    result : RungResult
+    """
+    columns = result.rung.columns
+    if len(samples) > 1:
+        motions = result.uncertainty.motions
+        names = tuple(samples[k].name for k in motions.which) if motions else ()
+        if motions is None:
+            text = "The logs are too short to be fitted one by one: no interval holds what "
+            return SeveralLogs(None, names, columns, f"{text}another motion would change.")
+        if motions.agree:
+            text = f"The {len(names)} logs agree: fitted one by one, {_chance(motions, columns)}."
+            return SeveralLogs(motions, names, columns, text)
+        hint = _blame(motions, names, columns, joints)
+        return SeveralLogs(motions, names, columns, hint, hint)
+    part, count, log = result.rung.reduce(information), len(information.counts), samples[0].name
+    for stretches in STRETCHES:
+        which = np.arange(count) * len(stretches) // max(count, 1)
+        motions = compare_motions(part, result.estimate, result.estimate.memory, which)
+        if motions is not None:
+            break
+    else:
+        text = f"{ONE} {log} is too short for its halves to be fitted by themselves."
+        return SeveralLogs(None, (), columns, text)
+    names = tuple(stretches[k] for k in motions.which)
+    if motions.agree:
+        kind = stretches[0].split()[-1].replace("half", "halve")
+        text = f"{ONE} The {kind}s of {log} agree: {_chance(motions, columns)}."
+        return SeveralLogs(motions, names, columns, text)
+    odd = motions.odd()
+    hint = (
+        f"{names[odd][0].upper()}{names[odd][1:]} of {log} disagrees with the rest of it: "
+        f"{_differences(motions, columns, odd)}{_worse(motions, joints, odd)}. Something changed "
+        "while it was logged (a temperature, a load, a contact), or the model leaves out what only "
+        "a part of the motion shows: compare it with another log."
+    )
+    return SeveralLogs(motions, names, columns, f"{ONE} {hint}", hint)
+
+
+def _blame(
+    motions: Motions, names: Sequence[str], columns: Sequence[str], joints: Sequence[str]
+) -> str:
+    if len(names) == 2:
+        return (
+            f"{names[0]} and {names[1]} disagree: {_differences(motions, columns, 0)}. Two logs "
+            f"cannot tell which is odd: {CAUSE}, {LEFT_OUT}. Fit each by itself; together, "
+            "intervals are widened to hold both."
+        )
+    odd = motions.odd()
+    found = f"{_differences(motions, columns, odd)}{_worse(motions, joints, odd)}"
+    if motions.without(odd) < LEVEL or not motions.moved.any():
+        return (
+            f"The logs disagree with each other, {names[odd]} most: {found}. {CAUSE.capitalize()}, "
+            f"{LEFT_OUT}; intervals are widened to hold all of them."
+        )
+    return (
+        f"{names[odd]} disagrees with the other logs: {found}. {CAUSE.capitalize()}: leave it out "
+        "or fit it by itself; together, intervals are widened to hold both."
+    )
+
+
+def _differences(motions: Motions, columns: Sequence[str], odd: int) -> str:
+    """Return which parameters differ, and by how much."""
+    mean, z = motions.away(odd)
+    at = np.flatnonzero(motions.moved)
+    if not len(at):
+        share = np.sqrt(motions.ratio)
+        return f"all values together differ {share:.2g} × as much as noise allows"
+    order = at[np.argsort(-np.abs(z[at]))]
+    own = motions.values[odd]
+    texts = (
+        f"{columns[k]} {own[k]:.3g} instead of {mean[k]:.3g} ({abs(z[k]):.2g} σ)" for k in order
+    )
+    return listing(texts, NAMED)
+
+
+def _worse(motions: Motions, joints: Sequence[str], odd: int) -> str:
+    """Return the joint whose error is larger in one motion, if one is, for after a list."""
+    others = np.delete(motions.errors, odd, axis=0)
+    ratio = motions.errors[odd] / np.maximum(np.sqrt((others**2).mean(0)), 1e-300)
+    k = int(np.argmax(ratio))
+    return (
+        f"; the error of {joints[k]} is {ratio[k]:.2g} × as large there"
+        if ratio[k] > LARGER
+        else ""
+    )
+
+
+def _chance(motions: Motions, columns: Sequence[str]) -> str:
+    """Return the largest difference of values that agree."""
+    z = np.abs([motions.away(one)[1] for one in range(len(motions.which))]).max(0)
+    k = int(np.argmax(z))
+    return f"no value differs by more than chance (the most: {columns[k]}, {z[k]:.2g} σ)"

@@ -1,0 +1,104 @@
+"""The log that disagrees is named, with what differs; one log says what one motion cannot show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import Log, analyze, prune
+from identifiability.robot import Robot
+from identifiability.simulation import Noise, PrescribedMotion, random_trajectory, simulate
+
+
+@pytest.fixture(scope="module")
+def logs():
+    """Three motions of one robot."""
+    robot, rng = Robot.load("two-link"), np.random.default_rng(3)
+    found = []
+    for name in ("first", "second", "third"):
+        motion = random_trajectory(robot, rng, samples=1500)
+        noise = Noise(torque=0.02)
+        log = simulate(robot, PrescribedMotion.of(motion), noise=noise, rng=rng)
+        found.append(replace(log, name=name))
+    return found
+
+
+def rubbed(log, more):
+    """The same log with more Coulomb friction in the elbow [N·m]."""
+    frame = log.to_frame()
+    frame["elbow.tau"] += more * np.sign(frame["elbow.dq"])
+    return Log.from_frame(frame, log.name)
+
+
+@pytest.fixture(scope="module")
+def equal(logs):
+    return analyze("two-link", logs, replicates=50)
+
+
+@pytest.fixture(scope="module")
+def mixed(logs):
+    return analyze("two-link", [logs[0], rubbed(logs[1], 0.3), logs[2]], replicates=50)
+
+
+def test_equal_logs_agree_and_nothing_is_added(equal):
+    assert equal.several.statement.startswith("The 3 logs agree")
+    assert equal.several.hint == ""
+    assert equal.chosen.uncertainty.motions.between.max() == 0.0
+    assert not any("disagree" in hint for hint in equal.hints)
+
+
+def test_the_odd_log_is_named_with_parameter_and_joint(mixed):
+    hint = mixed.several.hint
+    assert hint in mixed.hints
+    assert hint in mixed.statement
+    assert hint.startswith("second disagrees with the other logs: elbow.Fc")
+    assert "the error of elbow is" in hint
+    assert "leave it out or fit it by itself" in hint
+
+
+def test_the_interval_holds_the_values_of_both(equal, mixed):
+    (before,) = (v for v in equal.chosen.verdicts if v.name.startswith("elbow.Fc"))
+    (after,) = (v for v in mixed.chosen.verdicts if v.name.startswith("elbow.Fc"))
+    low, high = after.interval95
+    assert low < before.value < high
+    assert low < before.value + 0.3 < high
+    assert after.sigma_robust > 5 * before.sigma_robust
+
+
+def test_of_two_logs_neither_is_blamed(logs):
+    hint = analyze("two-link", [logs[0], rubbed(logs[1], 0.3)], replicates=50).several.hint
+    assert "first and second disagree: elbow.Fc" in hint
+    assert "Two logs cannot tell which is odd" in hint
+
+
+def test_one_log_says_what_it_cannot_show_and_how_far_its_quarters_agree(logs):
+    found = analyze("two-link", logs[0], replicates=50)
+    assert found.several.statement.startswith("One motion cannot show what another would change")
+    assert "The quarters of first agree" in found.several.statement
+    assert found.hints == ()
+
+
+def test_a_change_within_a_log_is_found_where_it_is(logs):
+    frame = logs[0].to_frame()
+    late = frame["t"] >= 0.75 * frame["t"].max()
+    frame.loc[late, "elbow.tau"] += 0.5 * np.sign(frame.loc[late, "elbow.dq"])
+    found = analyze("two-link", Log.from_frame(frame, "warm"), replicates=50)
+    assert found.several.hint.startswith("The last quarter of warm disagrees with the rest of it")
+    assert "elbow.Fc" in found.several.hint
+    assert found.several.hint in found.hints
+
+
+def test_json_and_page_show_each_log(mixed, tmp_path):
+    told = mixed.to_dict()["several_logs"]
+    assert told["names"] == ["first", "second", "third"]
+    (row,) = (r for r in told["parameters"] if r["name"].startswith("elbow.Fc"))
+    assert row["values"][1] > row["values"][0] + 0.2
+    assert row["p"] < 0.05
+    page = mixed.write_report(tmp_path / "page.html").read_text()
+    assert "Would another motion say the same?" in page
+    assert "Each log by itself" in page
+
+
+def test_pruning_says_it_too(logs):
+    ladder = prune("two-link", [logs[0], rubbed(logs[1], 0.3), logs[2]], replicates=5)
+    assert any("second disagrees with the other logs" in hint for hint in ladder.hints)
