@@ -28,6 +28,9 @@ FINEST = 1e-7
 #: Consecutive rows that must agree with consecutive earlier ones; standstills count as one.
 RUN = 16
 
+#: Rows of such a log that are looked through at a time for its beginning.
+PASS = 65_536
+
 #: A log that is too long to be compared row by row is a copy if this share of some windows is.
 COPY = 0.9
 
@@ -44,7 +47,8 @@ def drop_repeats(
     LogError
         If nothing is left of a held-out log.
     """
-    left = [_keep(*pair) for pair in zip([*logs, *held], _find_copies([*logs, *held]), strict=True)]
+    first = [_first_pass(log) for log in (*logs, *held)]
+    left = [_keep(*pair) for pair in zip(first, _find_copies(first), strict=True)]
     hints = tuple(
         f"{log.name} repeats rows that were given before, noise and all ({len(log) - count} of "
         f"{len(log)}): they count once; give each measurement once."
@@ -73,6 +77,45 @@ def _keep(log: Recording, copied: np.ndarray) -> list[Recording]:
     if len(stretches) == 1:
         return [log.rows(*stretches[0])]
     return [log.cut(a, b, f"{log.name}, rows {a + 1}–{b}") for a, b in stretches]
+
+
+def _first_pass(log: Recording) -> Recording:
+    """Return a log that is too long to be held without what only repeats its first part."""
+    if isinstance(log, Log) or len(_shown(log)) < 2:
+        return log
+    windows = signals.spread_windows(len(log))
+    shown = [_values(part, log.joints) for part in _shown(log)]
+    near = np.maximum(AGREES * np.concatenate(shown).std(0), FINEST)
+    for (at, _), window in zip(windows, shown, strict=True):
+        moves = (np.abs(np.diff(window, axis=0)) > near).any(1)[: len(window) - RUN]
+        if moves.any():
+            moving = int(np.argmax(moves))
+            start, begin = at + moving, window[moving : moving + RUN]
+            break
+    else:
+        return log
+    for first, _, origin, part in log.overlapping(start + 1, len(log), PASS, RUN):
+        rows = _values(part, log.joints)[first - origin :]
+        for k in np.flatnonzero((np.abs(rows - begin[0]) <= near).all(1)):
+            run = rows[k : k + RUN]
+            if len(run) == RUN and (np.abs(run - begin) <= near).all():
+                period = first + int(k) - start
+                return log.cut(0, period, log.name) if _comes_again(log, period, near) else log
+    return log
+
+
+def _comes_again(log: LogFile, period: int, near: Array) -> bool:
+    """Return whether all that is looked at from a row on is what came so many rows before."""
+    for a, b in signals.spread_windows(len(log)):
+        stop = min(b, len(log) - period)
+        if stop > a:
+            pair = (
+                _values(log.rows(s, e), log.joints)
+                for s, e in ((a, stop), (a + period, stop + period))
+            )
+            if (np.abs(np.subtract(*pair)) <= near).all(1).mean() < COPY:
+                return False
+    return True
 
 
 def _find_copies(logs: Sequence[Recording]) -> list[np.ndarray]:
