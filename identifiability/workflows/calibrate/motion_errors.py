@@ -81,6 +81,8 @@ class MotionErrors:
         zero for what is not measured [rad or m, and per s, per s²].
     instrumented : bool
         Whether a second record of the motion is made, for instrumental variables.
+    exact : bool
+        Whether the true motion is a second record, without the errors of the log.
     """
 
     samples: Samples
@@ -88,6 +90,7 @@ class MotionErrors:
     plan: Plan
     sd: Array
     instrumented: bool
+    exact: bool
 
     @staticmethod
     def of(robot: Robot, samples: Samples, raw: Log, how: Preparation) -> MotionErrors:
@@ -99,9 +102,11 @@ class MotionErrors:
         none = np.zeros(log.q.shape)
         sd = [none if x is None else noise_size(x) for x in _channels(log)]
         instrumented = samples.beside is not None
-        samples = samples.beside or _smoothed(robot, samples, log, plan)
-        samples = replace(samples, instrument=None)
-        return MotionErrors(samples, _as_log(log, samples), plan, np.stack(sd), instrumented)
+        found = samples if instrumented else add_instrument(robot, log, samples, always=True)
+        beside = None if found is None else found.beside
+        true = replace(beside or _smoothed(robot, samples, log, plan), instrument=None)
+        exact = beside is not None
+        return MotionErrors(true, _as_log(log, true), plan, np.stack(sd), instrumented, exact)
 
     def scaled(self, factor: float) -> MotionErrors:
         """Return the same with errors of another size."""

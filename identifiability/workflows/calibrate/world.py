@@ -137,7 +137,14 @@ def build_world(
     if worst > 1:
         motion = tuple(m.scaled(worst**-0.5) for m in motion)
         made /= worst
-    own = fit_residual_noise(*columns, runs)
+    tau, measured = columns
+    if all(m.exact for m in motion):  # beside exact columns noise of the torque is all there is
+        own = fit_residual_noise(tau, W, runs)
+        world = World(
+            experiment=experiment, robots=robots, motion=motion, W=W, noise=own, runs=runs
+        )
+        return world, own
+    own = fit_residual_noise(tau, measured, runs)
     rest = np.maximum(sizes**2 - made[:, 0], LEAST * sizes**2)
     if erring and any(own.orders):
         own = _without_pretence(own, sizes, np.sqrt(rest), (robots, motion, W, runs), rng)
