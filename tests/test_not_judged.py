@@ -52,7 +52,7 @@ def test_table_json_statement_and_page_say_the_same(analysis, tmp_path):
 
 def test_a_model_that_the_log_can_judge_is_judged_beside_one_that_it_cannot(slow):
     found = analyze(
-        "3-rps", slow("3-rps", "601"), preparation=Preparation(cutoff=3.0), replicates=50
+        "3-rps", slow("3-rps", "601"), preparation=Preparation(cutoff=4.0), replicates=50
     )
     assert found.full.unjudged
     assert "The unpruned model is not judged." in found.statement

@@ -81,8 +81,9 @@ class Uncertainty:
         least = rules.outputs_per_parameter
         if self.independent < least * parameters:
             return (
-                f"The logs have only {self.independent:.0f} independent outputs for {parameters} "
-                f"parameters, fewer than {least:g} for each: give a longer log or a higher cut-off."
+                f"The logs have only {int(self.independent)} independent outputs for {parameters} "
+                f"parameters, fewer than {least:g} for each: give longer or more logs, or a higher "
+                "cut-off."
             )
         if parameters and (self.bootstrap is None or self.scores is None):
             return self.note or "Too few blocks of time to say how they scatter: give longer logs."

@@ -65,7 +65,7 @@ def test_correlated_outputs_are_too_few_where_as_many_white_ones_are_enough():
     verdicts = judged(*assess(400, rho=0.9), rules)
     assert kinds(verdicts) == {Class.NOT_JUDGED}
     assert "independent outputs for 4 parameters, fewer than 30 for each" in verdicts[0].reason
-    assert "give a longer log or a higher cut-off" in verdicts[0].reason
+    assert "give longer or more logs, or a higher cut-off" in verdicts[0].reason
 
 
 def test_few_outputs_are_not_judged_however_well_they_fit():
