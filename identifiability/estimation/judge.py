@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import norm
+import scipy
 
 from identifiability.estimation.estimator import PAPER_FACTOR, Estimate
 from identifiability.estimation.holm import holm
@@ -93,6 +93,7 @@ def judge(
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(e.determined & (sigma > 0), np.abs(e.value) / sigma, 0.0)
         z = np.where(e.determined & (sigma == 0) & (e.value != 0), np.inf, z)
+    norm = scipy.stats.norm
     certain = holm(2 * norm.sf(z)) < rules.sign_level
     paper = e.paper_rule
     least = float(e.sigma_percent.min(initial=np.inf))

@@ -20,8 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.special import polygamma
-from scipy.stats import chi2
+from scipy.special import chdtri, polygamma
 
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.noise.residual_noise import ROUNDING
@@ -95,7 +94,7 @@ def _share(times: Array, known: Array, blocks: int, block: float) -> Array:
     lags = np.ceil(max(WINDOW * same / block - 0.5, 0.0))
     spread = polygamma(1, 0.5 * blocks / (2.0 * lags + 1.0))
     apart = float(np.log(times[open_]).var(ddof=0) * open_.sum() / spread)
-    different = apart > chi2.ppf(DIFFERENT, open_.sum() - 1)
+    different = apart > chdtri(open_.sum() - 1, 1.0 - DIFFERENT)
     return times if different else np.where(open_, same, times)
 
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import norm
+import scipy
 
 from identifiability.estimation.layout import FEWEST, Layout
 from identifiability.foundation.names import Array
@@ -92,6 +92,7 @@ def joint_reach(joints: int) -> float:
 
     One for one joint; of several as seldom as one standard error of one.
     """
+    norm = scipy.stats.norm
     return float(norm.ppf(norm.cdf(1.0) ** (1.0 / max(joints, 1))))
 
 

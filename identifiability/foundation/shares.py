@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import beta
+import scipy
 
 from identifiability.foundation.values import frozen
 
@@ -44,6 +44,7 @@ def exact_share(count: float, total: float, level: float = LEVEL) -> Share:
     if not total > 0:
         return Share(float("nan"), float("nan"), float("nan"))
     tail = 0.5 * (1 - level)
+    beta = scipy.stats.beta
     low = float(beta.ppf(tail, count, total - count + 1)) if count > 0 else 0.0
     high = float(beta.ppf(1 - tail, count + 1, total - count)) if count < total else 1.0
     return Share(count / total, low, high)

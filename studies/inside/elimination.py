@@ -27,7 +27,9 @@ class RowRefits:
     folds : Folds
     Y, target : (R, k), (R,)
         Rows in the coordinates of the folds.
-    stretch : (R,) int
+    stretch, joint : (R,) int
+    own : (R,)
+        What the square of a weighted row counts on its joint's own scale.
     held : (r, k)
         Constraints so far, ``held @ y = 0``.
     """
@@ -36,6 +38,8 @@ class RowRefits:
     Y: Array
     target: Array
     stretch: np.ndarray
+    joint: np.ndarray
+    own: Array
     held: Array
 
     @cached_property
@@ -88,7 +92,10 @@ class RowFit(Fit):
         """Return the held-out errors."""
         rows, y = self.refits, self.y[1:]
         residual = rows.target - np.einsum("rk,rk->r", rows.Y, y[self.folds.fold[rows.stretch]])
-        return Errors(np.bincount(rows.stretch, residual**2), super().errors().scatter)
+        shape = (len(self.folds.fold), int(rows.joint.max()) + 1)
+        held = np.zeros(shape)
+        np.add.at(held, (rows.stretch, rows.joint), rows.own * residual**2)
+        return Errors(held, super().errors().scatter)
 
 
 def measure(analysis: Analysis, repeats: int) -> Pair:
@@ -104,13 +111,16 @@ def measure(analysis: Analysis, repeats: int) -> Pair:
     folds, kept = search.folds, list(search.full.kept)
     rows = all_rows(analysis, full.rung, information)
     W, tau = rows.weighted(search.full.weights)
-    stretch = np.repeat(folds.stretch[rows.block], rows.tau.shape[1])
+    samples, n = rows.tau.shape
+    stretch, joint = np.repeat(folds.stretch[rows.block], n), np.tile(np.arange(n), samples)
+    scale = 1.0 / (n * (rows.tau**2).sum(0))  # all joints alike in all
+    own = np.tile(scale / search.full.weights, samples)
     none = np.empty((0, folds.size))
     some = folds.fit()
 
     def naive() -> Path:
-        refits = RowRefits(folds, W[:, kept] @ folds.inverse, tau, stretch, none)
-        return walk(RowFit(folds, some.partition, some.parts, refits), search.plan)
+        refits = RowRefits(folds, W[:, kept] @ folds.inverse, tau, stretch, joint, own, none)
+        return walk(RowFit(folds, some.partition, some.scored, refits), search.plan)
 
     slow, other = timed(naive)
     return Pair(
@@ -127,4 +137,4 @@ def _apart(a: Path, b: Path) -> float:
     ]
     if moves[0] != moves[1]:
         return float("inf")
-    return difference([s.errors.total for s in a.steps], [s.errors.total for s in b.steps])
+    return difference([s.errors.by_joint for s in a.steps], [s.errors.by_joint for s in b.steps])

@@ -6,6 +6,7 @@ import cvxpy as cp
 import numpy as np
 from peers.cvxpy_rows import pseudo_inertia
 
+from identifiability.estimation.least_squares import WeightedLeastSquares
 from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.project import project
 from identifiability.workflows.analyze import Analysis
@@ -13,16 +14,19 @@ from inside.pair import Pair, all_rows, timed
 
 
 def measure(analysis: Analysis, repeats: int) -> Pair:
-    """Project on the bodies that can exist, from the compressed problem and from all rows."""
+    """Project on the bodies that can exist, from the compressed problem and from all rows.
+
+    By least squares: rows alone have no instruments, by which an analysis fits noisy motion.
+    """
     structure, full = analysis.structure, analysis.full
     region, nominal = physical_set(structure), structure.nominal
-    information = full.rung.reduce(analysis.information)
-    data = FittedModel(structure, full.rung, analysis.information, information, full.estimate).data
+    fitted = FittedModel.of(structure, full.rung, analysis.information, WeightedLeastSquares())
+    data, fit = fitted.data, fitted.estimate
     project(data, region, reference=nominal)  # what is imported on the way is not the program's
     ours, found = timed(lambda: project(data, region, reference=nominal), repeats)
 
-    rows = all_rows(analysis, full.rung, information)
-    W, tau = rows.weighted(full.estimate.weights)
+    rows = all_rows(analysis, full.rung, fitted.information)
+    W, tau = rows.weighted(fit.weights)
     W = W @ np.linalg.pinv(full.rung.M) @ structure.G
 
     def naive() -> np.ndarray:
@@ -35,7 +39,7 @@ def measure(analysis: Analysis, repeats: int) -> Pair:
     slow, phi = timed(naive)
     residual = W @ phi - tau
     # Ours pulls what the data leave open towards the robot file, which costs a little.
-    variance = float(full.estimate.weights @ full.estimate.rss) / full.estimate.dof
+    variance = float(fit.weights @ fit.rss) / fit.dof
     gap = abs(float(residual @ residual) - found.rss) / variance
     return Pair(
         "semidefinite program", "all rows of the regressor into cvxpy",

@@ -67,7 +67,7 @@ def _refit_each(white: Whitened, candidates: list[Candidate]) -> Array:
         sd = np.sqrt(np.linalg.pinv(unit.T @ unit)[-1, -1]) / np.linalg.norm(A[:, -1])
         z = np.array(levels) / sd
         z = np.delete(z / np.sqrt(np.mean(z[1 : 1 + draws] ** 2)), slice(1, 1 + draws))
-        if c.family.positive:
+        if c.positive:
             out.append(np.where(z > 0, -norm.logsf(z), 0.0))
         else:
             out.append(-(np.log(2.0) + norm.logsf(np.abs(z))))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import lfilter, lfiltic
+import scipy
 
 from identifiability.foundation.names import Array
 
@@ -43,7 +43,8 @@ def colour(e: Array, pacf: Array) -> Array:
         x[m] += predictors[m] @ x[:m][::-1]
     if len(e) > p > 0:
         a = np.append(1.0, -predictors[-1])
-        x[p:] = lfilter([1.0], a, e[p:], zi=lfiltic([1.0], a, x[:p][::-1]))[0]
+        start = scipy.signal.lfiltic([1.0], a, x[:p][::-1])
+        x[p:] = scipy.signal.lfilter([1.0], a, e[p:], zi=start)[0]
     return x
 
 

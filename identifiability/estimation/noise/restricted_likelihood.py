@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from identifiability.estimation.noise.autoregression import Runs, levinson
 from identifiability.foundation.names import Array
@@ -98,7 +98,9 @@ class RestrictedLikelihood:
         least = self.deviance(theta)
         for order in range(1, HIGHEST_ORDER + 1):
             start, bounds = np.append(theta, 0.3 if order == 1 else 0.0), [(-BOUND, BOUND)] * order
-            found = minimize(self.deviance, start, method="L-BFGS-B", bounds=bounds, options=STOP)
+            found = scipy.optimize.minimize(
+                self.deviance, start, method="L-BFGS-B", bounds=bounds, options=STOP
+            )
             theta = found.x
             value = found.fun + order * np.log(self.dof)
             if value < least - 1e-9:
