@@ -85,7 +85,7 @@ def test_effects_live_where_a_file_says_with_the_shape_that_it_gives():
     assert names[-3:] == ["elbow.Fs", "shoulder.K", "elbow.K"]
     stribeck = model.effects[1]
     assert isinstance(stribeck, Placed)
-    assert stribeck.parts[0].effect.velocity == 0.02
+    assert stribeck.parts[0].effect.given == 0.02
     motion = random_motion(robot, np.random.default_rng(0), 20)
     W = Model((stribeck,)).regressor(robot, motion)[:, 1, 0]
     speed = motion.actuated_v[:, 1]
