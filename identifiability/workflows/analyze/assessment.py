@@ -77,6 +77,17 @@ class JudgedModel:
         return f"{listing(wrong, 4)} would have a sign that physics forbids" if wrong else ""
 
     @property
+    def warning(self) -> str:
+        """One sentence on what is surely impossible in it, or nothing."""
+        if not self.contradicted:
+            return ""
+        return (
+            f"{self.name} is not worth using as it stands: {self.contradicted}, and the logs are "
+            "sure of it: look for what the model misses (diagnose), or for an axis or a torque "
+            "with the wrong sign."
+        )
+
+    @property
     def unjudged(self) -> str:
         """Why its parameters are not judged; nothing if they are."""
         return next((v.reason for v in self.verdicts if v.verdict is Class.NOT_JUDGED), "")

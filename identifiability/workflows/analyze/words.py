@@ -118,7 +118,6 @@ def doubt(
     why = silence
     if not why and not results[at].error_ra_validation < held_out.constant_error():
         why = WORSE
-    why = why or results[at].contradicted
     return (tuple(r.withdraw(why) for r in results) if why else results), why
 
 

@@ -153,11 +153,12 @@ def analyze(
             "cad_weight": cad_weight,
         }
         weak = state_weak(results[at])
+        after = (weak, several.hint, results[at].warning)
         return Analysis(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=tuple(filter(None, (mixed, decided, *opening.hints, *bands, weak, several.hint))),
+            hints=tuple(filter(None, (mixed, decided, *opening.hints, *bands, *after))),
             information=information,
             models=results,
             selected=at,

@@ -1,6 +1,6 @@
 """Which model is used: the smallest within one standard error, possible ones first."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -64,6 +64,15 @@ def test_a_model_that_is_sure_of_something_impossible_comes_last():
     assert select_model(models) == 0
     models[0].contradicted = "so would another"
     assert select_model(models) == 1
+
+
+def test_a_model_that_is_sure_of_something_impossible_says_so_and_keeps_its_verdicts(ladder):
+    *_, results = ladder
+    (known,) = [v.name for v in results[0].verdicts if v.verdict is Class.IDENTIFIABLE][:1]
+    wrong = replace(results[0], infeasible=(known,))
+    assert wrong.warning.startswith("full is not worth using as it stands: " + known)
+    assert wrong.verdicts == results[0].verdicts
+    assert replace(results[0], infeasible=()).warning == ""
 
 
 def test_possible_models_come_first_only_among_those_that_predict_as_well():
