@@ -170,10 +170,10 @@ def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
 
 
 def digits(percent: float) -> str:
-    """Return a percentage with two or three digits, never in powers of ten."""
+    """Return a percentage with two to four digits, never in powers of ten."""
     if percent < 1000:
         return f"{percent:.2g}" if percent < 10 else f"{percent:.3g}"
-    return f"{percent:.0f}" if percent < 1e5 else "more than 100000"
+    return f"{percent:.0f}" if percent <= 9999 else "more than 9999"
 
 
 def percent_of(sigma: float, value: float) -> float:

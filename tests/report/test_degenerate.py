@@ -55,12 +55,11 @@ def test_noise_free_logs_have_no_sigma_to_speak_of(chain_analysis):
 
 def test_many_logs_get_a_row_each(chain_analysis):
     analysis = chain_analysis(["a", "b"], logs=7, held=5, samples=60)
-    page = build_analysis_page(analysis)
-    prediction = page.sections[2].blocks
-    assert len(prediction[-1].rows) == 5
-    motion = page.sections[7].blocks[0]
-    assert [r[1].text for r in motion.rows] == ["fitted"] * 7 + ["held out"] * 5
-    assert len(page.sections[9].blocks[0].rows) >= 13  # hashes, although names repeat
+    blocks = {s.name: s.blocks for s in build_analysis_page(analysis).sections}
+    assert len(blocks["prediction"][-1].rows) == 7 + 5
+    roles = [r[1].text for r in blocks["motion"][0].rows]
+    assert roles == ["fitted"] * 7 + ["held out"] * 5
+    assert len(blocks["provenance"][0].rows) >= 13  # hashes, although names repeat
 
 
 def test_twentyfour_joints_fit_into_a_page(chain_analysis, one_rung):

@@ -169,7 +169,7 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
 
 
 def _sigmas(moved: float | None) -> str:
-    return NONE if moved is None else f"{moved:+.2f} σ"
+    return NONE if moved is None else f"{moved:+z.2f} σ".replace("-", "−")
 
 
 def _paper_cell(v: Verdict) -> Cell:

@@ -166,9 +166,10 @@ def test_what_is_not_determined_is_not_identifiable_and_says_what_it_hides_behin
     ("robust", "words"),
     [(0.99, "σ is 99 % of the value: with this many parameters even the sign may be chance"),
      (1.01, "σ is 101 % of the value: zero and the other sign fit as well"),
-     (0.6e4, "σ is more than 100000 % of the value"),
+     (0.6e4, "σ is more than 9999 % of the value"),
      (0.09e2, "σ is 900 % of the value"),
-     (50.0, "σ is 5000 % of the value")],
+     (50.0, "σ is 5000 % of the value"),
+     (120.0, "σ is more than 9999 % of the value")],
 )  # fmt: skip
 def test_what_is_not_identifiable_says_by_how_much(robust, words):
     found = verdict(1.0, robust, noise=1e3)
