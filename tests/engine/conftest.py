@@ -1,6 +1,7 @@
 """Functions that the tests give to engines, and programs in process groups of their own."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -56,22 +57,37 @@ def work():
     )  # fmt: skip
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
 def spawn():
-    """A function (words) -> Popen of a Python program in a process group of its own."""
+    """A function (words) -> Popen of a Python program in a process group of its own.
+
+    It hears Ctrl-C, even where the tests do not because a shell started them in the background.
+    What still runs after the test is killed.
+    """
+    started = []
 
     def start(*words):
         path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-        return subprocess.Popen(
-            [sys.executable, *map(str, words)],
-            env=os.environ | {"PYTHONPATH": path},
-            start_new_session=True,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignoring is inherited
+        try:
+            running = subprocess.Popen(
+                [sys.executable, *map(str, words)],
+                env=os.environ | {"PYTHONPATH": path},
+                start_new_session=True,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+        finally:
+            signal.signal(signal.SIGINT, usual)
+        started.append(running)
+        return running
 
-    return start
+    yield start
+    for running in started:
+        if running.poll() is None:
+            os.killpg(running.pid, signal.SIGKILL)
+            running.communicate()
 
 
 @pytest.fixture(scope="session")
