@@ -153,7 +153,7 @@ def analyze(
             "cad_weight": cad_weight,
         }
         weak = state_weak(results[at])
-        after = (weak, several.hint, results[at].warning)
+        after = (weak, several.hint, "" if mixed else results[at].warning)
         return Analysis(
             structure=structure,
             samples=opening.samples,
