@@ -9,8 +9,6 @@ Most bodies do not leave in a short stretch, and that is cheap to prove: the Ber
 of the quadratic on [0, U] are positive definite. Only the others cost an eigenvalue problem.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
