@@ -38,7 +38,7 @@ def find_estimator(method: Method) -> Estimator:
 
 
 #: ``ls``: least squares. ``iv``: instrumental variables, which noise in the motion does not bias.
-#: ``auto``: the latter where every log has a second record of its motion, else the former.
+#: ``auto``: the latter if any log has a second record of its motion, else the former.
 Kind = Literal["auto", "ls", "iv"]
 
 
@@ -76,6 +76,6 @@ def estimate(information: Information, method: Method = "wls") -> Estimate:
     ----------
     information : Information
     method : str or Estimator
-        ``"wls"`` weights actuators by their own residual variance, ``"ols"`` all alike.
+        ``"wls"`` weights actuators by 1 / (variance × memory) of their noise, ``"ols"`` all alike.
     """
     return find_estimator(method).fit(information)

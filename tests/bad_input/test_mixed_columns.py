@@ -67,9 +67,9 @@ def test_one_joint_of_the_wrong_sign_is_named(logged):
 def test_the_report_says_it_as_a_warning(arm, tmp_path):
     frame = arm.rename(columns={"elbow.tau": "shoulder.tau", "shoulder.tau": "elbow.tau"})
     result = analyze("two-link", frame, replicates=0)
-    hint = result.hints[0]
+    (hint,) = result.hints
     assert hint in result.statement
-    assert result.to_dict()["hints"] == list(result.hints)
+    assert result.to_dict()["hints"] == [hint]
     path = result.write_report(tmp_path / "report.html")
     text = " ".join(path.read_text().split())
     assert "Check the logs." in text

@@ -76,10 +76,10 @@ def analyze(
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
-        ``"wls"`` weights actuators by their own residual variance, ``"ols"`` all alike.
+        ``"wls"`` weights actuators by 1 / (variance × memory) of their noise, ``"ols"`` all alike.
     estimator : {"auto", "ls", "iv"}
         Least squares, or instrumental variables, which noise in the motion does not bias; ``auto``
-        takes the latter where each log has a second record of its motion
+        takes the latter if any log has a second record of its motion
         (`logs.prepare.instruments`).
     replicates : int
         Refits of the block bootstrap; 0 for none.
@@ -153,7 +153,8 @@ def analyze(
             "cad_weight": cad_weight,
         }
         weak = state_weak(results[at])
-        after = (weak, several.hint, "" if mixed else results[at].warning)
+        # Exchanged columns explain whatever else is odd.
+        after = () if mixed else (weak, several.hint, results[at].warning)
         return Analysis(
             structure=structure,
             samples=opening.samples,
