@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 @options.command
 def analyze(
     machine: options.Machine,
+    recorded: options.Recorded,
     logs: options.Logs,
     outputs: options.Outputs,
     fitting: options.Fitting,
@@ -67,7 +68,7 @@ def analyze(
         held = validate or ()
         common.check_outputs(*astuple(outputs), inputs=[*machine.files, *logs, *held, ladder])
         result = run(
-            machine.load(),
+            machine.load(recorded),
             logs,
             held,
             ladder,

@@ -13,6 +13,7 @@ from identifiability.cli import common, options
 @options.command
 def calibrate(
     machine: options.Machine,
+    recorded: options.Recorded,
     logs: options.Logs,
     outputs: options.Outputs,
     place: options.Place,
@@ -59,7 +60,7 @@ def calibrate(
         from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
         common.check_outputs(*astuple(outputs), inputs=[*machine.files, *logs, ladder])
-        analysis = analyze(machine.load(), logs, (), ladder, estimator=estimator, seed=seed)
+        analysis = analyze(machine.load(recorded), logs, (), ladder, estimator=estimator, seed=seed)
         result = run(
             analysis,
             model=model,

@@ -13,6 +13,7 @@ from identifiability.cli import common, options
 @options.command
 def diagnose(
     machine: options.Machine,
+    recorded: options.Recorded,
     logs: options.Logs,
     outputs: options.Outputs,
     validate: options.Validate = None,
@@ -44,7 +45,7 @@ def diagnose(
         held = validate or ()
         common.check_outputs(*astuple(outputs), inputs=[*machine.files, *logs, *held])
         result = run(
-            machine.load(),
+            machine.load(recorded),
             logs,
             held,
             effects=options.split_names(effects),

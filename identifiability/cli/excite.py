@@ -13,6 +13,7 @@ from identifiability.cli import common, options
 @options.command
 def excite(
     machine: options.Machine,
+    recorded: options.Recorded,
     out: Annotated[Path, Option()],
     harmonics: Annotated[int, Option(min=1, max=50)] = 5,
     duration: float = 7.5,
@@ -78,7 +79,7 @@ def excite(
         if out.suffix.lower() not in (".json", ".csv"):
             raise OutputError(f"'{out}' is neither .json nor .csv; give it one of these endings.")
         result = run(
-            machine.load(),
+            machine.load(recorded),
             harmonics=harmonics,
             duration=duration,
             samples=samples,

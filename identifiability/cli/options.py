@@ -105,11 +105,48 @@ class Machine:
         """What it is read from, which no result may be written over."""
         return self.robot, self.sidecar
 
-    def load(self) -> Robot:
-        """Return the robot."""
+    def load(self, recorded: Recorded | None = None) -> Robot:
+        """Return the robot, with what was said of its logs."""
         from identifiability.robot import Robot  # noqa: PLC0415
 
-        return Robot.load(self.robot, self.sidecar)
+        return Robot.load(self.robot, self.sidecar, recorded.columns if recorded else None)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    r"""What logs of the robot call things.
+
+    Attributes
+    ----------
+    map
+        Name in the logs and name in the robot file, of a column or of a joint: OLD=NEW, also
+        by a regular expression, as in 'fer_joint(\d)=panda_joint\1'; may be given several times.
+    """
+
+    map: Annotated[list[str] | None, Option(metavar="OLD=NEW")] = None
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """From names in the logs to names in the robot file.
+
+        Raises
+        ------
+        OptionError
+            If one is no pair of names.
+        """
+        from identifiability.foundation.options import OptionError  # noqa: PLC0415
+
+        rules: dict[str, str] = {}
+        for given in self.map or ():
+            old, equals, new = given.rpartition("=")
+            if not (old and equals and new):
+                raise OptionError(
+                    f"--map {given} is no pair of names; give OLD=NEW, such as --map "
+                    "'fer_joint1=panda_joint1'."
+                )
+            if rules.setdefault(old, new) != new:
+                raise OptionError(f"--map gives '{old}' two names, {rules[old]} and {new}.")
+        return rules
 
 
 @dataclass(frozen=True)

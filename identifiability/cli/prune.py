@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 @options.command
 def prune(
     machine: options.Machine,
+    recorded: options.Recorded,
     logs: options.Logs,
     outputs: options.Outputs,
     fitting: options.Fitting,
@@ -69,7 +70,7 @@ def prune(
             *astuple(outputs), model, inputs=[*machine.files, *logs, *held, ladder]
         )
         result = run(
-            machine.load(),
+            machine.load(recorded),
             logs,
             held,
             ladder,

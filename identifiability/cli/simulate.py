@@ -14,6 +14,7 @@ from identifiability.cli import common, options
 @options.command
 def simulate(
     machine: options.Machine,
+    recorded: options.Recorded,
     motion: str,
     out: Annotated[Path, Option()],
     noise: str = "none",
@@ -55,7 +56,7 @@ def simulate(
         from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
         common.check_outputs(out, inputs=[*machine.files, motion])
-        robot, rng = machine.load(), np.random.default_rng(seed)
+        robot, rng = machine.load(recorded), np.random.default_rng(seed)
         move, levels = find_motion(robot, motion, samples, rng), Noise.parse(noise)
         laws, hidden = effect_laws(), hide or ()
         log = run(

@@ -21,6 +21,8 @@ from identifiability.foundation.output import write_bytes, write_text
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.naming import Naming
 from identifiability.logs.source import Reading, scan_file
 from identifiability.logs.tables import is_parquet
 
@@ -44,6 +46,8 @@ class Log:
         Derivatives, where the log has them for every joint.
     sha256 : str
         Hash of the file, or of the values for a DataFrame.
+    notes : tuple of str
+        What was read otherwise than literally, half a sentence each.
     """
 
     name: str
@@ -54,6 +58,7 @@ class Log:
     dq: Array | None
     ddq: Array | None
     sha256: str
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -61,21 +66,38 @@ class Log:
 
     @staticmethod
     @checked
-    def read(path: FilePath) -> Log:
+    def read(path: FilePath, conventions: Conventions | None = None) -> Log:
         """Read a CSV or Parquet file, or a bag of ROS (``run.mcap:/joint_states``).
+
+        Parameters
+        ----------
+        path : str or Path
+        conventions : Conventions, optional
+            What is known of logs of its robot, ``Conventions.of(robot)``; by default it is read
+            as it is.
 
         Raises
         ------
         LogError
             If the file is missing, is no table, lacks columns or holds values that cannot be.
         """
-        reading = Reading(str(path))
+        reading = Reading(str(path), conventions or Conventions())
         digest, _ = scan_file(Path(path), reading.add)
-        return build_log(Path(path).name, reading.joints, reading.finish(), digest)
+        return build_log(Path(path).name, reading.naming, reading.finish(), digest)
 
     @staticmethod
-    def from_frame(frame: pd.DataFrame, name: str = "DataFrame") -> Log:
+    def from_frame(
+        frame: pd.DataFrame, name: str = "DataFrame", conventions: Conventions | None = None
+    ) -> Log:
         """Return the log in a DataFrame with the same columns as a file.
+
+        Parameters
+        ----------
+        frame : DataFrame
+        name : str
+            What reports call it.
+        conventions : Conventions, optional
+            As in `read`.
 
         Raises
         ------
@@ -84,9 +106,9 @@ class Log:
         import pandas as pd  # noqa: PLC0415 - heavy, and files do not need it
 
         check_option("frame", frame, pd.DataFrame)
-        reading = Reading(name)
+        reading = Reading(name, conventions or Conventions())
         reading.add(frame)
-        log = build_log(name, reading.joints, reading.finish(), "")
+        log = build_log(name, reading.naming, reading.finish(), "")
         values = log.to_frame()
         digest = hashlib.sha256(",".join(values.columns).encode())
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
@@ -168,17 +190,17 @@ class Log:
         Raises
         ------
         LogError
-            If the log names a joint that the robot does not have, or lacks one.
+            If the log lacks a joint.
         """
         known = (*joints, *motors)
-        for name in self.joints:
+        wanted = motors if motors and all(m in self.joints for m in motors) else joints
+        missing = [j for j in wanted if j not in self.joints]
+        for name in self.joints if missing else ():
             if name not in known:
                 raise LogError(
                     f"{self.name}: the column '{name}.q' names a joint that the robot does not "
                     f"have{near_match(name, known)} Its actuated joints are {listing(joints)}."
                 )
-        wanted = motors if motors and all(m in self.joints for m in motors) else joints
-        missing = [j for j in wanted if j not in self.joints]
         if missing:
             raise LogError(
                 f"{self.name} has no columns for the actuated joint"
@@ -229,9 +251,10 @@ def even_step(clock: Clock, windows: Sequence[Log]) -> tuple[float, str]:
     return dt, f" (time stamps jitter by {100 * jitter:.0f} % of a step; taken as even)"
 
 
-def build_log(name: str, joints: Sequence[str], values: Mapping[str, Array], digest: str) -> Log:
+def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: str) -> Log:
     """Return the log of some columns, each (N,), that were checked."""
     channels: dict[str, Any] = dict.fromkeys(CHANNELS)
+    joints, notes = naming.joints, naming.notes
     for kind in find_channels(joints, values):
         channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints], 1)
-    return Log(name=name, joints=tuple(joints), t=values["t"], sha256=digest, **channels)
+    return Log(name=name, joints=joints, t=values["t"], sha256=digest, notes=notes, **channels)

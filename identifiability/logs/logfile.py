@@ -13,7 +13,9 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import Clock, find_channels
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.log import Log, build_log
+from identifiability.logs.naming import Naming
 from identifiability.logs.source import Reading, is_long, scan_file
 from identifiability.logs.spikes import Spike, mend_column
 from identifiability.logs.tables import Table, parsing
@@ -33,8 +35,8 @@ class LogFile:
         Which of position, derivatives and torque it has for every joint.
     table : Table
         The file.
-    columns : tuple of str
-        Names in the file of the columns that are read.
+    naming : Naming
+        Which columns are read, and what they are.
     clock : Clock
         First and last time, longest and shortest step.
     torque : bool
@@ -53,7 +55,7 @@ class LogFile:
     joints: tuple[str, ...]
     channels: tuple[str, ...]
     table: Table
-    columns: tuple[str, ...]
+    naming: Naming
     clock: Clock
     torque: bool
     sha256: str
@@ -61,6 +63,11 @@ class LogFile:
     span: tuple[int, int] = (0, -1)
     spikes: Mapping[str, tuple[Spike, ...]] = field(default_factory=dict)
     mended: Mapping[str, tuple[Spike, ...]] = field(default_factory=dict)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was read otherwise than literally, half a sentence each."""
+        return self.naming.notes
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -74,8 +81,14 @@ class LogFile:
         return replace(self, name=name, clock=clock, span=span)
 
     @staticmethod
-    def read(path: str | Path) -> LogFile:
+    def read(path: str | Path, conventions: Conventions | None = None) -> LogFile:
         """Check a file from its first row to its last, without keeping it.
+
+        Parameters
+        ----------
+        path : str or Path
+        conventions : Conventions, optional
+            As in `Log.read`.
 
         Raises
         ------
@@ -85,7 +98,7 @@ class LogFile:
         path = Path(path)
         with parsing(path):
             stamp = _stamp(path)
-        reading = Reading(str(path), keep=False)
+        reading = Reading(str(path), conventions or Conventions(), keep=False)
         digest, table = scan_file(path, reading.add)
         reading.finish()
         assert table is not None  # a bag is no file of rows
@@ -94,10 +107,10 @@ class LogFile:
         known = reading.numbers
         return LogFile(
             name=path.name,
-            joints=tuple(reading.joints),
-            channels=find_channels(reading.joints, known),
+            joints=reading.naming.joints,
+            channels=find_channels(reading.naming.joints, known),
             table=table,
-            columns=tuple(c for c in table.columns if c.strip() in known),
+            naming=reading.naming,
             clock=reading.clock,
             torque=reading.torque,
             sha256=digest,
@@ -114,7 +127,7 @@ class LogFile:
             If the file changed since it was checked.
         """
         parts = list(self._arrays(start, stop))
-        values = np.concatenate(parts) if parts else np.empty((0, len(self.columns)))
+        values = np.concatenate(parts) if parts else np.empty((0, len(self.naming.columns)))
         return self._log(values, start)
 
     def overlapping(
@@ -145,7 +158,7 @@ class LogFile:
         """
         origin = max(0, start - margin)
         arrays = self._arrays(origin, min(len(self), stop + margin))
-        held = np.empty((0, len(self.columns)))
+        held = np.empty((0, len(self.naming.columns)))
         for first in range(start, stop, size):
             last = min(first + size, stop)
             low, high = max(0, first - margin), min(len(self), last + margin)
@@ -157,9 +170,9 @@ class LogFile:
     def _arrays(self, start: int, stop: int) -> Iterator[Array]:
         """Yield the columns (N, c) of the rows [start, stop)."""
         self._check_unchanged()
-        count, first = 0, self.span[0]
+        count, first, columns = 0, self.span[0], [c.source for c in self.naming.columns]
         try:
-            for values in self.table.arrays(first + start, first + stop, self.columns):
+            for values in self.table.arrays(first + start, first + stop, columns):
                 count += len(values)
                 yield values
         except LogError:
@@ -168,10 +181,11 @@ class LogFile:
         self._check_unchanged(whole=count == stop - start)
 
     def _log(self, values: Array, start: int) -> Log:
-        columns = {c.strip(): values[:, k] for k, c in enumerate(self.columns)}
+        given = zip(self.naming.columns, values.T, strict=True)
+        columns = {c.name: c.scale(x) for c, x in given}
         for column, spikes in self.mended.items():
             columns[column] = mend_column(columns[column], spikes, self.span[0] + start)
-        return build_log(self.name, self.joints, columns, self.sha256)
+        return build_log(self.name, self.naming, columns, self.sha256)
 
     def _check_unchanged(self, *, whole: bool = True) -> None:
         path = self.table.path
@@ -191,11 +205,13 @@ def _stamp(path: Path) -> tuple[int, int]:
     return state.st_size, state.st_mtime_ns
 
 
-def open_log(path: str | Path) -> Log | LogFile:
+def open_log(path: str | Path, conventions: Conventions | None = None) -> Log | LogFile:
     """Return a log in memory, or as a file if it is long.
 
     Raises
     ------
     LogError
     """
-    return LogFile.read(path) if is_long(Path(path)) else Log.read(path)
+    if is_long(Path(path)):
+        return LogFile.read(path, conventions)
+    return Log.read(path, conventions)

@@ -11,7 +11,9 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.logs.bags import hash_files, is_bag, read_bag, split_topic
-from identifiability.logs.checks import CHANNELS, Clock, Numbers, find_joints
+from identifiability.logs.checks import Clock, Numbers
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.naming import Naming, name_columns
 from identifiability.logs.spikes import SpikeFinder
 from identifiability.logs.tables import Table, is_parquet, open_parquet, parsing, scan_table
 
@@ -29,13 +31,15 @@ class Reading:
     ----------
     source : str
         What sentences call the table.
+    known : Conventions
+        What is known of it before.
     keep : bool
         Keep the values; else look for wrong ones in passing.
 
     Attributes
     ----------
-    joints : list of str
-        In the order of the columns.
+    naming : Naming
+        Which columns are which; empty before the first rows.
     numbers : dict of str to Numbers
         The columns that a log is made of.
     finders : dict of str to SpikeFinder
@@ -45,9 +49,9 @@ class Reading:
         Whether any torque is not zero.
     """
 
-    def __init__(self, source: str, *, keep: bool = True) -> None:
-        self.source, self.keep = source, keep
-        self.joints: list[str] = []
+    def __init__(self, source: str, known: Conventions, *, keep: bool = True) -> None:
+        self.source, self.known, self.keep = source, known, keep
+        self.naming = Naming((), ())
         self.numbers: dict[str, Numbers] = {}
         self.finders: dict[str, SpikeFinder] = {}
         self.clock, self.torque = Clock(source), False
@@ -61,15 +65,16 @@ class Reading:
         LogError
             If a column is missing, there twice, or of another kind altogether.
         """
-        frame = frame.set_axis([str(c).strip() for c in frame.columns], axis=1)
-        if not self.joints:
-            self.joints = find_joints(list(frame.columns), self.source)
-            known = {"t", *(f"{j}.{kind}" for j in self.joints for kind in CHANNELS)}
-            self.numbers = {c: Numbers(c, self.source) for c in frame.columns if c in known}
-            self._kept = {c: [] for c in self.numbers}
-            self.finders = {} if self.keep else {c: SpikeFinder() for c in known - {"t"}}
-        for column, numbers in self.numbers.items():
-            values = numbers.add(frame[column])
+        frame = frame.set_axis([str(c) for c in frame.columns], axis=1)
+        if not self.naming.columns:
+            self.naming = name_columns(list(frame.columns), self.source, self.known)
+            names = [c.name for c in self.naming.columns]
+            self.numbers = {c: Numbers(c, self.source) for c in names}
+            self._kept = {c: [] for c in names}
+            self.finders = {} if self.keep else {c: SpikeFinder() for c in names if c != "t"}
+        for known in self.naming.columns:
+            column, numbers = known.name, self.numbers[known.name]
+            values = known.scale(numbers.add(frame[known.source]))
             if column == "t" and not numbers.bad:
                 self.clock.add(values)
             elif column.endswith(".tau"):

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
+from identifiability.foundation.renames import Renames
 from identifiability.robot.actuation import choose_joints
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Point, Tree
@@ -63,6 +64,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
         shapes=extra.shapes,
         reference=extra.reference,
+        columns=Renames.of(extra.columns),
     )
     robot = choose_joints(robot, extra, stated)
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]

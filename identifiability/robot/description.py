@@ -12,6 +12,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, near_match
 from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Tree
 from identifiability.robot.markup import included_files
@@ -64,6 +65,8 @@ class Description:
         Shapes of effects by ``<joint>.<effect>``; others are as the effect has them.
     reference : mapping
         Standard parameters by which loads are known, where they are not the nominal ones.
+    columns : Renames
+        From columns or joints of its logs to those of the robot.
     """
 
     name: str
@@ -94,6 +97,7 @@ class Description:
     rest: Mapping[str, float] = field(default_factory=dict)
     shapes: Mapping[str, float] = field(default_factory=dict)
     reference: Mapping[str, float] = field(default_factory=dict)
+    columns: Renames = Renames()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""

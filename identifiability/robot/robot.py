@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated
 
+from identifiability.foundation.errors import RobotError
 from identifiability.foundation.options import Expected, FilePath, checked
+from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
 from identifiability.robot.files import read_robot
@@ -20,8 +23,12 @@ class Robot(Description):
 
     @staticmethod
     @checked
-    def load(source: RobotSource, sidecar: FilePath | None = None) -> Robot:
-        """Read a robot from an MJCF or URDF file, or by the name of a shipped one.
+    def load(
+        source: RobotSource,
+        sidecar: FilePath | None = None,
+        columns: Mapping[str, str] | None = None,
+    ) -> Robot:
+        r"""Read a robot from an MJCF or URDF file, or by the name of a shipped one.
 
         Parameters
         ----------
@@ -30,14 +37,23 @@ class Robot(Description):
         sidecar : str or Path, optional
             TOML with what the file cannot say (actuated joints of a URDF, loops, symbols …);
             by default the ``.toml`` of the same stem beside the file.
+        columns : mapping, optional
+            What its logs call columns or joints, and what they are here, as in the sidecar's
+            ``[columns]`` and before it: ``{r"fer_joint(\d)": r"panda_joint\1"}``.
 
         Raises
         ------
         RobotError
-            If the file cannot be read, states what cannot be held, or leaves joints undetermined.
+            If the file cannot be read, states what cannot be held, or leaves joints undetermined;
+            if a rule of `columns` is none.
         """
+        try:
+            given = Renames.of(columns or {})
+        except ValueError as error:
+            raise RobotError(f"{error}.") from None
         known = read_robot(source, sidecar)
-        return Robot(**{f.name: getattr(known, f.name) for f in fields(known)})
+        stated = {f.name: getattr(known, f.name) for f in fields(known)}
+        return Robot(**{**stated, "columns": given.before(known.columns)})
 
 
 #: A robot, or where it is read from.

@@ -1,4 +1,4 @@
-"""The sidecar: a TOML file beside the robot file with what the robot file cannot say.
+r"""The sidecar: a TOML file beside the robot file with what the robot file cannot say.
 
 Every key is optional::
 
@@ -47,6 +47,9 @@ Every key is optional::
     [limits]                             # actuated joint = {q = [lo, hi], v = vmax, a = amax}
     joint1 = {q = [-1, 1], v = 2, a = 10}
 
+    [columns]                            # column or joint in the logs = column or joint here,
+    "fer_joint(\\d)" = "panda_joint\\1"  # or a regular expression for the whole name
+
     [prior]                              # normal priors of standard parameters
     "arm1.m" = {mean = 3.0, sd = 0.3}    # the others: nominal ± prior_relative × their size
 
@@ -64,6 +67,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import RobotError
+from identifiability.foundation.renames import Renames
 
 Triple = tuple[float, float, float]
 
@@ -82,6 +86,11 @@ def _rising(span: tuple[float, float]) -> tuple[float, float]:
     if not span[0] < span[1]:
         raise ValueError("the lower limit must be below the upper one")
     return span
+
+
+def _renaming(rules: dict[str, str]) -> dict[str, str]:
+    Renames.of(rules)
+    return rules
 
 
 Names = Annotated[list[str], AfterValidator(_unique)]
@@ -168,6 +177,7 @@ class Sidecar(_Strict):
     shapes: dict[str, Annotated[float, Field(gt=0)]] = {}
     reference: dict[str, float] = {}
     limits: dict[str, LimitEntry] = {}
+    columns: Annotated[dict[str, str], AfterValidator(_renaming)] = {}
     symmetry: list[SymmetryEntry] = []
     prior_relative: float = Field(default=1.0, gt=0)
     prior: dict[str, PriorEntry] = {}

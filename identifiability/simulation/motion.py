@@ -18,6 +18,7 @@ from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.source import read_table
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.logs.units import check_units
@@ -251,7 +252,7 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     torques = [f"{c.removesuffix('.q')}.tau" for c in columns if c.endswith(".q")]
     frame = frame.set_axis(columns, axis=1)  # a motion needs no torque
     frame = frame.assign(**dict.fromkeys((c for c in torques if c not in columns), 0.0))
-    log = Log.from_frame(frame, Path(source).name).select(robot.joints)
+    log = Log.from_frame(frame, Path(source).name, Conventions.of(robot)).select(robot.joints)
     check_units(robot, [log])
     if log.dq is not None and log.ddq is not None:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)

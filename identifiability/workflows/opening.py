@@ -20,6 +20,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Samples
@@ -49,7 +50,7 @@ class Recordings:
     ----------
     fitted, held : tuple of Log or LogFile
     hints : tuple of str
-        On those that repeat others, or have wrong samples.
+        On those that are read otherwise than literally, repeat others, or have wrong samples.
     """
 
     fitted: tuple[Recording, ...]
@@ -102,34 +103,52 @@ def share(say: Progress, text: str, start: float, stop: float) -> Steps:
     return lambda done, total: say(text, start + (stop - start) * done / max(total, 1))
 
 
-def read_logs(logs: Logs) -> list[Log | LogFile]:
-    """Return logs, however they are given; long files stay files."""
+def read_logs(logs: Logs, known: Conventions) -> list[Log | LogFile]:
+    """Return logs, however they are given; long files stay files.
+
+    What is known of logs of the robot holds for those that are read here.
+    """
     one = isinstance(logs, (Log, LogFile, str, Path, pd.DataFrame))
     several: list[LogLike] = [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
     out: list[Log | LogFile] = []
     for k, item in enumerate(several):
         if isinstance(item, pd.DataFrame):
-            out.append(Log.from_frame(item, f"log {k + 1}"))
+            out.append(Log.from_frame(item, f"log {k + 1}", known))
         else:
-            out.append(item if isinstance(item, (Log, LogFile)) else open_log(item))
+            out.append(item if isinstance(item, (Log, LogFile)) else open_log(item, known))
     return out
 
 
-def read_recordings(logs: Logs, validate: Logs = ()) -> Recordings:
+def read_recordings(logs: Logs, validate: Logs, known: Conventions) -> Recordings:
     """Return fitted and held-out logs, every row once and without wrong samples.
+
+    Parameters
+    ----------
+    logs, validate : Logs
+    known : Conventions
+        Of the robot.
 
     Raises
     ------
     LogError
         If there is none to fit, or one is given twice.
     """
-    train, held = read_logs(logs), read_logs(validate)
+    train, held = read_logs(logs, known), read_logs(validate, known)
     if not train:
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held)
     mended, wrong = mend_logs([*train, *held])
     fitted, unseen, hints = drop_repeats(mended[: len(train)], mended[len(train) :])
-    return Recordings(tuple(fitted), tuple(unseen), (*wrong, *hints))
+    return Recordings(tuple(fitted), tuple(unseen), (*_notes([*train, *held]), *wrong, *hints))
+
+
+def _notes(logs: Sequence[Log | LogFile]) -> list[str]:
+    """Return how logs were read otherwise than literally, each sentence once."""
+    said: dict[str, list[str]] = {}
+    for log in logs:
+        if log.notes:
+            said.setdefault("; ".join(log.notes), []).append(log.name)
+    return [f"How {listing(names, 4)} was read: {text}." for text, names in said.items()]
 
 
 def check_held_out(

@@ -38,6 +38,8 @@ def state_provenance(
     if robot.sidecar is not None:
         out["sidecar"] = robot.sidecar.name
         out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
+    if robot.columns:
+        out["columns"] = robot.columns.text
     if source is not None:
         out["ladder"] = source.origin
         out["sha256 ladder"] = source.sha256

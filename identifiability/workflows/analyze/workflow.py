@@ -12,6 +12,7 @@ from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
@@ -109,7 +110,7 @@ def analyze(
         source = find_ladder(robot, ladder, beside=True)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
             say("reading logs", 0.0)
-            recordings = read_recordings(logs, validate)
+            recordings = read_recordings(logs, validate, Conventions.of(robot))
             structure = Structure.of(robot, ladder_model(source.entry), streams[0])
             reading = share(say, "reading logs", 0.1, 0.3)
             how = settle_cutoff(robot, recordings.fitted, preparation)

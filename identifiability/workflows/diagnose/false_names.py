@@ -22,6 +22,7 @@ from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.information import Information
@@ -133,7 +134,8 @@ def measure_false_names(
         Where the logs are diagnosed; by default here. The result does not depend on it.
     """
     say = progress or (lambda what, share: None)
-    train, held = (in_memory(mend_logs(read_logs(x))[0], Log) for x in (logs, validate))
+    known = Conventions.of(robot)
+    train, held = (in_memory(mend_logs(read_logs(x, known))[0], Log) for x in (logs, validate))
     found = diagnose(robot, train, held, model=model, quick=True, seed=seed)
     null = null_of(found, train, held)
     items = [(seed + k, s) for k, s in enumerate(np.random.SeedSequence(seed).spawn(trials))]

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from identifiability.effects import stated_effects
 from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.options import Names, Seed, at_least, checked
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.gather import gather_information
@@ -103,7 +104,7 @@ def diagnose(
     with threadpool_limits(1):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         say("reading logs", 0.0)
-        given = read_recordings(logs, validate)
+        given = read_recordings(logs, validate, Conventions.of(robot))
         roles = assign_roles(given.fitted, given.held)
         settled = settle_cutoff(robot, roles.fit, preparation)
         how = preparation if settled.cutoff is None else settled

@@ -23,6 +23,7 @@ from identifiability.foundation.options import (
     counted,
     within,
 )
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
@@ -130,7 +131,8 @@ def excite(
         say("reading logs", 0.0)
         bounds = find_limits(robot, limits)
         question = pose_question(robot, rule, model, parameters, separate)
-        start, wrong = mend_logs(read_logs(() if start_from is None else start_from))
+        given = read_logs(() if start_from is None else start_from, Conventions.of(robot))
+        start, wrong = mend_logs(given)
         how = settle_cutoff(robot, start, preparation)
         logs = [prepare_log(robot, log, how, engine=Serial()) for log in start]
         if start_from is not None and not logs:

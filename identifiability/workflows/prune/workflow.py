@@ -20,6 +20,7 @@ from identifiability.foundation.options import (
     Seed,
     checked,
 )
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
@@ -143,7 +144,7 @@ def prune(
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         source = find_ladder(robot, ladder, beside=False)
         say("reading logs", 0.0)
-        recordings = read_recordings(logs, validate)
+        recordings = read_recordings(logs, validate, Conventions.of(robot))
         structure = Structure.of(robot, ladder_model(source.entry), streams[0])
         reading = share(say, "reading logs", 0.0, 0.1)
         how = settle_cutoff(robot, recordings.fitted, preparation)

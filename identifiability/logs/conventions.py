@@ -1,0 +1,36 @@
+"""`Conventions`: what is known of logs of a robot before one is read, from sidecar and options.
+
+It goes from the robot to whoever reads: `read_recordings`, `open_log`, `Log.read`,
+`Log.from_frame`, `LogFile.read`.
+"""
+
+from __future__ import annotations
+
+from identifiability.foundation.renames import Renames
+from identifiability.foundation.values import frozen
+from identifiability.robot import Robot
+
+
+@frozen
+class Conventions:
+    """What columns of a log are called and mean. Without any a log is read as it is.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Actuated joints in the robot's order; of no others anything is needed.
+    motors : tuple of str
+        Motors that a log may have instead (coupled transmissions).
+    columns : Renames
+        From columns, or joints, of a log to those of the robot: ``[columns]`` and ``--map``.
+    """
+
+    joints: tuple[str, ...] = ()
+    motors: tuple[str, ...] = ()
+    columns: Renames = Renames()
+
+    @staticmethod
+    def of(robot: Robot) -> Conventions:
+        """Return what a robot's sidecar, and what was said when it was loaded, tell of its logs."""
+        gear = robot.transmission
+        return Conventions(robot.joints, gear.motors if gear else (), robot.columns)

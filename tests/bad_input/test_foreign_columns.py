@@ -1,0 +1,73 @@
+"""Logs whose columns have other names, or that tell of more than the robot: read, and said."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identifiability.cli import app
+from identifiability.foundation.errors import LogError, RobotError
+from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.logfile import LogFile
+from identifiability.robot import Robot
+from identifiability.workflows.opening import read_recordings
+
+MAP = {r"fer_(\w+)": r"\1"}
+
+
+@pytest.fixture
+def foreign(arm):
+    """The log of the arm under the names of another driver, with a gripper that has no torque."""
+    arm = arm.rename(columns=lambda c: c if c == "t" else f"fer_{c}")
+    return arm.assign(**{"finger.q": 0.0, "note": "hot"})
+
+
+def known(**options):
+    return Conventions.of(Robot.load("two-link", **options))
+
+
+def same(log, arm):
+    plain = Log.from_frame(arm).select(("shoulder", "elbow"))
+    log = log.select(("shoulder", "elbow"))
+    for channel in ("t", "q", "dq", "ddq", "tau"):
+        np.testing.assert_allclose(getattr(log, channel), getattr(plain, channel), rtol=1e-12)
+
+
+def test_renamed_joints_are_read_short_and_long_alike_and_the_note_says_so(foreign, arm, write):
+    path, names = write("log.csv", foreign), known(columns=MAP)
+    logs = [Log.read(path, names), Log.from_frame(foreign, "frame", names)]
+    file = LogFile.read(path, names)
+    for log in (*logs, file.rows(0, len(file))):
+        same(log, arm)
+        renamed, left = log.notes
+        assert renamed.startswith("columns were renamed (fer_shoulder.q is shoulder.q, fer_")
+        assert left == "columns of finger, which the robot does not drive, were left out"
+    assert read_recordings(path, (), names).hints == (
+        f"How log.csv was read: {'; '.join(file.notes)}.",
+    )
+
+
+def test_the_sidecar_and_the_option_rename_and_the_option_comes_first(foreign, write, tmp_path):
+    path = write("log.csv", foreign)
+    sidecar = write("side.toml", "[columns]\n'fer_(\\w+)' = '\\1'\n")
+    read_recordings(path, (), known(sidecar=sidecar))
+    run = ["analyze", "two-link", str(path), "--quick", "--json", str(tmp_path / "out.json")]
+    out = CliRunner().invoke(app, [*run, "--map", "fer_shoulder=shoulder", "--map",
+                                   r"fer_e(\w+)=e\1"])  # fmt: skip
+    assert out.exit_code == 0, out.output
+    assert "columns were renamed" in out.output
+    first = Robot.load("two-link", sidecar, {"fer_elbow": "wrist"}).columns
+    assert [first.apply(n) for n in ("fer_elbow", "fer_shoulder")] == ["wrist", "shoulder"]
+
+
+def test_a_rule_that_is_none_is_refused_where_it_stands(write, refused):
+    log = write("log.csv", "")
+    assert "--map x is no pair of names" in refused("analyze", "two-link", log, "--map", "x")
+    assert "'a(' = 'b' is no rule for names" in refused("analyze", "two-link", log, "--map", "a(=b")
+    with pytest.raises(RobotError, match=r"'columns': 'a' = '\\1' is no rule"):
+        Robot.load("two-link", write("side.toml", "[columns]\na = '\\1'\n"))
+
+
+def test_a_needed_column_that_is_missing_is_refused_though_others_are_there(foreign):
+    with pytest.raises(LogError, match=r"has 'elbow.q' but no torque column 'elbow.tau'"):
+        Log.from_frame(foreign.drop(columns="fer_elbow.tau"), "log", known(columns=MAP))
