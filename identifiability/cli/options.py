@@ -92,12 +92,16 @@ class Machine:
         MJCF or URDF file, or a shipped robot such as 3-rps.
     sidecar
         TOML with what the robot file cannot say.
+    lock
+        Joint that does not move, such as a gripper's, at home or at a position [rad or m]; may be
+        given several times.
     plugin
         Python file that registers effects of your own; may be given several times.
     """
 
     robot: Annotated[str, Argument(autocompletion=_robots)]
     sidecar: str | None = None
+    lock: Annotated[list[str] | None, Option(metavar="NAME[=VALUE]")] = None
     plugin: Annotated[list[Path] | None, Option(callback=_load_plugins, is_eager=True)] = None
 
     @property
@@ -109,7 +113,8 @@ class Machine:
         """Return the robot, with what was said of its logs."""
         from identifiability.robot import Robot  # noqa: PLC0415
 
-        return Robot.load(self.robot, self.sidecar, recorded.columns if recorded else None)
+        columns = recorded.columns if recorded else None
+        return Robot.load(self.robot, self.sidecar, columns, self.lock)
 
 
 @dataclass(frozen=True)

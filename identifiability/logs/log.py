@@ -205,12 +205,22 @@ class Log:
             raise LogError(
                 f"{self.name} has no columns for the actuated joint"
                 f"{'s' if len(missing) > 1 else ''} {listing(missing)}; every actuated joint needs "
-                f"'<joint>.q' and '<joint>.tau'."
+                f"'<joint>.q' and '<joint>.tau'{_propose_locks(missing, wanted)}."
             )
         if tuple(wanted) == self.joints:
             return self
         order = [self.joints.index(j) for j in wanted]
         return self._each(lambda x: x[:, order], joints=tuple(wanted))
+
+
+def _propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
+    """Return what to write where joints that a log does not have stand still, or nothing."""
+    if len(missing) == len(wanted):  # foreign names are likelier
+        return ""
+    they, line = ("it does", "it") if len(missing) == 1 else ("they do", "them")
+    options = " ".join(f"--lock {name}" for name in missing)
+    names = ", ".join(f'"{name}"' for name in missing)
+    return f". If {they} not move, lock {line}: {options}, or locked = [{names}] in the sidecar"
 
 
 def join_logs(logs: Sequence[Log]) -> Log:

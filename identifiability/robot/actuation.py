@@ -43,7 +43,10 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             'joints whose torque is measured in the sidecar: actuated = ["joint1", …].'
         )
     names = [*robot.tree.single] if names is None else names
+    names = [name for name in names if name not in robot.locked]
     index = np.array([_driven_dof(robot, n) for n in names], int)
+    if not names and robot.locked:
+        raise RobotError(f"{robot.path}: every actuated joint is locked; leave one that moves.")
     if len(set(names)) != len(names) or not names:
         raise RobotError(f"{robot.path}: the actuated joints are {names}; name each one once.")
     dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
@@ -86,6 +89,8 @@ def _set_home(robot: Description, extra: Sidecar) -> Array:
     """Return the file's home with the positions that the sidecar states."""
     home, single = np.array(robot.home), robot.tree.single
     for name, value in extra.home.items():
+        if name in robot.locked:
+            continue
         if name not in single:
             dof = robot.dof_index(name)
             raise RobotError(

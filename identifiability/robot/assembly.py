@@ -14,8 +14,9 @@ from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.renames import Renames
 from identifiability.robot.actuation import choose_joints
 from identifiability.robot.description import Description
-from identifiability.robot.kinematics import Point, Tree
-from identifiability.robot.parts import Coupling, Loop, Stated, Transmission, name_numbers
+from identifiability.robot.joints import body_names
+from identifiability.robot.kinematics import Point
+from identifiability.robot.parts import Loop, Stated, Transmission, name_numbers
 from identifiability.robot.sidecar import LimitEntry, LoopEntry, Sidecar
 
 
@@ -32,16 +33,12 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     ------
     RobotError
     """
-    model, bodies = stated.model, _body_names(stated.model)
-    _check_sidecar(path, extra, bodies, stated.tree)
-    loops, couplings = stated.loops, stated.couplings
+    model, bodies = stated.model, body_names(stated.model)
+    _check_sidecar(path, extra, bodies, stated)
+    loops = stated.loops
     if extra.loops is not None:
         loops = [_sidecar_loop(path, entry, stated) for entry in extra.loops]
-    if extra.couplings:
-        couplings = [
-            Coupling(c.name or c.joint, c.joint, c.of, tuple(c.polynomial)) for c in extra.couplings
-        ]
-    named = tuple(extra.base_parameters.bodies)
+    named = tuple(body for body in extra.base_parameters.bodies if body in bodies)
     name = path.parent.name if path.stem == "robot" else path.stem
     robot = Description(
         name=name,
@@ -54,17 +51,19 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         body_symbols={b: extra.symbols.get(b, b) for b in bodies},
         joint_symbols=dict(extra.symbols),
         loops=tuple(loops),
-        couplings=tuple(couplings),
+        couplings=tuple(stated.couplings),
         home=np.array(pin.neutral(model)) if stated.home is None else stated.home,
         rest={name: relaxed for name, (_, relaxed) in stated.springs.items()},
         body_order=named + tuple(b for b in bodies if b not in named),
         inertia_parts=tuple(extra.inertia_parts),
         prior_relative=extra.prior_relative,
         prior={name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
-        ties=tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
+        ties=tuple(_ties(extra, stated)),
         shapes=extra.shapes,
         reference=extra.reference,
         columns=Renames.of(extra.columns),
+        locked=dict(stated.locked),
+        welded=dict(stated.welded),
     )
     robot = choose_joints(robot, extra, stated)
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
@@ -78,17 +77,35 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     )
 
 
-def _check_sidecar(path: Path, extra: Sidecar, bodies: tuple[str, ...], tree: Tree) -> None:
-    """Refuse a sidecar that names what the robot does not have."""
-    dofs = tuple(d for j in tree.joints for d in j.dofs)
+def _check_sidecar(path: Path, extra: Sidecar, bodies: tuple[str, ...], stated: Stated) -> None:
+    """Refuse a sidecar that names what the robot does not have; what is locked may have limits."""
+    dofs = (*(d for j in stated.tree.joints for d in j.dofs), *stated.locked)
     known = (*bodies, *dofs, *(extra.transmission.motors if extra.transmission else ()))
-    _check_known(path, "symbols", extra.symbols, known)
-    _check_known(path, "base_parameters.bodies", extra.base_parameters.bodies, bodies)
+    _check_known(path, "symbols", extra.symbols, (*known, *stated.welded))
+    _check_known(
+        path, "base_parameters.bodies", extra.base_parameters.bodies, (*bodies, *stated.welded)
+    )
     _check_known(path, "limits", extra.limits, dofs)
-    tied = [name for s in extra.symmetry for members in s.tie.values() for name in members]
+    tied = [name for tie in _ties(extra, stated) for members in tie.values() for name in members]
     tables = {key: getattr(extra, key) for key in ("nominal", "prior", "shapes", "reference")}
     for key, names in {"symmetry": tied, **tables}.items():
-        _check_known(path, key, (name.rpartition(".")[0] for name in names), (*known, BASE))
+        owners = [name.rpartition(".")[0] for name in names]
+        gone = [body for body in stated.welded if body in owners]
+        if gone:
+            raise RobotError(
+                f"The sidecar of {path}: [{key}] names the body '{gone[0]}', which hangs behind a "
+                "locked joint and is one with what is before; take the line out, or give the "
+                "values of both together."
+            )
+        _check_known(path, key, owners, (*known, BASE))
+
+
+def _ties(extra: Sidecar, stated: Stated) -> list[dict[str, tuple[str, ...]]]:
+    """Return the sums that symmetry allows; with a locked leg legs are no longer equal."""
+    gone = {*stated.locked, *stated.welded}
+    every = [{k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry]
+    names = [{n.rpartition(".")[0] for members in tie.values() for n in members} for tie in every]
+    return [tie for tie, owners in zip(every, names, strict=True) if not owners & gone]
 
 
 def _check_known(path: Path, key: str, given: Any, known: tuple[str, ...]) -> None:
@@ -98,18 +115,6 @@ def _check_known(path: Path, key: str, given: Any, known: tuple[str, ...]) -> No
                 f"The sidecar of {path}: [{key}] names '{name}', which the robot does not have"
                 f"{near_match(name, known)} Known: {listing(known)}."
             )
-
-
-def _body_names(model: Any) -> tuple[str, ...]:
-    """Return the body behind each Pinocchio joint."""
-    names = []
-    for index in range(1, model.njoints):
-        frames = [
-            f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == index
-        ]
-        direct = [f for f in frames if model.frames[f.parentFrame].type == pin.FrameType.JOINT]
-        names.append((direct or frames)[0].name if frames else model.names[index])
-    return tuple(names)
 
 
 def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
@@ -145,7 +150,8 @@ def _nominal(robot: Description, extra: Sidecar, stated: Stated) -> dict[str, fl
         stated_here = {word: float(each[dof]) for word, each in numbers.items()}
         values |= name_numbers(name, stated_here, parts) | {f"{name}.{p}": 0.0 for p in parts[1:]}
     values |= {f"{name}.K": stiffness for name, (stiffness, _) in stated.springs.items()}
-    values.update(extra.nominal)
+    locked = tuple(f"{name}." for name in stated.locked)  # no friction where nothing moves
+    values |= {name: value for name, value in extra.nominal.items() if not name.startswith(locked)}
     return values
 
 

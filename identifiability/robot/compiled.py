@@ -18,8 +18,10 @@ from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
 from identifiability.robot.joints import read_tree
 from identifiability.robot.kinematics import Point
+from identifiability.robot.locking import add_couplings, read_locks, settle_locks
 from identifiability.robot.parts import Coupling, Loop, Stated
 from identifiability.robot.passive_forces import find_drives, read_forces
+from identifiability.robot.sidecar import Sidecar
 
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
@@ -36,106 +38,158 @@ _ALIGNED = {
 }
 
 
-def state_robot(path: Path, m: Any) -> Stated:
-    """Return what a compiled MJCF states.
+def state_robot(path: Path, m: Any, extra: Sidecar) -> Stated:
+    """Return what a compiled MJCF states, with what is locked welded.
 
     Raises
     ------
     RobotError
         If it has a part that neither the regressor nor the nominal values can hold.
     """
-    model, places, names = _build_tree(m)
+    off, home = int(m.opt.disableflags), _home(m)
+    joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
+    at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
+    couplings = add_couplings(_couplings(m), extra.couplings)
+    locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
+    model, places, names, welded = _build_tree(m, locked)
     tree, last = read_tree(path, model, names)
-    off = int(m.opt.disableflags)
     bits = mujoco.mjtDisableBit
     still = off & int(bits.mjDSBL_GRAVITY)
     model.gravity.linear = np.zeros(3) if still else np.array(m.opt.gravity)
-    forces = read_forces(path, m)
-    model.damping, model.armature = forces.damping, forces.armature
-    model.upperDryFrictionLimit = forces.frictionloss
-    model.lowerDryFrictionLimit = -forces.frictionloss
-    _set_limits(model, m)
+    free = np.array([m.joint(int(j)).name not in locked for j in m.dof_jntid], bool)
+    forces = read_forces(path, m, locked)
+    model.damping, model.armature = forces.damping[free], forces.armature[free]
+    model.upperDryFrictionLimit = forces.frictionloss[free]
+    model.lowerDryFrictionLimit = -forces.frictionloss[free]
+    kept = np.ones(m.nq, bool)
+    kept[[int(m.joint(name).qposadr[0]) for name in locked]] = False
+    _set_limits(model, m, kept)
+    actuated, other = find_drives(m, locked)
+    return Stated(
+        model=model,
+        tree=tree,
+        last=last,
+        loops=_loops(path, m, places, last),
+        couplings=couplings,
+        actuated=actuated,
+        home=home[kept],
+        springs=forces.springs,
+        undriven=other,
+        locked=locked,
+        welded=welded,
+    )
+
+
+def _equalities(m: Any) -> np.ndarray:
+    """Return the equalities that hold, unless flags turn them off."""
+    bits, off = mujoco.mjtDisableBit, int(m.opt.disableflags)
+    idle = off & (int(bits.mjDSBL_EQUALITY) | int(bits.mjDSBL_CONSTRAINT))
+    return np.empty(0, int) if idle else np.flatnonzero(m.eq_active0)
+
+
+def _couplings(m: Any) -> list[Coupling]:
+    coupling = int(mujoco.mjtEq.mjEQ_JOINT)
+    return [_read_coupling(m, int(k)) for k in _equalities(m) if int(m.eq_type[k]) == coupling]
+
+
+def _loops(path: Path, m: Any, places: list[Place], last: Mapping[int, int]) -> list[Loop]:
     loops: list[Loop] = []
-    couplings: list[Coupling] = []
-    for k in np.flatnonzero(m.eq_active0):
-        if off & (int(bits.mjDSBL_EQUALITY) | int(bits.mjDSBL_CONSTRAINT)):
-            break
+    for k in _equalities(m):
         kind = int(m.eq_type[k])
         if kind == int(mujoco.mjtEq.mjEQ_CONNECT):
             loops.append(_read_connect(m, int(k), places, last, len(loops)))
-        elif kind == int(mujoco.mjtEq.mjEQ_JOINT):
-            couplings.append(_read_coupling(m, int(k)))
-        else:
+        elif kind != int(mujoco.mjtEq.mjEQ_JOINT):
             word = mujoco.mjtEq(kind).name.removeprefix("mjEQ_").lower()
             raise RobotError(
                 f"{path} closes a loop with <{word}>; only <connect> and <joint> equalities are "
                 "supported: close the loop at a joint with <connect> instead."
             )
-    actuated, other = find_drives(m)
-    return Stated(
-        model=model,
-        tree=tree,
-        last=last,
-        loops=loops,
-        couplings=couplings,
-        actuated=actuated,
-        home=_home(m),
-        springs=forces.springs,
-        undriven=other,
-    )
+    return loops
 
 
-def _build_tree(m: Any) -> tuple[Any, list[Place], dict[int, tuple[str, ...]]]:
-    """Return the Pinocchio model, where every body is, and the file's joints in each joint."""
+def _build_tree(
+    m: Any, locked: Mapping[str, float]
+) -> tuple[Any, list[Place], dict[int, tuple[str, ...]], dict[str, Array]]:
+    """Return the Pinocchio model, where every body is, and the file's joints in each joint.
+
+    The last is what hangs behind locked joints, see `Stated.welded`.
+    """
     model = pin.Model()
     title = m.names.partition(b"\0")[0].decode()
     model.name = "" if title == _UNNAMED else title
     model.addBodyFrame(m.body(0).name, 0, pin.SE3.Identity(), 0)
     places: list[Place] = [(0, pin.SE3.Identity())]
     names: dict[int, tuple[str, ...]] = {}
+    behind: dict[int, str] = {}
+    welded: dict[str, Array] = {}
     for b in range(1, m.nbody):
-        name, (above, frame) = m.body(b).name, places[int(m.body_parentid[b])]
+        parent = int(m.body_parentid[b])
+        name, (above, frame) = m.body(b).name, places[parent]
         at = frame * pin.SE3(_rotation(m.body_quat[b]), np.array(m.body_pos[b]))
         joints = range(int(m.body_jntadr[b]), int(m.body_jntadr[b]) + int(m.body_jntnum[b]))
-        before, index = above, above
+        before, index = 0, above
+        moving = tuple(m.joint(j).name for j in joints if m.joint(j).name not in locked)
         if joints:
-            index, at = _add_joints(model, m, above, at, joints)
-            names[index] = tuple(m.joint(j).name for j in joints)
+            index, at = _add_joints(model, m, above, at, joints, locked)
+        if moving:
+            names[index] = moving
             before = model.addJointFrame(index)
+        elif joints or parent in behind:
+            behind[b] = name if joints else behind[parent]
         places.append((index, at))
-        model.addBodyFrame(name, index, at, before if joints else 0)
+        model.addBodyFrame(name, index, at, before)
+        R, mass = _rotation(m.body_iquat[b]), float(m.body_mass[b])
+        inertia = R @ np.diag(m.body_inertia[b]) @ R.T
+        given = pin.Inertia(mass, np.array(m.body_ipos[b]), inertia)
         if index:
-            R, mass = _rotation(m.body_iquat[b]), float(m.body_mass[b])
-            inertia = R @ np.diag(m.body_inertia[b]) @ R.T
-            model.appendBodyToJoint(index, pin.Inertia(mass, np.array(m.body_ipos[b]), inertia), at)
-    return model, places, names
+            model.appendBodyToJoint(index, given, at)
+        if b in behind:
+            theta = np.array(at.act(given).toDynamicParameters())
+            welded[behind[b]] = welded.get(behind[b], 0.0) + theta
+    return model, places, names, welded
 
 
-def _add_joints(model: Any, m: Any, above: int, at: Any, joints: range) -> tuple[int, Any]:
+def _add_joints(
+    model: Any, m: Any, above: int, at: Any, joints: range, locked: Mapping[str, float]
+) -> tuple[int, Any]:
     """Add the joints of one body; return the index, and the body in the last one's frame."""
-    parts, places, last = [], [], np.zeros(3)
+    parts, places, names, last = [], [], [], np.zeros(3)
+    before = pin.SE3.Identity()  # what locked joints put between the one before and the next
     for j in joints:
-        kind, axis, anchor = int(m.jnt_type[j]), np.array(m.jnt_axis[j]), np.array(m.jnt_pos[j])
+        name, kind = m.joint(j).name, int(m.jnt_type[j])
+        axis, anchor = np.array(m.jnt_axis[j]), np.array(m.jnt_pos[j])
         ref = float(m.qpos0[m.jnt_qposadr[j]])
-        place = pin.SE3(np.eye(3), anchor - last)
+        place = before * pin.SE3(np.eye(3), anchor - last)
         if kind in _ALIGNED:
+            place = place * _moved(kind, axis, -ref)
             along = np.flatnonzero(axis == 1.0)
-            turned = kind == HINGE
-            back = pin.AngleAxis(-ref, axis).toRotationMatrix() if turned and ref else np.eye(3)
-            place = place * pin.SE3(back, np.zeros(3) if turned else -ref * axis)
-            parts.append(_ALIGNED[kind][along[0]]() if len(along) else _ALIGNED[kind][3](axis))
+            part = _ALIGNED[kind][along[0]]() if len(along) else _ALIGNED[kind][3](axis)
         else:  # a free joint's position is the body's place in the world
             place = place if kind == BALL else at.inverse()
-            parts.append(pin.JointModelSpherical() if kind == BALL else pin.JointModelFreeFlyer())
+            part = pin.JointModelSpherical() if kind == BALL else pin.JointModelFreeFlyer()
+        last, before = anchor, pin.SE3.Identity()
+        if name in locked:
+            before = place * _moved(kind, axis, locked[name])
+            continue
+        parts.append(part)
         places.append(place)
-        last = anchor
+        names.append(name)
+    end = before * pin.SE3(np.eye(3), -last)
+    if not parts:
+        return above, at * end
     joint, first = parts[0], at * places[0]
     if len(parts) > 1:
         joint = pin.JointModelComposite()
         for k, (part, place) in enumerate(zip(parts, places, strict=True)):
             joint.addJoint(part, place if k else pin.SE3.Identity())
-    name = "+".join(m.joint(j).name for j in joints)
-    return model.addJoint(above, joint, first, name), pin.SE3(np.eye(3), -last)
+    return model.addJoint(above, joint, first, "+".join(names)), end
+
+
+def _moved(kind: int, axis: Array, by: float) -> Any:
+    """Return how far a hinge or slide moves what is behind it."""
+    if kind == SLIDE:
+        return pin.SE3(np.eye(3), by * axis)
+    return pin.SE3(pin.AngleAxis(by, axis).toRotationMatrix() if by else np.eye(3), np.zeros(3))
 
 
 def _rotation(quat: Array) -> Array:
@@ -144,12 +198,12 @@ def _rotation(quat: Array) -> Array:
     return out.reshape(3, 3)
 
 
-def _set_limits(model: Any, m: Any) -> None:
-    lower, upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
+def _set_limits(model: Any, m: Any, kept: np.ndarray) -> None:
+    lower, upper = np.full(m.nq, -np.inf), np.full(m.nq, np.inf)
     for j in np.flatnonzero(m.jnt_limited):
         if int(m.jnt_type[j]) in _ALIGNED:
             lower[m.jnt_qposadr[j]], upper[m.jnt_qposadr[j]] = m.jnt_range[j]
-    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+    model.lowerPositionLimit, model.upperPositionLimit = lower[kept], upper[kept]
 
 
 def _home(m: Any) -> Array:

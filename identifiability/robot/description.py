@@ -67,6 +67,13 @@ class Description:
         Standard parameters by which loads are known, where they are not the nominal ones.
     columns : Renames
         From columns or joints of its logs to those of the robot.
+    locked : mapping
+        Locked joint to the position at which it is held [rad or m]; it is none of the tree's.
+    welded : mapping
+        Body behind a locked joint to its ten parameters, as the file states them, in the frame of
+        the joint that it now hangs on; they are part of that joint's body, or of the ground.
+    lock_option : tuple of str
+        Joints that were locked when the robot was loaded, of which its files say nothing.
     """
 
     name: str
@@ -98,6 +105,9 @@ class Description:
     shapes: Mapping[str, float] = field(default_factory=dict)
     reference: Mapping[str, float] = field(default_factory=dict)
     columns: Renames = Renames()
+    locked: Mapping[str, float] = field(default_factory=dict)
+    welded: Mapping[str, Array] = field(default_factory=dict)
+    lock_option: tuple[str, ...] = ()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""
@@ -110,6 +120,8 @@ class Description:
         digest = hashlib.sha256()
         for file in (*files, self.sidecar) if self.sidecar is not None else files:
             digest.update(file.read_bytes())
+        if self.locked:  # an option may have locked them
+            digest.update(repr(sorted(self.locked.items())).encode())
         return digest.hexdigest()
 
     @cached_property

@@ -9,6 +9,7 @@ import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -21,10 +22,17 @@ from identifiability.robot.assembly import assemble
 from identifiability.robot.compiled import state_robot
 from identifiability.robot.description import Description
 from identifiability.robot.joints import read_tree
+from identifiability.robot.locking import (
+    LockOption,
+    add_couplings,
+    read_locks,
+    settle_locks,
+    weld,
+)
 from identifiability.robot.markup import read_markup
 from identifiability.robot.mjcf import compile_mjcf
 from identifiability.robot.parts import Coupling, Stated
-from identifiability.robot.sidecar import read_sidecar
+from identifiability.robot.sidecar import Sidecar, read_sidecar
 
 
 def shipped_folder() -> Path:
@@ -69,24 +77,27 @@ def locate_robot(source: str | Path) -> Path:
     )
 
 
-def read_robot(source: str | Path, sidecar: str | Path | None = None) -> Description:
+def read_robot(
+    source: str | Path, sidecar: str | Path | None = None, lock: LockOption | None = None
+) -> Description:
     """Read a robot; see `Robot.load`."""
     path = locate_robot(source)
     beside = path.with_suffix(".toml")
     chosen = Path(sidecar) if sidecar is not None else (beside if beside.is_file() else None)
     extra = read_sidecar(chosen)
+    extra = extra.model_copy(update={"locked": read_locks(extra.locked) | read_locks(lock)})
     root = read_markup(path)
     if root.tag == "mujoco":
-        stated = state_robot(path, compile_mjcf(path, root))
+        stated = state_robot(path, compile_mjcf(path, root), extra)
     else:
-        stated = _read_urdf(path, root)
+        stated = _read_urdf(path, root, extra)
     if stated.model.njoints < 2:
         raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
-    return assemble(path, chosen, extra, stated)
+    return replace(assemble(path, chosen, extra, stated), lock_option=tuple(read_locks(lock)))
 
 
-def _read_urdf(path: Path, root: ET.Element) -> Stated:
-    """Return what a URDF states; mimic joints become couplings."""
+def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
+    """Return what a URDF states; mimic joints become couplings, and what is locked is welded."""
     reason = ""
     with _printed_errors() as printed:
         try:
@@ -105,15 +116,29 @@ def _read_urdf(path: Path, root: ET.Element) -> Stated:
         )
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
-    couplings = [
-        _read_mimic(name, joint.find("mimic"), fixed)
-        for name, joint in joints.items()
-        if joint.find("mimic") is not None and name not in fixed
-    ]
+    follow = {n: j.find("mimic") for n, j in joints.items() if n not in fixed}
+    mimics = [_read_mimic(n, mimic, fixed) for n, mimic in follow.items() if mimic is not None]
+    couplings = add_couplings(mimics, extra.couplings)
+    # What follows a fixed joint stands still as well, and what is fixed need not be locked.
+    wanted: dict[str, float | None] = {c.joint: None for c in mimics if c.of is None}
+    wanted |= {n: at for n, at in read_locks(extra.locked).items() if at or n not in fixed}
+    single = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
+    home = {name: extra.home.get(name, 0.0) for name in single}
+    locked, couplings = settle_locks(path, wanted, home, couplings)
+    model, welded = weld(model, locked)
     coupled = {c.joint for c in couplings}
     driven = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
-    actuated = [name for name in driven if name not in coupled]
-    return Stated(model, *read_tree(path, model, {}), [], couplings, actuated)
+    tree, last = read_tree(path, model, {})
+    return Stated(
+        model=model,
+        tree=tree,
+        last=last,
+        loops=[],
+        couplings=couplings,
+        actuated=[name for name in driven if name not in coupled],
+        locked=locked,
+        welded=welded,
+    )
 
 
 def _with_angles(root: ET.Element) -> str:

@@ -78,3 +78,15 @@ def _read_joint(
         "free": tuple(f"{name}.{k}" for k in ("tx", "ty", "tz", "rx", "ry", "rz")),
     }.get(type_, (name,))
     return Joint(dofs, type_, parent, R, p, axis, *at)  # type: ignore[arg-type]
+
+
+def body_names(model: Any) -> tuple[str, ...]:
+    """Return the body behind each joint of a Pinocchio model."""
+    names = []
+    for index in range(1, model.njoints):
+        frames = [
+            f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == index
+        ]
+        direct = [f for f in frames if model.frames[f.parentFrame].type == pin.FrameType.JOINT]
+        names.append((direct or frames)[0].name if frames else model.names[index])
+    return tuple(names)

@@ -112,6 +112,10 @@ class Stated:
         Joint to stiffness [N·m/rad or N/m] and position at which it is relaxed.
     undriven : str
         An actuator that drives no single joint, if there is one.
+    locked : mapping
+        Locked joint to position [rad or m]; none of them is in the tree.
+    welded : mapping
+        Body behind a locked joint to its ten parameters in the frame of the joint that it hangs on.
     """
 
     model: Any
@@ -123,6 +127,8 @@ class Stated:
     home: Array | None = None
     springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     undriven: str = ""
+    locked: Mapping[str, float] = field(default_factory=dict)
+    welded: Mapping[str, Array] = field(default_factory=dict)
 
 
 def name_numbers(

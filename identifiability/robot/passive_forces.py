@@ -44,8 +44,8 @@ class Forces:
     springs: Mapping[str, Spring] = field(default_factory=dict)
 
 
-def read_forces(path: Path, m: Any) -> Forces:
-    """Return the forces along the joints of a compiled model.
+def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
+    """Return the forces along the joints of a compiled model; none moves a locked joint.
 
     Raises
     ------
@@ -55,12 +55,14 @@ def read_forces(path: Path, m: Any) -> Forces:
     _refuse_fields(path, m)
     forces = Forces(np.array(m.dof_damping), np.array(m.dof_frictionloss), np.array(m.dof_armature))
     stiffness, pull = np.zeros(m.nv), np.zeros(m.nv)
+    held = {int(m.joint(name).id): at for name, at in locked.items()}
     for j in range(m.njnt):
-        _add_joint_spring(path, m, j, stiffness, pull)
+        if j not in held:
+            _add_joint_spring(path, m, j, stiffness, pull)
     for t in range(m.ntendon):
-        _add_tendon(path, m, t, forces, stiffness, pull)
+        _add_tendon(path, m, t, held, forces, stiffness, pull)
     for a in range(len(m.actuator_trntype)):
-        _add_actuator(path, m, a, forces)
+        _add_actuator(path, m, a, held, forces)
     _refuse_on_balls(path, m, forces)
     for d in np.flatnonzero((stiffness == 0.0) & (pull != 0.0)):
         name = m.joint(int(m.dof_jntid[d])).name
@@ -78,30 +80,41 @@ def read_forces(path: Path, m: Any) -> Forces:
     return forces
 
 
-def find_drives(m: Any) -> tuple[list[str] | None, str]:
+def find_drives(m: Any, locked: Mapping[str, float]) -> tuple[list[str] | None, str]:
     """Return the joints that actuators drive (None without actuators), and one that drives none.
 
-    A joint may have several actuators, say one that holds a position and one that damps.
+    A joint may have several actuators, say one that holds a position and one that damps; an
+    actuator whose joints are all locked drives nothing.
     """
-    count = len(m.actuator_trntype)
-    joints = [_driven(m, a) for a in range(count)]
-    names = [m.joint(j).name for j in joints if j is not None]
-    idle = [a for a in range(count) if joints[a] is None and m.actuator_trntype[a] != _ON_BODY]
+    held = {int(m.joint(name).id): at for name, at in locked.items()}
+    working = [a for a in range(len(m.actuator_trntype)) if not _idle(m, a, held)]
+    joints = {a: _driven(m, a, held) for a in working}
+    names = [m.joint(j).name for j in joints.values() if j is not None]
+    idle = [a for a, j in joints.items() if j is None and m.actuator_trntype[a] != _ON_BODY]
     other = (m.actuator(idle[0]).name or f"number {idle[0] + 1}") if idle else ""
     return list(dict.fromkeys(names)) if names or other else None, other
 
 
-def _driven(m: Any, a: int) -> int | None:
+def _idle(m: Any, a: int, held: Mapping[int, float]) -> bool:
+    """Whether all joints that an actuator drives are locked."""
+    kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
+    if kind == _ON_TENDON:
+        arms = _arms(m, target)
+        return bool(arms) and all(j in held for j in arms or ())
+    return kind in _ON_JOINT and target in held
+
+
+def _driven(m: Any, a: int, held: Mapping[int, float]) -> int | None:
     """Return the joint that an actuator drives, or None."""
     target = int(m.actuator_trnid[a, 0])
     if int(m.actuator_trntype[a]) in _ON_JOINT:
         return target
-    single = _single(m, target) if int(m.actuator_trntype[a]) == _ON_TENDON else None
+    single = _single(m, target, held) if int(m.actuator_trntype[a]) == _ON_TENDON else None
     return single[0] if single is not None else None
 
 
-def _single(m: Any, t: int) -> tuple[int, float] | None:
-    """Return the joint that a tendon runs along, with its coefficient, if there is just one."""
+def _arms(m: Any, t: int) -> dict[int, float] | None:
+    """Return the joints that a tendon runs along, with their coefficients; None of a bent one."""
     start = int(m.tendon_adr[t])
     parts = range(start, start + int(m.tendon_num[t]))
     if any(int(m.wrap_type[w]) != _ALONG for w in parts):
@@ -110,8 +123,16 @@ def _single(m: Any, t: int) -> tuple[int, float] | None:
     for w in parts:
         joint = int(m.wrap_objid[w])
         arms[joint] = arms.get(joint, 0.0) + float(m.wrap_prm[w])
-    arms = {j: c for j, c in arms.items() if c}
-    return next(iter(arms.items())) if len(arms) == 1 else None
+    return {j: c for j, c in arms.items() if c}
+
+
+def _single(m: Any, t: int, held: Mapping[int, float]) -> tuple[int, float, float] | None:
+    """Return the one joint that moves a tendon: its index, coefficient, and length at zero."""
+    arms = _arms(m, t) or {}
+    moving = [(j, c) for j, c in arms.items() if j not in held]
+    if len(moving) != 1:
+        return None
+    return *moving[0], sum(c * held[j] for j, c in arms.items() if j in held)
 
 
 def _extra(m: Any, name: str, k: int) -> Any:
@@ -136,7 +157,15 @@ def _add_joint_spring(path: Path, m: Any, j: int, stiffness: Array, pull: Array)
     pull[dof] += m.jnt_stiffness[j] * m.qpos_spring[m.jnt_qposadr[j]]
 
 
-def _add_tendon(path: Path, m: Any, t: int, forces: Forces, stiffness: Array, pull: Array) -> None:
+def _add_tendon(
+    path: Path,
+    m: Any,
+    t: int,
+    held: Mapping[int, float],
+    forces: Forces,
+    stiffness: Array,
+    pull: Array,
+) -> None:
     linear = {
         "stiffness": float(m.tendon_stiffness[t]),
         "damping": float(m.tendon_damping[t]),
@@ -145,10 +174,11 @@ def _add_tendon(path: Path, m: Any, t: int, forces: Forces, stiffness: Array, pu
     }
     bent = [k for k in ("stiffness", "damping") if np.any(_extra(m, f"tendon_{k}poly", t))]
     present = [k for k, value in linear.items() if value] + bent
-    if not present:
+    arms = _arms(m, t)
+    if not present or (arms and all(j in held for j in arms)):
         return
     name = m.tendon(t).name or f"number {t + 1}"
-    single = _single(m, t)
+    single = _single(m, t, held)
     if single is None:
         raise _refusal(path, f"the tendon '{name}' has {present[0]} and is not along one joint")
     low, high = m.tendon_lengthspring[t]
@@ -156,25 +186,25 @@ def _add_tendon(path: Path, m: Any, t: int, forces: Forces, stiffness: Array, pu
         raise _refusal(path, f"the tendon '{name}' has stiffness or damping that is not linear")
     dof, arm = int(m.jnt_dofadr[single[0]]), single[1]
     stiffness[dof] += linear["stiffness"] * arm**2
-    pull[dof] += linear["stiffness"] * arm * low
+    pull[dof] += linear["stiffness"] * arm * (low - single[2])
     forces.damping[dof] += linear["damping"] * arm**2
     forces.frictionloss[dof] += linear["frictionloss"] * abs(arm)
     forces.armature[dof] += linear["armature"] * arm**2
 
 
-def _add_actuator(path: Path, m: Any, a: int, forces: Forces) -> None:
+def _add_actuator(path: Path, m: Any, a: int, held: Mapping[int, float], forces: Forces) -> None:
     """Add the rotor and the damping that an actuator brings along."""
     rotor, damping = (float(_extra(m, f"actuator_{k}", a)) for k in ("armature", "damping"))
     bent = np.any(_extra(m, "actuator_dampingpoly", a))
-    if not (rotor or damping or bent):
+    if not (rotor or damping or bent) or _idle(m, a, held):
         return
-    name, joint = m.actuator(a).name or f"number {a + 1}", _driven(m, a)
+    name, joint = m.actuator(a).name or f"number {a + 1}", _driven(m, a, held)
     if joint is None or bent:
         what = "damping that is not linear" if bent else "armature or damping but drives no joint"
         raise _refusal(path, f"the actuator '{name}' has {what}")
     arm = float(m.actuator_gear[a, 0])
     if int(m.actuator_trntype[a]) == _ON_TENDON:
-        single = _single(m, int(m.actuator_trnid[a, 0]))
+        single = _single(m, int(m.actuator_trnid[a, 0]), held)
         arm *= single[1] if single is not None else 1.0
     dof = int(m.jnt_dofadr[joint])
     forces.armature[dof] += rotor * arm**2

@@ -13,6 +13,7 @@ from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
 from identifiability.robot.files import read_robot
+from identifiability.robot.locking import LockOption
 
 RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
 
@@ -27,6 +28,7 @@ class Robot(Description):
         source: RobotSource,
         sidecar: FilePath | None = None,
         columns: Mapping[str, str] | None = None,
+        lock: LockOption | None = None,
     ) -> Robot:
         r"""Read a robot from an MJCF or URDF file, or by the name of a shipped one.
 
@@ -40,6 +42,10 @@ class Robot(Description):
         columns : mapping, optional
             What its logs call columns or joints, and what they are here, as in the sidecar's
             ``[columns]`` and before it: ``{r"fer_joint(\d)": r"panda_joint\1"}``.
+        lock : list of str or mapping, optional
+            Joints that do not move, such as a gripper's: ``["finger"]`` holds one at its home
+            position, ``["finger=0.02"]`` or ``{"finger": 0.02}`` there [rad or m]. What hangs
+            behind them is one body with what is before. They add to the sidecar's ``locked``.
 
         Raises
         ------
@@ -51,7 +57,7 @@ class Robot(Description):
             given = Renames.of(columns or {})
         except ValueError as error:
             raise RobotError(f"{error}.") from None
-        known = read_robot(source, sidecar)
+        known = read_robot(source, sidecar, lock)
         stated = {f.name: getattr(known, f.name) for f in fields(known)}
         return Robot(**{**stated, "columns": given.before(known.columns)})
 

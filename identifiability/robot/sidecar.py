@@ -5,6 +5,7 @@ Every key is optional::
     name = "3-RPS parallel robot"
     prior_relative = 1.0                 # width of the other priors (default: 1, the size itself)
     actuated = ["joint1", "joint2"]      # which joints have a motor (default: <actuator>, or all)
+    locked = ["finger"]                  # joints that do not move (or a table: finger = 0.02)
     inertia_parts = ["Jr", "Js"]         # what an actuator's inertia is made of (default: Ia)
 
     [home]                               # joint = position; selects the assembly of a closed chain
@@ -18,7 +19,7 @@ Every key is optional::
     point2 = [0.3, 0, 0]
     axes = ["x", "z"]                    # world directions in which it is demanded (default: all)
 
-    [[couplings]]                        # joint = c0 + c1 of + c2 of² + …
+    [[couplings]]                        # joint = c0 + c1 of + c2 of² + …, beside the file's own
     joint = "joint3"
     of = "joint2"
     polynomial = [0, -1]
@@ -166,6 +167,7 @@ class Sidecar(_Strict):
     name: str = ""
     description: str = ""
     actuated: list[str] | None = None
+    locked: Names | dict[str, float | None] = []
     inertia_parts: Names = Field(default=["Ia"], min_length=1)
     home: dict[str, float] = {}
     loops: list[LoopEntry] | None = None

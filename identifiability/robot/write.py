@@ -7,6 +7,7 @@ stands in a sidecar, where the library reads it back; which parameters these are
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -19,6 +20,7 @@ from identifiability.foundation.errors import OutputError, RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
 from identifiability.robot.description import Description
+from identifiability.robot.locking import share_out
 from identifiability.robot.markup import read_markup
 from identifiability.robot.mjcf_text import clear_mjcf, in_radians, numbers, write_inertial
 from identifiability.robot.sidecar import read_sidecar
@@ -72,8 +74,8 @@ def write_robot(
             f"'{path}' asks for {other}, but {robot.path} is {own}; give a file name ending in "
             f"{suffix}."
         )
-    for index, body in enumerate(robot.bodies):
-        _write_body(top, robot, index, bodies[body])
+    for body, theta in share_out(robot, bodies).items():
+        _write_body(top, robot, body, theta)
     elements = {e.get("name"): e for e in top.iter("joint")}
     degrees = robot.mjcf and not in_radians(top)
     for name, stated in joints.items():
@@ -115,9 +117,8 @@ def _template(robot: Description) -> ET.Element:
     return top
 
 
-def _write_body(top: ET.Element, robot: Description, index: int, theta: Array) -> None:
-    """Write ten parameters of the body behind a joint, given in the joint's frame."""
-    body = robot.bodies[index]
+def _write_body(top: ET.Element, robot: Description, body: str, theta: Array) -> None:
+    """Write ten parameters of a body, given in the frame of the joint that moves it."""
     mass, first = float(theta[0]), theta[1:4]
     if mass <= 0:
         raise RobotError(
@@ -135,13 +136,12 @@ def _write_body(top: ET.Element, robot: Description, index: int, theta: Array) -
     if robot.mjcf:
         write_inertial(top, body, mass, centre, inertia)
     else:
-        _write_urdf_inertial(top, robot, index, mass, centre, inertia)
+        _write_urdf_inertial(top, body, mass, centre, inertia)
 
 
 def _write_urdf_inertial(
-    top: ET.Element, robot: Description, index: int, mass: float, centre: Array, inertia: Array
+    top: ET.Element, body: str, mass: float, centre: Array, inertia: Array
 ) -> None:
-    body = robot.bodies[index]
     links = top.findall("link")
     element = next(link for link in links if link.get("name") == body)
     _remove_all(element, "inertial")
@@ -151,11 +151,15 @@ def _write_urdf_inertial(
     entries = {f"i{'xyz'[i]}{'xyz'[j]}": inertia[i, j] for i in range(3) for j in range(i, 3)}
     ET.SubElement(new, "inertia", {name: f"{value:.17g}" for name, value in entries.items()})
     # Links that are fixed to this one are part of it now.
-    attached = {
-        frame.name
-        for frame in robot.model.frames
-        if frame.type == pin.FrameType.BODY and frame.parentJoint == index + 1
-    }
+    ends: list[tuple[str | None, str | None]] = [
+        (parent.get("link"), child.get("link"))
+        for joint in top.findall("joint")
+        if joint.get("type") == "fixed"
+        for parent, child in zip(joint.findall("parent"), joint.findall("child"), strict=False)
+    ]
+    attached: set[str | None] = {body}
+    for _ in ends:
+        attached |= {child for parent, child in ends if parent in attached}
     for link in links:
         if link.get("name") in attached - {body}:
             _remove_all(link, "inertial")
@@ -193,6 +197,7 @@ _MEANING = {
     "nominal": "parameters that the robot file cannot hold",
     "shapes": "Stribeck velocities and periods of the effects",
     "reference": "values by which the loads of effects are known",
+    "locked": "joints that do not move, and where they are held",
 }
 
 
@@ -204,9 +209,13 @@ def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]])
     RobotError
         If one of them does not stand there in a table of its own.
     """
+    if robot.lock_option:
+        tables = {**tables, "locked": robot.locked}
     if robot.sidecar is None and not any(tables.values()):
         return None
     given = robot.sidecar.read_text(encoding="utf-8-sig") if robot.sidecar is not None else ""
+    if robot.lock_option:  # which adds to a list that may stand there
+        given = re.sub(r"^locked\s*=\s*\[[^\]]*\].*\n", "", given, flags=re.MULTILINE)
     heads = {f"[{key}]" for key in tables}
     lines, skipping = [], False
     for line in given.splitlines():

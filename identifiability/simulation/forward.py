@@ -34,6 +34,9 @@ HARD = (0.99, 0.9999)
 #: diverged.
 DIVERGED = 10.0
 
+#: Rotor inertia that holds a locked joint where it is [kg·m² or kg].
+IMMOVABLE = 1e9
+
 #: Parts of an MJCF file that have no share in the free motion of the bodies.
 _IDLE = ("asset", "actuator", "sensor", "contact", "tendon", "visual", "statistic", "custom")
 
@@ -94,6 +97,7 @@ class ForwardRobot:
             model.qpos_spring[joint.qposadr[0]] = (
                 robot.dof_position(home, name)[0] if rest is None else rest
             )
+        model.dof_armature[self._kinematics.locked] = IMMOVABLE
 
     @quiet()
     def run(self, q: Array, dq: Array, tau: Array, dt: float, extra: Extra | None = None) -> Array:

@@ -79,7 +79,9 @@ class MujocoRobot:
         self.model.opt.enableflags = 0
         self.actuated = np.array([self._dof(j) for j in robot.joints], int)
         self.positions = np.array([int(self._joint(j).qposadr[0]) for j in robot.joints], int)
-        self.passive = np.setdiff1d(np.arange(self.model.nv), self.actuated)
+        #: Locked joints are in the file; prescribed to stand still, they need not be welded.
+        self.locked = np.array([self._dof(j) for j in robot.locked], int)
+        self.passive = np.setdiff1d(np.arange(self.model.nv), [*self.actuated, *self.locked])
         self.closures = _closures(self.model, robot)
         self.couplings = _couplings(self.model, robot)
 
@@ -133,6 +135,8 @@ class MujocoRobot:
     def home(self) -> Array:
         """Return the configuration that selects the assembly, (nq,)."""
         home, q = np.array(self.model.qpos0), self.robot.home
+        for name, position in self.robot.locked.items():
+            home[int(self._joint(name).qposadr[0])] = position
         for j in self.robot.tree.joints:
             name = j.dofs[0] if j.nv == 1 else j.dofs[0].rpartition(".")[0]
             at = int(self._joint(name).qposadr[0])

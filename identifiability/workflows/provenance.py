@@ -40,6 +40,8 @@ def state_provenance(
         out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
     if robot.columns:
         out["columns"] = robot.columns.text
+    if robot.locked:
+        out["locked"] = ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items())
     if source is not None:
         out["ladder"] = source.origin
         out["sha256 ladder"] = source.sha256

@@ -35,6 +35,8 @@ def mujoco_torque(robot, motion, text):
     d = mujoco.MjData(m)
     at = {m.joint(j).name: j for j in range(m.njnt)}
     out = np.zeros((len(motion), len(robot.actuated)))
+    for name, position in robot.locked.items():
+        d.qpos[m.jnt_qposadr[at[name]]] = position
     for k in range(len(motion)):
         for joint in robot.tree.joints:
             (name,) = joint.dofs
@@ -53,12 +55,12 @@ def mujoco_torque(robot, motion, text):
 
 @pytest.fixture
 def load_text(tmp_path):
-    def load(text, suffix="xml", sidecar=None):
+    def load(text, suffix="xml", sidecar=None, lock=None):
         path = tmp_path / f"robot.{suffix}"
         path.write_text(text)
         if sidecar is not None:
             path.with_suffix(".toml").write_text(sidecar)
-        return Robot.load(path)
+        return Robot.load(path, lock=lock)
 
     return load
 
@@ -67,8 +69,8 @@ def load_text(tmp_path):
 def agrees(load_text):
     """A function that checks that both roads give the same torque at random states."""
 
-    def check(text, samples=20, spread=1.0, seed=0):
-        robot = load_text(text)
+    def check(text, samples=20, spread=1.0, seed=0, **given):
+        robot = load_text(text, **given)
         rng = np.random.default_rng(seed)
         n = len(robot.actuated)
         home = robot.actuated_positions(robot.home[None])

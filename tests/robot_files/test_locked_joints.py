@@ -1,0 +1,256 @@
+"""Laws of locked joints: the robot is the one whose joints are welded where they are held."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from made_robots import CLOSURES, arm, parallelogram
+from typer.testing import CliRunner
+
+from identifiability.cli import app
+from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.names import INERTIAL_KINDS
+from identifiability.logs import Log
+from identifiability.logs.prepare.longsamples import prepare_samples
+from identifiability.robot import Robot, complete_motion
+from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.simulation.forward import ForwardRobot
+from identifiability.workflows.export import write_parameters
+
+#: Two fingers on a turned hand; the second follows the first, and a tendon drives both.
+HAND = """<body name="hand" pos="0.4 0.01 0" euler="0.2 0.1 0.3">
+    <inertial mass="0.7" pos="0.01 0 0.03" diaginertia="0.002 0.001 0.0015"/>
+    <body name="left" pos="0 0.02 0.06"><joint name="f1" type="slide" axis="0 1 0" range="0 0.04"
+      damping="3" stiffness="20" springref="0.03"/>
+      <inertial mass="0.2" pos="0 0.01 0.02" diaginertia="0.0002 0.0001 0.00015"/>
+      <body name="pad" pos="0 0 0.05"><inertial mass="0.05" pos="0 0.004 0"
+        diaginertia="1e-5 2e-5 1e-5"/></body></body>
+    <body name="right" pos="0 -0.02 0.06"><joint name="f2" type="slide" axis="0 -1 0" ref="0.01"/>
+      <inertial mass="0.2" pos="0 -0.01 0.02" diaginertia="0.0002 0.0001 0.00015"/></body></body>"""
+SPLIT = """<tendon><fixed name="split"><joint joint="f1" coef="0.5"/><joint joint="f2" coef="0.5"/>
+    </fixed></tendon><equality><joint joint1="f2" joint2="f1"/></equality>"""
+MOTORS = """<actuator><motor joint="shoulder"/><motor joint="elbow"/><motor tendon="split"/>
+    </actuator>"""
+
+
+def gripper(**parts):
+    return arm(inside=HAND, after=SPLIT, actuator=MOTORS, **parts)
+
+
+def inertias(robot):
+    return {b: [robot.nominal[f"{b}.{k}"] for k in INERTIAL_KINDS] for b in robot.bodies}
+
+
+def same_inertias(robot, other, atol=1e-12):
+    assert robot.bodies == other.bodies
+    for body, theta in inertias(robot).items():
+        np.testing.assert_allclose(theta, inertias(other)[body], rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize("held", ["f1=0.03", "f2=0.03", "f1"])
+def test_a_locked_gripper_is_part_of_the_arm_on_both_roads(held, agrees):
+    robot = agrees(gripper(), lock=[held])
+    assert robot.joints == ("shoulder", "elbow")
+    assert robot.bodies == ("link1", "link2")
+    assert not robot.closed
+    assert set(robot.locked) == {"f1", "f2"}
+    # MuJoCo writes couplings in displacements from the reference positions.
+    first = {"f1=0.03": 0.03, "f2=0.03": 0.02, "f1": 0.0}[held]
+    assert robot.locked == pytest.approx({"f1": first, "f2": first + 0.01})
+    assert not [name for name in robot.nominal if name.startswith(("f1.", "f2.", "left.", "hand."))]
+
+
+def test_the_inertia_of_a_locked_mjcf_is_that_of_pinocchios_reduced_model(load_text):
+    text = gripper(elbow='frictionloss="0.4" armature="0.2"')
+    whole = load_text(text, sidecar='actuated = ["shoulder", "elbow", "f1"]')
+    robot = load_text(text, lock={"f1": 0.03})
+    q = pin.neutral(whole.model)
+    q[2:] = 0.03, 0.04
+    reduced = pin.buildReducedModel(whole.model, [3, 4], q)
+    for mine, theirs in zip(robot.model.inertias, reduced.inertias, strict=True):
+        np.testing.assert_allclose(mine.toDynamicParameters(), theirs.toDynamicParameters(),
+                                   rtol=0, atol=1e-13)  # fmt: skip
+    np.testing.assert_allclose(robot.model.armature, [0.0, 0.2])
+    np.testing.assert_allclose(robot.model.upperDryFrictionLimit, [0.0, 0.4])
+
+
+@pytest.mark.parametrize("held", ["middle", "first", "last"])
+def test_one_of_several_joints_in_a_body_can_be_locked(held, agrees):
+    inside = """<body name="wrist" pos="0.3 0 0.1"><joint name="first" axis="1 0 0" ref="0.2"/>
+      <joint name="middle" pos="0.1 0 0" axis="0 1 1" ref="-0.3"/>
+      <joint name="last" type="slide" axis="1 0 1" pos="0 0.1 0" ref="0.1"/>
+      <inertial mass="0.7" pos="0.01 0 0.03" diaginertia="0.02 0.01 0.015"/></body>"""
+    left = [n for n in ("first", "middle", "last") if n != held]
+    motors = "".join(f'<motor joint="{n}"/>' for n in ("shoulder", "elbow", *left))
+    text = arm(inside=inside, actuator=f"<actuator>{motors}</actuator>")
+    robot = agrees(text, lock=[f"{held}=0.4"])
+    assert robot.joints == ("shoulder", "elbow", *left)
+
+
+def test_a_motor_of_a_closed_chain_can_be_locked_at_its_home():
+    """The five-bar with a braked shoulder is a four-bar."""
+    whole = Robot.load("five-bar")
+    robot = Robot.load("five-bar", lock=["right_shoulder"])
+    assert robot.joints == ("left_shoulder",)
+    assert robot.passive == ("left_elbow", "right_elbow")
+    rng = np.random.default_rng(0)
+    q = robot.actuated_positions(robot.home[None]) + 0.2 * rng.uniform(-1, 1, (20, 1))
+    dq, ddq = rng.normal(size=(2, 20, 1))
+    motion = complete_motion(robot, np.arange(20.0), q, dq, ddq)
+    still = np.zeros_like(q)
+    shoulder = whole.actuated_positions(whole.home[None])[0, 1]
+    pair = [np.hstack(p) for p in ((q, shoulder + still), (dq, still), (ddq, still))]
+    other = complete_motion(whole, np.arange(20.0), *pair)
+    np.testing.assert_allclose(motion.q, np.delete(other.q, 2, 1), atol=1e-9)
+    np.testing.assert_allclose(motion.a, np.delete(other.a, 2, 1), atol=1e-8)
+    one = simulate(robot, PrescribedMotion(motion.t, q, dq, ddq)).tau[:, 0]
+    two = simulate(whole, PrescribedMotion(motion.t, *pair)).tau[:, 0]
+    np.testing.assert_allclose(one, two, atol=1e-9)
+
+
+def test_a_locked_gripper_on_a_closed_chain_is_part_of_its_body(agrees):
+    closure = CLOSURES["site on the root"]
+    text = parallelogram(closure, sites="").replace(
+        '<site name="toe"', '<body name="claw" pos="-0.3 0 0.1" euler="0 0.3 0.1"><joint name="jaw"'
+        ' axis="0 1 0"/><inertial mass="0.4" pos="0.1 0 0" diaginertia="0.01 0.02 0.02"/></body>'
+        '<site name="toe"').replace('0.7"/></keyframe>', '0.7 0.1"/></keyframe>')  # fmt: skip
+    with pytest.raises(RobotError, match="jaw"):
+        agrees(text, spread=0.3)
+    robot = agrees(text, spread=0.3, lock=["jaw"])
+    assert robot.locked == {"jaw": pytest.approx(0.1)}  # where home has it
+    assert "claw" not in robot.bodies
+
+
+FINGERS = """<robot name="r"><link name="ground"/><link name="arm"><inertial><mass value="2"/>
+  <origin xyz="0.1 0.2 0.3"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>
+  </inertial></link>{links}
+  <joint name="j1" type="revolute"><parent link="ground"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="9" velocity="9"/><dynamics damping="0.3" friction="0.1"/>
+  </joint>
+  <joint name="f1" type="{kind}"><parent link="arm"/><child link="left"/>
+    <origin xyz="{at}" rpy="0.1 0.2 0.3"/><axis xyz="0 1 0"/>{limit}</joint>
+  <joint name="tip" type="fixed"><parent link="left"/><child link="pad"/><origin xyz="0 0 0.1"/>
+  </joint>
+  <joint name="f2" type="prismatic"><parent link="arm"/><child link="right"/>
+    <origin xyz="0 0 0.4"/><axis xyz="0 0 1"/><mimic joint="f1" multiplier="-2" offset="0.01"/>
+    <limit lower="-1" upper="1" effort="9" velocity="9"/></joint></robot>"""
+LINK = """<link name="{0}"><inertial><origin xyz="0.01 0.02 0.05" rpy="0.1 0.2 0.3"/>
+  <mass value="0.3"/><inertia ixx="0.001" iyy="0.0012" izz="0.0015" ixy="1e-5" ixz="-2e-5"
+  iyz="5e-5"/></inertial></link>"""
+LINKS = "".join(LINK.format(name) for name in ("left", "pad", "right"))
+
+
+def fingers(kind="prismatic", at="0 0.1 0.4", links=LINKS):
+    limit = '<limit lower="0" upper="1" effort="9" velocity="9"/>' if kind != "fixed" else ""
+    return FINGERS.format(links=links, kind=kind, at=at, limit=limit)
+
+
+def test_a_locked_urdf_is_the_urdf_with_a_fixed_joint_there(load_text):
+    robot = load_text(fingers(), "urdf", lock=["f1=0.05"])
+    turn = pin.rpy.rpyToMatrix(0.1, 0.2, 0.3)
+    at = np.array([0, 0.1, 0.4]) + 0.05 * turn[:, 1]
+    words = " ".join(f"{x:.17g}" for x in at)
+    fixed = load_text(fingers("fixed", words).replace('offset="0.01"', 'offset="-0.09"'), "urdf")
+    assert robot.joints == fixed.joints == ("j1",)
+    assert robot.locked == {"f1": 0.05, "f2": pytest.approx(-0.09)}
+    same_inertias(robot, fixed)
+
+
+def test_what_mimics_a_fixed_joint_stands_still(load_text):
+    robot = load_text(fingers("fixed"), "urdf")
+    assert robot.locked == {"f2": 0.01}
+    assert not robot.closed
+    assert load_text(fingers("fixed"), "urdf", lock=["f1"]).locked == robot.locked
+
+
+def test_the_lock_of_a_sidecar_may_be_a_list_or_a_table_and_the_option_goes_first(load_text):
+    rest = '\n[limits]\nf1 = {v = 1}\n[nominal]\n"f1.Fv" = 2.0'
+    listed = load_text(fingers(), "urdf", 'locked = ["f1"]' + rest)
+    assert listed.locked == {"f1": 0.0, "f2": 0.01}
+    assert "f1.Fv" not in listed.nominal
+    table = "[locked]\nf1 = 0.05"
+    assert load_text(fingers(), "urdf", table).locked["f1"] == 0.05
+    assert load_text(fingers(), "urdf", table, lock=["f1=0.02"]).locked["f1"] == 0.02
+    assert load_text(fingers(), "urdf", "[home]\nf1 = 0.03", lock=["f1"]).locked["f1"] == 0.03
+
+
+def test_couplings_of_a_sidecar_add_to_those_of_the_file(load_text):
+    far = """<joint name="j2" type="revolute"><parent link="ground"/><child link="far"/>
+      <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="9" velocity="9"/></joint></robot>"""
+    text = fingers(links=LINKS + LINK.format("far")).replace("</robot>", far)
+    coupling = 'actuated = ["j1", "f1"]\n[[couplings]]\njoint = "{0}"\nof = "{1}"\n'
+    robot = load_text(text, "urdf", coupling.format("j2", "j1"))
+    assert {c.joint: c.of for c in robot.couplings} == {"f2": "f1", "j2": "j1"}
+    both = coupling.format("j2", "j1") + '[[couplings]]\njoint = "f2"\nof = "j1"\n'
+    robot = load_text(text, "urdf", both)  # of one joint the sidecar's goes first
+    assert {c.joint: c.of for c in robot.couplings} == {"f2": "j1", "j2": "j1"}
+
+
+@pytest.mark.parametrize(
+    ("sidecar", "lock", "sentence"),
+    [
+        ("", ["f9"], "no joint 'f9' .*Its joints are j1, f1, f2"),
+        ("", ["f1=high"], "'f1' cannot be locked at 'high'"),
+        ("", ["f1=0.1", "f2=0.2"], "'f2' is locked at 0.2, .* puts it at -0.19; lock one of them"),
+        ("", ["j1", "f1"], "no joint that moves"),
+        ('[nominal]\n"left.m" = 1.0', ["f1"], "names the body 'left', .* behind a locked joint"),
+        ('locked = ["f1", "f1"]', None, "each one once"),
+    ],
+)
+def test_what_cannot_be_locked_is_refused_with_the_remedy(sidecar, lock, sentence, load_text):
+    with pytest.raises(RobotError, match=sentence):
+        load_text(fingers(), "urdf", sidecar, lock)
+
+
+@pytest.mark.parametrize("form", ["mjcf", "urdf"])
+@pytest.mark.parametrize("mass", [1.0, 0.2])
+def test_a_locked_robot_is_written_and_read_back_with_its_locks(form, mass, load_text, tmp_path):
+    """Bodies behind locked joints keep their numbers where those fit in; grippers still move."""
+    text = gripper() if form == "mjcf" else fingers()
+    robot = load_text(text, "xml" if form == "mjcf" else "urdf", lock=["f1=0.03"])
+    host = robot.bodies[-1]
+    theta = {f"{host}.{k}": mass * robot.nominal[f"{host}.{k}"] for k in INERTIAL_KINDS}
+    out = tmp_path / f"copy{robot.path.suffix}"
+    written = write_parameters(robot, theta, out)
+    assert written.sidecar == out.with_suffix(".toml")
+    back = Robot.load(out)
+    assert back.locked == pytest.approx(robot.locked)
+    for name, value in theta.items():
+        assert back.nominal[name] == pytest.approx(value, abs=1e-9)
+    share = {b: back.welded[b][0] / robot.welded[b][0] for b in robot.welded}
+    assert all(part == pytest.approx(1.0) for part in share.values()) == (mass == 1.0)
+    assert Path(out).read_text().count('"f1"') >= 2  # the joint, and what follows it
+
+
+def test_a_robot_with_a_locked_gripper_moves_as_the_welded_one(load_text):
+    joints = HAND.replace("<joint", "<!--").replace('springref="0.03"/>', "-->").replace(
+        'ref="0.01"/>', "-->")  # fmt: skip
+    rng = np.random.default_rng(2)
+    q, dq = 0.3 * rng.normal(size=(2, 3, 2))
+    tau = rng.normal(size=(3, 30, 2))
+    other = load_text(arm(inside=joints))
+    two = ForwardRobot(other, {}).run(q, dq, tau, 0.01)
+    locked = load_text(gripper(), lock=["f1"])
+    same_inertias(locked, other)
+    one = ForwardRobot(locked, {}).run(q, dq, tau, 0.01)
+    assert np.abs(one - q[:, None]).max() > 0.05
+    np.testing.assert_allclose(one, two, rtol=0, atol=1e-7)
+
+
+def test_joints_that_a_log_lacks_are_proposed_for_locking_with_what_to_write(load_text, tmp_path):
+    robot = load_text(fingers(), "urdf")
+    log, motion = tmp_path / "run.csv", tmp_path / "motion.csv"
+    t = np.linspace(0, 6, 600)
+    wave = np.sin(np.outer(t, [1.0, 2.0, 3.3])) @ [0.5, 0.3, 0.2]
+    motion.write_text("t,j1.q\n" + "".join(f"{a},{b}\n" for a, b in zip(t, wave, strict=True)))
+    made = CliRunner().invoke(
+        app, ["simulate", str(robot.path), str(motion), "--lock", "f1=0.02", "--out", str(log)]
+    )
+    assert made.exit_code == 0, made.output
+    with pytest.raises(LogError, match="no columns for the actuated joint f1; .* lock it: "
+                       r'--lock f1, or locked = \["f1"\] in the sidecar'):  # fmt: skip
+        prepare_samples(robot, Log.read(log))
+    locked = Robot.load(robot.path, lock=["f1"])
+    assert prepare_samples(locked, Log.read(log)).tau.shape[1] == 1
+    assert locked.sha256 != robot.sha256
