@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,9 @@ LARGEST = 1e12
 
 #: No log is sampled faster than this [s].
 SHORTEST_STEP = 1e-7
+
+#: Steps of the clock that differ from the usual one by more than this share of it are remembered.
+ODD = 0.4
 
 
 def find_joints(columns: list[str], source: str) -> list[str]:
@@ -182,6 +186,7 @@ class Clock:
         self.longest, self.shortest = Step(0, 0.0, -np.inf), Step(0, 0.0, np.inf)
         self._before = np.empty(0)
         self._back: Step | None = None
+        self._odd: list[Array] = []
 
     def add(self, t: Array) -> None:
         """Take in the next times, (N,) [s]."""
@@ -203,9 +208,26 @@ class Clock:
         self.shortest = min(self.shortest, step(steps.argmin()), key=lambda s: s.length)
         if np.isnan(self._usual):
             self._usual = float(np.median(steps))
+        odd = np.flatnonzero(np.abs(steps - self._usual) > ODD * self._usual)
+        self._odd.append(np.stack([start + odd, t[odd], t[odd + 1]]))
         back = np.flatnonzero(~(steps > 0))
         if len(back) and self._back is None:
             self._back = step(back[0])
+
+    @property
+    def odd(self) -> tuple[np.ndarray, Array, Array]:
+        """Rows (m,), times and next times [s] of the steps that are not the usual one."""
+        rows, t, then = np.concatenate([np.empty((3, 0)), *self._odd], axis=1)
+        return rows.astype(int), t, then
+
+    def cut(self, start: int, stop: int, first: float, last: float) -> Clock:
+        """Return the clock of the rows [start, stop), from the time `first` to `last` [s]."""
+        cut = copy(self)
+        rows, t, then = self.odd
+        inside = (rows >= start) & (rows < stop - 1)
+        cut._odd = [np.stack([rows - start, t, then])[:, inside]]
+        cut.rows, cut.first, cut.last = stop - start, first, last
+        return cut
 
     def finish(self) -> None:
         """Refuse times that are too few or do not increase.

@@ -116,9 +116,9 @@ class Log:
 
     def rows(self, start: int, stop: int) -> Log:
         """Return the samples [start, stop) as a log of the same name."""
-        return self._each(lambda x: x[start:stop], t=self.t[start:stop])
+        return self.each(lambda x: x[start:stop], t=self.t[start:stop])
 
-    def _each(self, change: Callable[[Array], Array], **others: Any) -> Log:
+    def each(self, change: Callable[[Array], Array], **others: Any) -> Log:
         """Return the log with all its channels changed alike, and other fields as given."""
         others |= {channel: change(getattr(self, channel)) for channel in self.channels}
         return replace(self, **others)
@@ -210,7 +210,7 @@ class Log:
         if tuple(wanted) == self.joints:
             return self
         order = [self.joints.index(j) for j in wanted]
-        return self._each(lambda x: x[:, order], joints=tuple(wanted))
+        return self.each(lambda x: x[:, order], joints=tuple(wanted))
 
 
 def _propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from copy import copy
 from dataclasses import field, replace
 from pathlib import Path
 
@@ -75,8 +74,8 @@ class LogFile:
 
     def cut(self, start: int, stop: int, name: str) -> LogFile:
         """Return the samples [start, stop) of the file under another name."""
-        clock = copy(self.clock)
-        clock.first, clock.last = (float(self.rows(k, k + 1).t[0]) for k in (start, stop - 1))
+        first, last = (float(self.rows(k, k + 1).t[0]) for k in (start, stop - 1))
+        clock = self.clock.cut(start, stop, first, last)
         span = (self.span[0] + start, self.span[0] + stop)
         return replace(self, name=name, clock=clock, span=span)
 

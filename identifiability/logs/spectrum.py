@@ -55,6 +55,9 @@ SEEN = 40.0
 #: time, but no longer than this [s]; so many samples are left at least.
 COARSE, LEFT = 0.02, 256
 
+#: Windows that are shorter than this share of the longest show no slow motion.
+HALF = 0.5
+
 #: Frequencies at which the noise is looked up, a decade.
 LOOKS = 16
 
@@ -163,16 +166,26 @@ def _average_steps(windows: Sequence[Array], dt: float) -> tuple[Sequence[Array]
     return [x[: rows * block].reshape(rows, block, -1).mean(1) for x in windows], dt * block
 
 
+def spectra_of(windows: Sequence[Array], dt: float, order: int = 2) -> list[Spectrum]:
+    """Return one spectrum of windows of equal length, or one for each length of unequal ones.
+
+    Those that are less than half as long as the longest are left out: they show no slow motion.
+    """
+    lengths = sorted({len(x) for x in windows}, reverse=True)
+    used = [n for n in lengths if n > HALF * lengths[0]]
+    return [Spectrum.of([x for x in windows if len(x) == n], dt, order) for n in used]
+
+
 def bandwidth_of_windows(windows: Sequence[Array], dt: float) -> float:
     """Return the band of a motion [Hz]: 99 % of the velocity's energy of every joint lie below.
 
     Parameters
     ----------
     windows : sequence of (N, n) [rad or m]
-        Positions, in windows of equal length.
+        Positions; the longest windows tell.
     dt : float [s]
     """
-    return float(Spectrum.of(windows, dt).bandwidths().max(initial=0.0))
+    return max(float(s.bandwidths().max(initial=0.0)) for s in spectra_of(windows, dt))
 
 
 @frozen

@@ -15,6 +15,7 @@ from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.actuator_blocks import (
     ActuatorBlocks,
     allot,
@@ -51,7 +52,8 @@ def gather_information(
     ----------
     regression : Regression
     blocks : int
-        Blocks of time over all logs, at most; each holds consecutive samples of one log.
+        Blocks of time over all logs, at most; each holds consecutive samples of one log, and none
+        reaches across a long gap.
     engine : Engine, optional
         Where stretches of long logs are worked on; here without.
     progress : callable(int, int), optional
@@ -59,12 +61,12 @@ def gather_information(
     names = tuple(p.name for p in regression.parameters)
     factors = _survey(regression)
     size = max(1, -(-regression.outputs // blocks))
-    outputs = [s.outputs for s in regression.samples]
-    count, longest = sum(-(-n // size) for n in outputs), min(size, max(outputs))
+    edges = [_block_edges(s, size) for s in regression.samples]
+    count, longest = sum(map(len, edges)), min(size, max(s.outputs for s in regression.samples))
     while True:
         seen = np.array([R[:, :-1].any(0) for R in factors])
         bases = [choose_basis(R, np.flatnonzero(s)) for R, s in zip(factors, seen, strict=True)]
-        gather = partial(_gather_part, seen=seen, bases=bases, size=size)
+        gather = partial(_gather_part, seen=seen, bases=bases, edges=edges)
         missed = np.zeros(seen.shape)
         held = [allot((count, min(longest, len(S)), len(S))) for S in bases]
         sums = [np.zeros((count, len(S))) for S in bases]
@@ -83,6 +85,13 @@ def gather_information(
     found = zip(seen, bases, held, sums, strict=True)
     parts = tuple(ActuatorBlocks(np.flatnonzero(s), *rest) for s, *rest in found)
     return Information(names, parts, counts, logs, regression.instruments is not None)
+
+
+def _block_edges(samples: Prepared, size: int) -> Array:
+    """Return the outputs at which blocks of a log begin; none reaches across a long gap."""
+    ends = (*samples.starts[1:], samples.outputs)
+    pairs = zip(samples.starts, ends, strict=True)
+    return np.concatenate([np.arange(a, b, size) for a, b in pairs])
 
 
 @frozen
@@ -117,7 +126,7 @@ def _pieces(found: Iterable[tuple[Iterable[_Piece], Array]], missed: Array) -> I
 
 
 def _gather_part(
-    part: Part, seen: np.ndarray, bases: Sequence[Array], size: int
+    part: Part, seen: np.ndarray, bases: Sequence[Array], edges: Sequence[Array]
 ) -> tuple[Iterable[_Piece], Array]:
     """Return the blocks of a part, and the squared lengths (n, k) of columns not in `seen`.
 
@@ -132,10 +141,11 @@ def _gather_part(
             if not seen.all():
                 missed[~seen] += np.square(W[:, ~seen]).sum(0)
             Z = [np.column_stack([W[:, a, c], tau[:, a]]) @ inv for a, (c, inv) in enumerate(into)]
-            at = 0
+            at, own_edges = 0, edges[chunk.log]
             while at < len(tau):
-                block = (start + at) // size
-                stop = min(len(tau), (block + 1) * size - start)
+                block = int(np.searchsorted(own_edges, start + at, "right")) - 1
+                end = own_edges[block + 1] if block + 1 < len(own_edges) else np.inf
+                stop = int(min(len(tau), end - start))
                 own = [rows[at:stop] for rows in Z]
                 sums = [rows.sum(0) for rows in own]
                 yield _Piece((chunk.log, block), [hold(rows) for rows in own], sums, stop - at)

@@ -221,7 +221,8 @@ def open_logs(
     if done:
         require_signal(train, done)
     require_signal(held, "verified")
-    hints = (*find_hints(structure.robot, train), *recordings.hints)
+    split = (text for s in (*train, *held) for text in s.hints)
+    hints = (*find_hints(structure.robot, train), *recordings.hints, *split)
     opening = Opening(structure=structure, samples=train, validation=held, hints=hints)
     return replace(opening, validation=()) if opening.silence else opening
 

@@ -7,6 +7,7 @@ import pytest
 from identifiability.foundation.errors import IdentifiabilityError, LogError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.robot import Robot
 
 
 def cell(frame, row, column, value):
@@ -171,13 +172,15 @@ def test_jitter_is_taken_as_even_and_said(bare, rng):
 
 
 @pytest.mark.parametrize("lost", [1, 2, 10])
-def test_a_gap_is_refused_when_derivatives_must_be_computed(lost, refuses, bare, arm):
+def test_a_gap_bridges_or_splits_a_log_and_is_said(lost, bare, arm):
     rows = [*range(50), *range(50 + lost, 200)]
-    sentence = refuses("two-link", bare.iloc[rows])
-    assert f"has a gap of {0.0375 * (lost + 1):.2f}" in sentence
-    assert "after t = 1.8375 s (data row 50) at a sampling step of 0.0375 s" in sentence
-    assert "split the log there" in sentence
-    assert len(prepare_two_link(arm.iloc[rows]).tau) == 200 - lost  # the log's own are kept
+    how = Preparation(cutoff=3.0)  # a quarter of its period is 2.2 steps
+    samples = prepare_samples(Robot.load("two-link"), Log.from_frame(bare.iloc[rows]), how)
+    said = [" s after t = 1.8375 s (data row 50)" in text for text in samples.hints]
+    assert said == [True] * (lost > 1)
+    assert any("lost samples (1, at most 0.075 s" in note for note in samples.notes) == (lost == 1)
+    # The log's own derivatives are kept, but for the first sample after a long gap.
+    assert len(prepare_two_link(arm.iloc[rows]).tau) == 200 - lost - (lost > 4)
 
 
 def prepare_two_link(frame, **how):

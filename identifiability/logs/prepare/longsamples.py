@@ -105,6 +105,8 @@ class LongSamples:
         Some of its samples, evenly spaced, without decimation.
     notes : tuple of str
     sha256 : str
+    hints : tuple of str
+        What seems to be wrong with the log.
     """
 
     name: str
@@ -113,11 +115,22 @@ class LongSamples:
     sketch: Samples = field(repr=False)
     notes: tuple[str, ...]
     sha256: str
+    hints: tuple[str, ...] = ()
 
     @property
     def outputs(self) -> int:
         """Number of samples after decimation."""
         return self.survey.outputs
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """The outputs with which a stretch begins: the first, and those behind a long gap."""
+        grid = self.stretches[0].plan.grid
+        if grid is None:
+            return (0,)
+        before = np.cumsum([0, *(s.outputs for s in self.stretches)])
+        at = [b for s, b in zip(self.stretches, before, strict=False) if s.first in grid.breaks]
+        return (0, *(int(k) for k in np.unique(at) if 0 < k < before[-1]))
 
     @property
     def decimation(self) -> signals.Decimation | None:
@@ -209,6 +222,7 @@ def prepare_log(
         sketch=Samples(log.name, motion, tau, None, (), log.sha256),
         notes=(*notes, *plan.band_notes),
         sha256=log.sha256,
+        hints=plan.hints,
     )
 
 
@@ -237,6 +251,8 @@ def divide(robot: Robot, file: LogFile, plan: Plan) -> tuple[Stretch, ...]:
             most = max(8, min(STRETCHES, 2 * (len(groups) - 1)))
     count = min(most, max(1, rows // SHORTEST))
     edges = np.linspace(0, rows, count + 1).astype(int).tolist()
+    if plan.grid is not None:
+        edges = sorted({*edges, *plan.grid.breaks.tolist()})
     piece = max(PIECE, MARGINS * plan.reach)
     return tuple(Stretch(robot, file, plan, a, b, piece) for a, b in pairwise(edges))
 

@@ -10,6 +10,8 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.gaps import Grid, fill
+from identifiability.logs.log import join_logs
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.logs.stale import StaleRule
 from identifiability.robot import Robot
@@ -57,7 +59,7 @@ def choose_rest_rule(q: Sequence[Array], dq: Sequence[Array], dt: float) -> Rest
     Parameters
     ----------
     q, dq : sequences of (N, n) [rad or m; rad/s or m/s]
-        Windows of equal length.
+        Windows; the longest ones, of equal length, tell the band of the motion.
     dt : float [s]
     """
     high, low = np.max([x.max(0) for x in q], axis=0), np.min([x.min(0) for x in q], axis=0)
@@ -95,6 +97,10 @@ class Plan:
         What seems to be wrong with the columns.
     stale : StaleRule or None
         Which values repeat the sample before and are interpolated; None leaves all as they are.
+    grid : Grid or None
+        Where samples are missing; None if none are.
+    hints : tuple of str
+        What to say of it where every reader looks.
     """
 
     step: float
@@ -106,6 +112,8 @@ class Plan:
     notes: tuple[str, ...]
     remarks: tuple[str, ...] = ()
     stale: StaleRule | None = None
+    grid: Grid | None = None
+    hints: tuple[str, ...] = ()
 
     @property
     def decimation(self) -> signals.Decimation | None:
@@ -133,34 +141,66 @@ class Plan:
         """Samples on each side that an output draws on."""
         return self.filter_reach + (0 if self.decimation is None else self.decimation.reach)
 
-    def mend(self, log: Log) -> Log:
-        """Return a log, as it was recorded, with repeated values interpolated."""
-        return log if self.stale is None else self.stale.mend(log)
+    def mend(self, log: Log, origin: int = 0) -> Log:
+        """Return a log, as it was recorded, with repeated values interpolated.
 
-    def derive(self, log: Log) -> tuple[Array, Array, Array]:
+        Parameters
+        ----------
+        log : Log
+        origin : int
+            Row of its first sample in the whole log.
+        """
+        if self.stale is None or self.grid is None:
+            return log if self.stale is None else self.stale.mend(log)
+        return join_logs(
+            [self.stale.mend(log.rows(a, b)) for a, b in self.stretches(len(log), origin)]
+        )
+
+    def derive(self, log: Log, origin: int = 0) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration of the actuated joints, each (N, n).
 
         The computed derivatives of a joint that never moves are zero: the sign of what rounding
         leaves there would pass for friction, another one on every processor.
+
+        Parameters
+        ----------
+        log : Log
+        origin : int
+            Row of its first sample in the whole log.
         """
         if self.cutoff is None and self.series is None:
             assert log.dq is not None
             assert log.ddq is not None
             return log.q, log.dq, log.ddq
-        q, dq, ddq = self._compute(log)
+        if self.series is not None:
+            q, dq, ddq = self.series.motion(log.t - self.start)
+        else:
+            stretches = self.stretches(len(log), origin)
+            parts = [self._filter(log.rows(a, b), origin + a) for a, b in stretches]
+            q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
         moves = ~signals.never_moves(log.q.min(0), log.q.max(0))
         return q, np.where(moves, dq, 0.0), np.where(moves, ddq, 0.0)
 
-    def _compute(self, log: Log) -> tuple[Array, Array, Array]:
-        if self.series is not None:
-            return self.series.motion(log.t - self.start)
+    def stretches(self, rows: int, origin: int) -> list[tuple[int, int]]:
+        """Return the stretches without a long gap of so many rows from `origin` on."""
+        return [(0, rows)] if self.grid is None else self.grid.stretches(origin, origin + rows)
+
+    def _filter(self, log: Log, origin: int) -> tuple[Array, Array, Array]:
+        """Return the motion of a stretch; short gaps are filled before and forgotten after."""
         assert self.cutoff is not None
-        q = signals.lowpass(log.q, self.step, self.cutoff)
+        if self.grid is None:
+            at = np.arange(len(log))
+        elif len(log) < self.grid.least:  # it will be left out
+            return log.q, np.zeros_like(log.q), np.zeros_like(log.q)
+        else:
+            at = self.grid.places(origin, origin + len(log))
+        q = signals.lowpass(fill(log.q, at), self.step, self.cutoff)
         if log.dq is None:
             dq = signals.differentiate(q, self.step)
         else:
-            dq = signals.lowpass(log.dq, self.step, self.cutoff)
-        return q, dq, signals.differentiate(dq, self.step)
+            dq = signals.lowpass(fill(log.dq, at), self.step, self.cutoff)
+        ddq = signals.differentiate(dq, self.step)
+        return (q, dq, ddq) if len(q) == len(log) else (q[at], dq[at], ddq[at])
 
 
 def joint_log(robot: Robot, log: Log) -> Log:

@@ -17,7 +17,8 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.options import Positive, at_least, check_fields
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
-from identifiability.logs.log import Log, even_step, join_logs
+from identifiability.logs.gaps import BRIDGED, Gaps
+from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare.plan import (
     Plan,
@@ -26,8 +27,15 @@ from identifiability.logs.prepare.plan import (
     has_motors,
     joint_log,
 )
-from identifiability.logs.spectrum import Band, Spectrum, choose_band
-from identifiability.logs.stale import StaleRule, tell_steps
+from identifiability.logs.prepare.windows import Windows, plan_gaps
+from identifiability.logs.spectrum import (
+    LOWEST_CUTOFF,
+    Band,
+    Spectrum,
+    choose_band,
+    spectra_of,
+)
+from identifiability.logs.stale import tell_steps
 from identifiability.logs.units import check_units, find_contradictions
 from identifiability.robot import Robot
 
@@ -38,6 +46,9 @@ WORDS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 
 #: Samples of a piece when a long log is read for a Fourier series.
 PIECE = 65_536
+
+#: Share of a step by which a clock's rounding makes steps differ.
+ROUNDED = 0.01
 
 
 @frozen
@@ -109,10 +120,10 @@ def settle_cutoff(
     computed = [log for log in logs if _is_filtered(log, how)]
     if not computed:
         return how
-    return _settle(robot, [_read_windows(log)[0] for log in computed], how)
+    return _settle(robot, [Windows.of(log, mend=True) for log in computed], how)
 
 
-def _settle(robot: Robot, logs: Sequence[Sequence[Log]], how: Preparation) -> SettledPreparation:
+def _settle(robot: Robot, logs: Sequence[Windows], how: Preparation) -> SettledPreparation:
     """Return the preparation for logs, from windows of each."""
     band = _choose_band(robot, logs, how.cutoff)
     return SettledPreparation(**{**vars(how), "cutoff": band.cutoff, "band": band})
@@ -124,23 +135,15 @@ def _is_filtered(log: Log | LogFile, how: Preparation) -> bool:
     return how.derivatives == "butterworth" or (how.derivatives == "auto" and not have)
 
 
-def _read_windows(log: Log | LogFile) -> tuple[list[Log], StaleRule]:
-    """Return where decisions about a log are made, with repeated values interpolated."""
-    raw = [log.rows(a, b) for a, b in signals.spread_windows(len(log))]
-    rule = StaleRule.of(raw)
-    return [rule.mend(w) for w in raw], rule
-
-
-def _choose_band(robot: Robot, logs: Sequence[Sequence[Log]], cutoff: float | None) -> Band:
+def _choose_band(robot: Robot, logs: Sequence[Windows], cutoff: float | None) -> Band:
     """Return the band of what is differentiated."""
-    spectra = []
+    spectra: list[Spectrum] = []
     for raw in logs:
-        windows = [joint_log(robot, w) for w in raw]
-        step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
+        windows = [joint_log(robot, w) for w in raw.even(BRIDGED / LOWEST_CUTOFF)]
         source, order = ([w.q for w in windows], 2)
         if windows[0].dq is not None:
             source, order = [w.dq for w in windows if w.dq is not None], 1
-        spectra.append(Spectrum.of(source, step, order))
+        spectra += spectra_of(source, raw.gaps.step, order)
     return choose_band(spectra, [robot.is_prismatic(int(k)) for k in robot.actuated], cutoff)
 
 
@@ -153,13 +156,10 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
         If the log does not fit the robot or what is asked for.
     """
     filtered = _is_filtered(log, how)
-    if filtered:
-        raw, stale = _read_windows(log)
-    else:
-        raw, stale = [log.rows(a, b) for a, b in signals.spread_windows(len(log))], None
-    windows = [joint_log(robot, w) for w in raw]
+    raw = Windows.of(log, mend=filtered)
+    windows, stale = [joint_log(robot, w) for w in raw.logs], raw.stale
     notes: list[str] = []
-    if has_motors(robot, raw[0]):
+    if has_motors(robot, raw.logs[0]):
         notes.append("motor positions and torques were converted to the joint side")
     check_units(robot, windows)
     if not log.torque:
@@ -168,42 +168,41 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
         )
     if filtered and how.cutoff is None:
         how = _settle(robot, [raw], how)
-    plan = _plan_derivatives(robot, log, windows, how)
+    plan = _plan_derivatives(robot, log, raw.gaps, how)
+    plan = plan_gaps(plan, raw.gaps, len(log))
     if stale is not None:
-        notes += filter(None, (stale.note, tell_steps(raw, stale.steps["q"])))
+        notes += filter(None, (stale.note, tell_steps(raw.logs, stale.steps["q"])))
     if len(windows) > 1:
         notes.append(
             f"what holds for the whole log was decided on {len(windows)} windows of "
             f"{signals.WINDOW} samples, evenly spaced in time"
         )
-    rest = None if how.keep_rest else _rest_rule(plan, windows)
+    rest = None if how.keep_rest else _rest_rule(plan, windows, raw.origins)
     return replace(
         plan, rest=rest, factor=_choose_factor(plan, how), notes=(*plan.notes, *notes), stale=stale,
         remarks=tuple(find_contradictions(join_logs(windows))),
     )  # fmt: skip
 
 
-def _plan_derivatives(
-    robot: Robot, log: Log | LogFile, windows: Sequence[Log], how: Preparation
-) -> Plan:
+def _plan_derivatives(robot: Robot, log: Log | LogFile, gaps: Gaps, how: Preparation) -> Plan:
     have = {"dq", "ddq"} <= set(log.channels)
     if how.derivatives == "given" and not have:
         raise LogError(
             f"{log.name} does not have '<joint>.dq' and '<joint>.ddq' for every joint; add them, "
             "or let the derivatives be computed (derivatives = auto)."
         )
-    step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
-    plan = Plan(step, None, None, float(log.clock.first), None, 1, ())
+    plan = Plan(gaps.step, None, None, float(log.clock.first), None, 1, ())
     if have and how.derivatives in ("auto", "given"):
         return replace(plan, notes=("velocity and acceleration are the log's own",))
     if how.derivatives == "fourier":
         return _plan_series(robot, log, plan, how)
-    return _plan_filter(log, windows, plan, how)
+    return _plan_filter(log, gaps, plan, how)
 
 
-def _plan_filter(log: Log | LogFile, windows: Sequence[Log], plan: Plan, how: Preparation) -> Plan:
-    dt, jitter = even_step(log.clock, windows)
-    cutoff = how.cutoff
+def _plan_filter(log: Log | LogFile, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
+    dt, jitter, cutoff = gaps.step, "", how.cutoff
+    if gaps.jitter > ROUNDED:
+        jitter = f" (time stamps jitter by {100 * gaps.jitter:.0f} % of a step; taken as even)"
     assert cutoff is not None
     lowest = 1.0 / (log.clock.last - log.clock.first)
     if not lowest <= cutoff < 0.5 / dt:
@@ -258,14 +257,17 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
     return replace(plan, series=fit, notes=(note,))
 
 
-def _rest_rule(plan: Plan, windows: Sequence[Log]) -> RestRule | None:
-    motions = [plan.derive(w) for w in windows]
+def _rest_rule(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> RestRule | None:
+    motions = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
     # The ends of windows inside the log are not the log's: the filter has not settled there.
     margin = min(plan.filter_reach, len(windows[0]) // 4) if len(windows) > 1 else 0
-    inner = slice(margin, len(windows[0]) - margin)
-    return choose_rest_rule(
-        [q[inner] for q, _, _ in motions], [dq[inner] for _, dq, _ in motions], plan.step
-    )
+    low, high = margin, len(windows[0]) - margin
+    parts = [
+        (x[0][low:high][a:b], x[1][low:high][a:b])
+        for x, k in zip(motions, origins, strict=True)
+        for a, b in plan.stretches(high - low, k + low)
+    ]
+    return choose_rest_rule([q for q, _ in parts], [dq for _, dq in parts], plan.step)
 
 
 def _choose_factor(plan: Plan, how: Preparation) -> int:

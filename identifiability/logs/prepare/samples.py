@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -71,6 +71,12 @@ class Samples:
         Low-pass of computed derivatives; None where there is none.
     instrument : Motion or None
         A second record of the motion at the same samples, whose errors are not those of `motion`.
+    lost : int
+        Samples of its own rows that were left out because they lie beside a gap.
+    breaks : (b,) int
+        Rows of the log before which so many samples are missing that it is split there.
+    hints : tuple of str
+        What seems to be wrong with the log.
     """
 
     name: str
@@ -82,6 +88,9 @@ class Samples:
     own: Rows | None = None
     cutoff: float | None = None
     instrument: Motion | None = None
+    lost: int = 0
+    breaks: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    hints: tuple[str, ...] = ()
 
     @property
     def beside(self) -> Samples | None:
@@ -103,6 +112,19 @@ class Samples:
     def outputs(self) -> int:
         """Number of samples after decimation."""
         return sum(self.run_outputs)
+
+    @cached_property
+    def starts(self) -> tuple[int, ...]:
+        """The outputs with which a stretch begins: the first, and those behind a long gap."""
+        if not len(self.breaks):
+            return (0,)
+        kept, d = self.motion.kept, self.decimation
+        at = np.arange(len(kept))
+        if d is not None:
+            runs = [a + d.reach + d.factor * np.arange(n) for a, _, n in self._stretches]
+            at = np.concatenate([np.empty(0, int), *runs])
+        before = np.searchsorted(kept[at], self.breaks)
+        return (0, *(int(k) for k in np.unique(before) if 0 < k < len(at)))
 
     @cached_property
     def _stretches(self) -> list[tuple[int, int, int]]:
@@ -130,7 +152,7 @@ class Samples:
         torque = sum((tau.sum(0) for tau in parts), np.zeros(n))
         tau = np.concatenate([np.empty((0, n)), *parts])
         span = np.stack([tau.min(0, initial=np.inf), tau.max(0, initial=-np.inf)])
-        return Survey.of(self.motion, self.own, self.outputs, torque, span)
+        return replace(Survey.of(self.motion, self.own, self.outputs, torque, span), lost=self.lost)
 
     def pieces(self, size: int) -> Iterator[Piece]:
         """Yield pieces of about `size` input samples."""
@@ -187,8 +209,8 @@ def prepare_rows(
     ------
     LogError, ClosureError
     """
-    log = joint_log(robot, plan.mend(log))
-    q, dq, ddq = plan.derive(log)
+    log = joint_log(robot, plan.mend(log, origin))
+    q, dq, ddq = plan.derive(log, origin)
     reach = plan.reach - plan.filter_reach
     part = slice(max(0, own[0] - reach - origin), min(len(log), own[1] + reach - origin))
     try:
@@ -198,13 +220,20 @@ def prepare_rows(
             raise
         motion = _no_motion(robot, np.arange(part.stop - part.start))
     tau = log.tau[part][motion.kept]
-    if plan.rest is not None:
-        still = plan.rest.find(dq)[part][motion.kept]
-        if still.any():
-            motion, tau = motion[~still], tau[~still]
+    out = np.zeros(len(log), bool) if plan.rest is None else plan.rest.find(dq)
+    lost, breaks = 0, np.empty(0, int)
+    if plan.grid is not None:
+        apart = plan.grid.left_out(origin, origin + len(log))
+        out, breaks = out | apart, plan.grid.breaks
+        low, high = (min(max(k - origin, 0), len(log)) for k in own)
+        lost = int(np.isin(motion.kept + part.start, low + np.flatnonzero(apart[low:high])).sum())
+    left = out[part][motion.kept]
+    if left.any():
+        motion, tau = motion[~left], tau[~left]
     rows = ("kept", "dropped", "near_singular")
     motion = replace(motion, **{k: getattr(motion, k) + origin + part.start for k in rows})
-    return Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
+    samples = Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
+    return replace(samples, lost=lost, breaks=breaks, hints=plan.hints)
 
 
 def _no_motion(robot: Robot, rows: np.ndarray) -> Motion:

@@ -49,6 +49,8 @@ class Survey:
         Sum of the measured torque over the outputs.
     torque_range : (2, n) [N·m or N]
         Its smallest and its largest value.
+    lost : int
+        Samples that were left out because they lie beside a gap.
     """
 
     kept: int
@@ -64,6 +66,7 @@ class Survey:
     high: Array
     torque: Array
     torque_range: Array
+    lost: int = 0
 
     @staticmethod
     def of(motion: Motion, own: Rows | None, outputs: int, torque: Array, span: Array) -> Survey:
@@ -92,7 +95,7 @@ class Survey:
         """Return the survey of both, this one first in time."""
         counts: dict[str, Any] = {
             name: getattr(self, name) + getattr(later, name)
-            for name in ("kept", "outputs", "dropped", "singular", "torque")
+            for name in ("kept", "outputs", "dropped", "singular", "torque", "lost")
         }
         (low, high), (later_low, later_high) = self.torque_range, later.torque_range
         return Survey(
@@ -123,7 +126,9 @@ class Survey:
                 f"{self.first_singular[0] + 1}, condition number up to {self.condition:.1e}); "
                 "torques there are amplified errors"
             )
-        rests = total - self.dropped - self.kept
+        if self.lost:
+            notes.append(f"{self.lost} of {total} samples beside long gaps were left out")
+        rests = total - self.dropped - self.kept - self.lost
         if rests:
             notes.append(
                 f"{rests} of {total} samples were left out because all joints stand still there "

@@ -218,4 +218,5 @@ def prepare_thin(
     notes = (*plan.notes, *plan.band_notes)
     notes = notes if every else (*notes, _note(len(windows)))
     check_left(log.name, len(motion), sum(b - a for a, b in windows), notes)
-    return Samples(log.name, motion, tau, plan.decimation, notes, log.sha256, cutoff=plan.cutoff)
+    samples = Samples(log.name, motion, tau, plan.decimation, notes, log.sha256)
+    return replace(samples, cutoff=plan.cutoff, breaks=parts[0].breaks, hints=plan.hints)

@@ -1,0 +1,205 @@
+"""Lost samples: short gaps are bridged, long ones split a log, and nothing is computed across."""
+
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability.effects.time_delay import TimeDelay
+from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.errors import LogError
+from identifiability.logs import Log
+from identifiability.logs.gaps import Gaps, fill
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare import Preparation, longsamples, prepare_samples
+from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.spectrum import bandwidth_of_windows
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.gather import gather_information
+from identifiability.regression.regression import Model, Regression
+from identifiability.robot import Robot
+
+#: Step [s], cut-off [Hz]: a quarter of its period is 12.9 steps.
+DT, CUTOFF = 0.002, 9.7
+
+
+@pytest.fixture(scope="module")
+def two():
+    return Robot.load("two-link")
+
+
+def frame(rows, *, derivatives=False, jitter=0.0):
+    t = DT * np.asarray(rows)
+    w = 2 * np.pi * np.array([0.8, 1.1])
+    q, dq = np.sin(np.outer(t, w)), w * np.cos(np.outer(t, w))
+    table = {"t": t + jitter}
+    for k, joint in enumerate(("shoulder", "elbow")):
+        table |= {f"{joint}.q": q[:, k], f"{joint}.tau": np.cos(3 * q[:, k]) + dq[:, k]}
+        if derivatives:
+            table |= {f"{joint}.dq": dq[:, k], f"{joint}.ddq": -(w[k] ** 2) * q[:, k]}
+    return pd.DataFrame(table)
+
+
+def without(total, *gaps):
+    """All rows but those lost after each row: (row, lost)."""
+    rows = np.arange(total)
+    return rows[[not any(a < r <= a + lost for a, lost in gaps) for r in rows]]
+
+
+def prepared(two, rows, **how):
+    log = Log.from_frame(frame(rows), "log")
+    return prepare_samples(two, log, Preparation(**{"cutoff": CUTOFF, "keep_rest": True, **how}))
+
+
+def test_a_bridged_gap_changes_the_motion_by_what_a_cubic_misses(two):
+    whole = prepared(two, np.arange(4000), decimate=1)
+    for lost in (1, 5, 11):
+        s = prepared(two, without(4000, (2000, lost)), decimate=1)
+        assert len(s.tau) == 4000 - lost
+        assert s.hints == ()
+        assert any(f"lost samples ({lost}, at most" in note for note in s.notes)
+        same = np.isin(np.round(whole.motion.t / DT), np.round(s.motion.t / DT))
+        for name in ("actuated_q", "actuated_v", "actuated_a"):
+            wanted = getattr(whole.motion, name)[same]
+            np.testing.assert_allclose(
+                getattr(s.motion, name), wanted, rtol=0, atol=3e-5 * np.abs(wanted).max()
+            )
+
+
+@pytest.mark.parametrize(("lost", "split"), [(11, False), (12, True), (300, True)])
+def test_a_gap_is_bridged_below_a_quarter_of_the_period_of_the_cut_off(two, lost, split):
+    s = prepared(two, without(4000, (1999, lost)))
+    assert len(s.breaks) == split == len(s.hints)
+    assert not split or "(data row 2000): it was taken as 2 stretches" in s.hints[0]
+    assert s.survey.lost == split
+    assert sum("beside long gaps" in note for note in s.notes) == split
+
+
+def test_stretches_are_what_they_are_by_themselves(two):
+    rows = without(5000, (1499, 100), (3199, 1000))
+    s = prepared(two, rows, decimate=1)
+    cuts = [0, 1500, 3100, len(rows)]
+    for a, b in pairwise(cuts):
+        alone = prepared(two, rows[a:b], decimate=1).motion
+        own = s.motion[(s.motion.kept >= a) & (s.motion.kept < b)]
+        first = 1 if a else 0  # that of a later stretch is left out, which tells the others
+        for name in ("actuated_q", "actuated_v", "actuated_a"):
+            np.testing.assert_allclose(
+                getattr(own, name), getattr(alone, name)[first:], rtol=0, atol=1e-9
+            )
+    assert np.flatnonzero(np.diff(s.motion.kept) > 1).tolist() == [1499, 3098]
+
+
+def test_neither_outputs_nor_blocks_nor_delays_reach_across_a_gap(two):
+    rows = without(5000, (1499, 100), (3199, 1000))
+    s, decimated = prepared(two, rows, decimate=1), prepared(two, rows)
+    assert decimated.decimation is not None
+    before = np.searchsorted(decimated.output_times(), DT * np.array([1500, 4000]))
+    assert decimated.starts == (0, *before)
+    for start, stop in decimated.runs:
+        assert np.ptp(decimated.motion.t[start:stop]) < (stop - start) * DT
+    model = Model.of("rigid_body")
+    for samples in (s, decimated):
+        regression = Regression(two, model, (samples,), find_base_parameters(two, model).kept)
+        counts = gather_information(regression, 7).counts
+        assert set(samples.starts) <= {0, *np.cumsum(counts)}
+        assert counts.sum() == samples.outputs
+    column = np.zeros((len(s.motion), 2, 2))
+    TimeDelay().fill(two, s.motion, column)
+    cut = s.motion[s.motion.kept < 1500]
+    alone = np.zeros((len(cut), 2, 2))
+    TimeDelay().fill(two, cut, alone)
+    np.testing.assert_array_equal(column[: len(cut)], alone)
+
+
+def test_a_stretch_shorter_than_a_period_of_the_cut_off_is_left_out(two):
+    rows = without(4000, (1999, 100), (2099 + 51, 100))  # 51 samples between, a period is 51.5
+    s = prepared(two, rows, decimate=1)
+    assert s.survey.lost == 51 + 1
+    assert not np.isin(np.arange(2000, 2051), s.motion.kept).any()
+    assert prepared(two, without(4000, (1999, 100), (2099 + 52, 100))).survey.lost == 2
+
+
+def test_the_band_is_that_of_the_motion_and_not_of_its_gaps(two):
+    chosen = [
+        prepared(two, rows, cutoff=None).cutoff
+        for rows in (np.arange(6000), without(6000, (1999, 700), (4999, 4)))
+    ]
+    bin_width = 10 / 4.6  # the longest stretch lasts 4.6 s, and the cut-off is ten bandwidths
+    assert chosen[1] == pytest.approx(chosen[0], abs=2 * bin_width)
+    one, other = np.arange(1000.0)[:, None], np.sin(0.3 * np.arange(400.0))[:, None]
+    assert bandwidth_of_windows([one, other], 0.01) == bandwidth_of_windows([one], 0.01)
+
+
+def test_a_late_stamp_is_no_gap_and_an_uneven_clock_is_refused(two):
+    late = np.zeros(2000)
+    late[700] = 0.9 * DT
+    s = prepare_samples(two, Log.from_frame(frame(np.arange(2000), jitter=late)))
+    assert (s.hints, len(s.breaks)) == ((), 0)
+    assert any("jitter by 90 % of a step" in note for note in s.notes)
+    log = Log.from_frame(frame(np.cumsum(np.tile([1, 1, 9], 700))), "log")
+    with pytest.raises(LogError, match="log is sampled so unevenly"):
+        prepare_samples(two, log)
+
+
+def test_a_log_with_derivatives_of_its_own_loses_nothing_at_short_gaps(two):
+    for lost, split in ((10, 0), (100, 1)):
+        log = Log.from_frame(frame(without(2000, (999, lost)), derivatives=True))
+        s = prepare_samples(two, log, Preparation(keep_rest=True))
+        assert len(s.tau) == 2000 - lost - split
+        assert len(s.hints) == split
+
+
+def test_repeated_values_are_not_interpolated_from_beyond_a_gap(two):
+    rows = without(3000, (1499, 300))
+    table = frame(rows)
+    for joint in ("shoulder", "elbow"):  # the last but one before the gap repeats
+        table.loc[1498, f"{joint}.q"] = table.loc[1497, f"{joint}.q"]
+    found = prepare_samples(two, Log.from_frame(table), Preparation(cutoff=CUTOFF, decimate=1))
+    true = prepared(two, rows, decimate=1)
+    inside = slice(1300, 1500)
+    np.testing.assert_allclose(
+        found.motion.actuated_q[inside], true.motion.actuated_q[inside], rtol=0, atol=2e-3
+    )
+
+
+def test_a_long_file_with_gaps_is_read_as_a_short_one(two, tmp_path, monkeypatch):
+    monkeypatch.setattr(longsamples, "PIECE", 700)
+    monkeypatch.setattr(longsamples, "MARGINS", 0)
+    monkeypatch.setattr(longsamples, "SHORTEST", 1500)
+    table = frame(without(9000, (1999, 5), (3499, 200), (3699 + 30, 400), (6999, 11)))
+    path = tmp_path / "log.parquet"
+    table.to_parquet(path, index=False)
+    how = Preparation(cutoff=CUTOFF)
+    whole = prepare_samples(two, Log.read(path), how)
+    parts = prepare_log(two, LogFile.read(path), how, engine=Serial())
+    assert (parts.outputs, parts.starts, parts.hints) == (whole.outputs, whole.starts, whole.hints)
+    assert (parts.notes, parts.survey.lost) == (whole.notes, whole.survey.lost)
+    model = Model.of("rigid_body")
+    kept = find_base_parameters(two, model).kept
+    one, other = (gather_information(Regression(two, model, (s,), kept)) for s in (whole, parts))
+    np.testing.assert_array_equal(one.counts, other.counts)
+    R, S = one.factor(), other.factor()
+    np.testing.assert_allclose(S.T @ S, R.T @ R, rtol=0, atol=1e-8 * np.abs(R.T @ R).max())
+
+
+def test_gaps_of_a_part_of_a_file_are_counted_from_its_first_row(tmp_path):
+    path = tmp_path / "log.parquet"
+    frame(without(3000, (999, 5), (1999, 50))).to_parquet(path, index=False)
+    whole, part = LogFile.read(path), LogFile.read(path).cut(900, 2500, "part").cut(10, 1500, "p")
+    t = Log.read(path).t
+    found = Gaps.of("p", part.clock, [part.rows(0, len(part)).t])
+    assert found.rows.tolist() == [999 - 910, 1994 - 910]
+    np.testing.assert_allclose(found.t, t[[999, 1994]])
+    assert found.lost.tolist() == [5, 50] == Gaps.of("p", whole.clock, [t]).lost.tolist()
+
+
+def test_a_cubic_is_filled_exactly():
+    at = np.array([0, 1, 2, 5, 6, 9, 10, 11])
+    x = np.column_stack([at**3 - 2.0 * at, 1.0 * at**2])
+    every = np.arange(12)
+    np.testing.assert_allclose(
+        fill(x, at), np.column_stack([every**3 - 2.0 * every, every**2]), rtol=0, atol=1e-9
+    )
+    assert fill(x, np.arange(8)) is x
