@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 #: What a log has of each joint.
-CHANNELS = ("q", "dq", "ddq", "tau")
+CHANNELS = ("q", "dq", "ddq", "tau", "q_ref")
 
 #: Fewer samples than this say nothing about any robot.
 FEWEST = 20
@@ -118,6 +118,11 @@ class Numbers:
         self.bad += len(bad)
         self.rows += len(numbers)
         return numbers
+
+    @property
+    def usable(self) -> bool:
+        """Whether every value so far is a finite number of a size that can be."""
+        return self._first is None and self._large is None
 
     def finish(self) -> None:
         """Refuse a column with values that are no finite number of a size that can be.

@@ -1,7 +1,8 @@
 """`Log`: measured motion and torque of the actuated joints, read from CSV, Parquet or a DataFrame.
 
 One row a sample: ``t`` [s], ``<joint>.q`` and ``<joint>.tau`` for every actuated joint, optional
-``<joint>.dq`` and ``<joint>.ddq``; SI units (rad or m, N·m or N).
+``<joint>.dq`` and ``<joint>.ddq``, and ``<joint>.q_ref``, the position that was commanded; SI units
+(rad or m, N·m or N).
 """
 
 from __future__ import annotations
@@ -48,6 +49,8 @@ class Log:
         Hash of the file, or of the values for a DataFrame.
     notes : tuple of str
         What was read otherwise than literally, half a sentence each.
+    q_ref : (N, n) or None
+        Commanded positions, where the log has them for every joint.
     """
 
     name: str
@@ -59,6 +62,7 @@ class Log:
     ddq: Array | None
     sha256: str
     notes: tuple[str, ...] = ()
+    q_ref: Array | None = None
 
     def __len__(self) -> int:
         """Return the number of samples."""

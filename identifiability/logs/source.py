@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,7 +42,7 @@ class Reading:
     naming : Naming
         Which columns are which; empty before the first rows.
     numbers : dict of str to Numbers
-        The columns that a log is made of.
+        The columns that a log is made of; in the end without commands that have gaps.
     finders : dict of str to SpikeFinder
         Of the columns that are not kept.
     clock : Clock
@@ -92,6 +93,11 @@ class Reading:
         LogError
             If a value cannot be, or the times are too few or do not increase.
         """
+        gaps = [c for c, x in self.numbers.items() if c.endswith(".q_ref") and not x.usable]
+        for column in gaps:  # before the first command there is none
+            del self.numbers[column], self._kept[column]
+        columns = tuple(c for c in self.naming.columns if c.name not in gaps)
+        self.naming = replace(self.naming, columns=columns)
         for numbers in self.numbers.values():
             numbers.finish()
         self.clock.finish()

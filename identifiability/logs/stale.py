@@ -51,7 +51,7 @@ class StaleRule:
     def of(windows: Sequence[Log]) -> StaleRule:
         """Return the rule for a log, from windows of it."""
         steps, share = {}, {}
-        for channel in windows[0].channels:
+        for channel in (c for c in windows[0].channels if c in NAMES):
             values = [np.asarray(getattr(w, channel)) for w in windows]
             steps[channel] = np.min([smallest_change(x) for x in values], axis=0)
             found = float(np.mean([find_stale(x, steps[channel]).mean() for x in values]))

@@ -41,14 +41,15 @@ def add_instruments(
         return opening, plain
     records: list[Samples | None] = []
     for log, samples in zip(logs, opening.samples, strict=True):
-        record = None
+        record, others = None, [s for s in opening.samples if isinstance(s, Samples)]
+        others = [s for s in others if s is not samples]
         if isinstance(log, Log) and isinstance(samples, Samples):
-            record = add_instrument(opening.robot, log, samples, always=kind == "iv")
+            record = add_instrument(opening.robot, log, samples, others, always=kind == "iv")
         if record is None and kind == "iv":
             raise LogError(
                 f"{log.name} has no second record of its motion, which instrumental variables "
-                "need: repeat the motion, or log '<joint>.dq' and '<joint>.ddq' as measured; else "
-                "leave out the estimator."
+                "need: repeat the motion, or log '<joint>.dq' and '<joint>.ddq' as measured or the "
+                "command in '<joint>.q_ref'; else leave out the estimator."
             )
         records.append(record)
     missing = [s for s, r in zip(opening.samples, records, strict=True) if r is None]
@@ -77,5 +78,5 @@ def _tell_apart(missing: Sequence[Prepared], *, alike: bool) -> list[str]:
     return [
         f"{listing([s.name for s in missing], 4)}: no second record of the motion in memory, so "
         f"{what}, which noise in the motion biases; repeat the motion, or log '<joint>.dq' and "
-        "'<joint>.ddq' as measured."
+        "'<joint>.ddq' as measured or the command in '<joint>.q_ref'."
     ]

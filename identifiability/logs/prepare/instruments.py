@@ -1,9 +1,11 @@
 """A second record of a log's motion, with errors of its own: what instruments are made of.
 
-The first that exists of: a Fourier series that explains all that was measured of the motion but its
-noise; the smoothed motion, where velocity and acceleration were measured with noise of their own.
-A motion whose derivatives were computed from the same noisy positions, and that is no series, has
-none. No simulator and no data sheet is asked: noise is what remains of differences of high order.
+The first that exists of: the mean of some repetitions of the motion, in its own log or in others; a
+Fourier series that explains all that was measured of the motion but its noise; one repetition or
+two; the smoothed motion, where velocity and acceleration were measured with noise of their own; the
+motion that was commanded. A motion whose derivatives were computed from the same noisy positions,
+and that is none of these, has none. No simulator and no data sheet is asked: noise is what remains
+of differences of high order.
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
+from identifiability.logs.prepare.command import follow_command
 from identifiability.logs.prepare.plan import joint_log
+from identifiability.logs.prepare.repetition import Repetition, find_repetition
 from identifiability.logs.prepare.samples import Samples
 from identifiability.robot import Motion, Robot, complete_motion
 
@@ -43,6 +47,14 @@ ENOUGH = 4096
 #: A smoothed motion may reach up to this share of the sampling rate: it shares the noise of its
 #: band. The cut-off is found within this factor.
 SHARED, WIDER = 0.15, 1.2
+
+#: The mean of so many repetitions has a third of the noise's power or less, and none of the log's
+#: own; of fewer, a series that explains the motion has less noise.
+MANY = 3
+
+#: Passive joints of two records are far apart at a sample if they are so many times as far as
+#: usual: noise makes them so where it brings a mechanism near a singular configuration.
+THROWN = 30.0
 
 #: Share of samples at which the loops may stay open along the second record.
 OPEN = 0.02
@@ -87,7 +99,12 @@ def resolution(x: Array) -> Array:
 
 
 def add_instrument(
-    robot: Robot, log: Log, samples: Samples, *, always: bool = False
+    robot: Robot,
+    log: Log,
+    samples: Samples,
+    others: Sequence[Samples] = (),
+    *,
+    always: bool = False,
 ) -> Samples | None:
     """Return the samples with a second record of their motion and a note; None if there is none.
 
@@ -97,17 +114,30 @@ def add_instrument(
     log : Log
         What the samples were prepared from.
     samples : Samples
+    others : sequence of Samples
+        Other logs, which may have the same motion.
     always : bool
         Also where noise is negligible, and so is what it does to least squares.
     """
-    record = find_record(joint_log(robot, log), samples, always=always)
+    record = find_record(joint_log(robot, log), samples, others, always=always)
     motion = None if record is None else _complete(robot, samples.motion, record)
     if record is None or motion is None:
         return None
-    return replace(samples, instrument=motion, notes=(*samples.notes, record.note))
+    notes = (*samples.notes, record.note)
+    far = _thrown(robot, samples.motion, motion)
+    if not len(far):
+        return replace(samples, instrument=motion, notes=notes)
+    text = (
+        f"at {len(far)} of {len(motion)} samples noise throws the measured motion far off, as it "
+        "does near a singular configuration: there the instruments' motion stands for it"
+    )
+    mended = _put(samples.motion, far, motion[far])
+    return replace(samples, motion=mended, instrument=motion, notes=(*notes, text))
 
 
-def find_record(log: Log, samples: Samples, *, always: bool = False) -> SecondRecord | None:
+def find_record(
+    log: Log, samples: Samples, others: Sequence[Samples] = (), *, always: bool = False
+) -> SecondRecord | None:
     """Return a second record of the motion of a log on the joint side; None where there is none."""
     channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
     # While a coarse encoder stands still, its noise does so too: differences do not see it.
@@ -117,6 +147,9 @@ def find_record(log: Log, samples: Samples, *, always: bool = False) -> SecondRe
                 for s, v in zip(noise, size, strict=True))  # fmt: skip
     if worst < NEGLIGIBLE and len(channels) == 3 and not always:
         return None
+    again = find_repetition(samples, others)
+    if again is not None and again.count >= MANY:
+        return _repeat(again, samples, log)
     if samples.cutoff is not None or len(channels) == 3:
         series = _fit_series(log, channels, noise)
         if series is not None:
@@ -125,9 +158,25 @@ def find_record(log: Log, samples: Samples, *, always: bool = False) -> SecondRe
                 f"{series.harmonics} harmonics with period {series.period:.6g} s"
             )
             return SecondRecord(series.motion(log.t - log.t[0]), note)
+    if again is not None:
+        return _repeat(again, samples, log)
     if samples.cutoff is None and len(channels) == 3:
-        return _smooth(log, channels, noise)
-    return None
+        smooth = _smooth(log, channels, noise)
+        if smooth is not None:
+            return smooth
+    followed = follow_command(log, samples.cutoff)
+    return None if followed is None else SecondRecord(*followed)
+
+
+def _repeat(again: Repetition, samples: Samples, log: Log) -> SecondRecord:
+    """Return repetitions at the prepared samples as a record at all rows of the log."""
+    full = np.zeros((3, *log.q.shape))
+    full[:, samples.motion.kept] = again.motion
+    q, dq, ddq = full
+    note = (
+        f"the instruments' motion is the mean of its repetitions, on average of {again.count:.3g}"
+    )
+    return SecondRecord((q, dq, ddq), note)
 
 
 def _fit_series(
@@ -208,8 +257,23 @@ def _complete(robot: Robot, measured: Motion, record: SecondRecord) -> Motion | 
         return None
     if len(other) == len(measured):
         return replace(other, kept=measured.kept)
+    return _put(measured, other.kept, other)
+
+
+def _thrown(robot: Robot, measured: Motion, other: Motion) -> np.ndarray:
+    """Return the few samples at which passive joints of two records are far apart, (F,) int."""
+    far = np.zeros(len(measured), bool)
+    for x, y in ((measured.v, other.v), (measured.a, other.a)):
+        apart = np.abs(x - y)[:, robot.dependent]
+        far |= np.any(apart > THROWN * np.median(apart, axis=0), axis=1)
+    return np.flatnonzero(far) if far.mean() < OPEN else np.empty(0, int)
+
+
+def _put(motion: Motion, rows: np.ndarray, other: Motion) -> Motion:
+    """Return a motion with another one at some samples."""
     names = ("q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "X")
-    mixed = {name: getattr(measured, name).copy() for name in names}
+    known = [name for name in names if getattr(motion, name) is not None]
+    mixed = {name: getattr(motion, name).copy() for name in known}
     for name, values in mixed.items():
-        values[other.kept] = getattr(other, name)
-    return replace(measured, **mixed)
+        values[rows] = getattr(other, name)
+    return replace(motion, **mixed)

@@ -222,7 +222,9 @@ def joint_log(robot: Robot, log: Log) -> Log:
     def rate(x: Array | None) -> Array | None:
         return None if x is None else np.linalg.solve(R, x.T).T
 
-    return replace(log, joints=robot.joints, q=q, tau=tau, dq=rate(log.dq), ddq=rate(log.ddq))
+    q_ref = None if log.q_ref is None else gear.joint_side(log.q_ref, log.tau)[0]
+    log = replace(log, joints=robot.joints, tau=tau, q_ref=q_ref)
+    return replace(log, q=q, dq=rate(log.dq), ddq=rate(log.ddq))
 
 
 def has_motors(robot: Robot, log: Log) -> bool:

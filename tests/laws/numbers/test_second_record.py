@@ -1,11 +1,14 @@
 """The second record of a motion: which there is, and whether its errors are its own."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.instruments import add_instrument, noise_level, resolution
 from identifiability.robot import Robot
@@ -118,3 +121,110 @@ def test_a_closed_chain_closes_along_the_second_record(rps, noisy_log):
     assert 0 < moved.max() < np.abs(samples.motion.v[:, passive]).max()
     thin = samples.thin(3)
     assert len(thin.instrument) == len(thin.motion)
+
+
+def twice(robot, seed=0, level=1.0):
+    """Return a log of a motion that is no series, made again later, and its exact motion."""
+    log, exact = noisy(robot, periodic=False, seed=seed, level=level)
+    again, _ = noisy(robot, periodic=False, seed=seed + 1, level=level)
+    return log, again, exact
+
+
+def positions_only(log, **changes):
+    return replace(log, dq=None, ddq=None, **changes)
+
+
+def test_a_repetition_on_another_clock_is_found_and_its_errors_are_its_own(robot):
+    log, again, exact = twice(robot)
+    # It starts 0.4123 s later in the motion, which is no whole number of steps, by its own clock.
+    t = log.t[:-100] + 0.4123
+    moved = {k: CubicSpline(again.t, getattr(again, k))(t) for k in ("q", "dq", "ddq")}
+    again = replace(again, t=7.0 + log.t[:-100], tau=again.tau[:-100], **moved)
+    how = Preparation(keep_rest=True)
+    samples, other = (prepare_samples(robot, x, how) for x in (log, again))
+    found = add_instrument(robot, log, samples, [other])
+    assert "repetitions, on average of 0.9" in found.notes[-1]
+    for first, second in errors(found, exact, samples.motion.kept):
+        a, b = first[200:-200], second[200:-200]
+        assert b.std() < 1.2 * a.std()
+        assert np.abs((a * b).mean(0) / (a**2).mean(0)).max() < 0.15
+
+
+def test_more_repetitions_have_less_noise_and_stand_before_a_series(robot):
+    t, *exact = motion(periodic=True)
+    t, exact = STEP * np.arange(8000), [np.tile(x, (4, 1)) for x in exact]  # eight periods
+    rng = np.random.default_rng(1)
+    q, dq, ddq = (x + s * rng.normal(size=x.shape) for x, s in zip(exact, NOISE, strict=True))
+    log = Log("run", robot.joints, t, q, rng.normal(size=q.shape), dq, ddq, "")
+    samples = record(robot, log, Preparation(keep_rest=True))
+    assert "repetitions" in samples.notes[-1]
+    for first, second in errors(samples, exact, samples.motion.kept):
+        assert second.std() == pytest.approx(first.std() / np.sqrt(7), rel=0.15)
+        assert np.abs((first * second).mean(0) / (first**2).mean(0)).max() < 0.1
+
+
+def test_positions_alone_have_their_repetition(robot):
+    log, again, _ = twice(robot, level=0.1)
+    log, again = positions_only(log), positions_only(again, name="again")
+    samples, other = (prepare_samples(robot, x) for x in (log, again))
+    assert add_instrument(robot, log, samples) is None
+    assert "repetitions" in add_instrument(robot, log, samples, [other]).notes[-1]
+
+
+def test_rounding_that_repeats_with_the_motion_is_no_second_record(robot):
+    log, again, _ = twice(robot, level=0.0)
+    rounded = [positions_only(x, q=2e-3 * np.rint(x.q / 2e-3)) for x in (log, again)]
+    samples, other = (prepare_samples(robot, x) for x in rounded)
+    assert add_instrument(robot, rounded[0], samples, [other]) is None
+
+
+def test_another_motion_is_no_repetition(robot):
+    log, _ = noisy(robot, periodic=False, level=0.1)
+    log, other = log.rows(0, 900), positions_only(log.rows(1000, 2000), name="other")
+    log = positions_only(log)
+    samples = prepare_samples(robot, log)
+    assert add_instrument(robot, log, samples, [prepare_samples(robot, other)]) is None
+
+
+def test_the_command_is_followed_with_its_delay_unless_it_is_a_copy(robot):
+    log, exact = noisy(robot, periodic=False, level=0.1)
+    late = np.stack([np.interp(log.t - 0.03, log.t, x) for x in exact[0].T], 1)
+    q = late + (log.q - exact[0])
+    log = positions_only(log, q=q, q_ref=1.03 * exact[0])
+    samples = record(robot, log, Preparation(cutoff=10.0, keep_rest=True))
+    (delay,) = re.findall(r"commanded .* delayed by (\S+) ms", samples.notes[-1])
+    assert float(delay) == pytest.approx(30, abs=1)
+    copied = replace(log, q_ref=log.q)
+    assert record(robot, copied, Preparation(cutoff=10.0)) is None
+    elsewhere = replace(log, q_ref=log.q_ref[::-1])
+    assert record(robot, elsewhere, Preparation(cutoff=10.0)) is None
+
+
+def test_where_noise_throws_a_mechanism_off_the_second_record_stands_for_it(rps, noisy_log):
+    found = record(rps, noisy_log)
+    assert "at 1 of 750 samples noise throws" in found.notes[-1]
+    samples = prepare_samples(rps, noisy_log)
+    wild = samples.motion.a.copy()
+    passive = [k for k in range(rps.nv) if k not in rps.actuated]
+    wild[40, passive] = 1e4
+    mended = add_instrument(
+        rps, noisy_log, replace(samples, motion=replace(samples.motion, a=wild))
+    )
+    np.testing.assert_array_equal(mended.motion.a[40], mended.instrument.a[40])
+    np.testing.assert_array_equal(mended.motion.a[41:], found.motion.a[41:])
+    assert "at 2 of 750 samples noise throws" in mended.notes[-1]
+
+
+@pytest.mark.parametrize("read", [Log.read, LogFile.read])
+def test_commands_are_read_unless_they_have_gaps(robot, tmp_path, read):
+    log, _ = noisy(robot, periodic=True)
+    frame = replace(log, q_ref=log.q + 1.0).to_frame()
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    found = read(tmp_path / "run.csv")
+    assert found.channels == ("q", "dq", "ddq", "tau", "q_ref")
+    np.testing.assert_allclose(found.rows(5, 9).q_ref, log.q[5:9] + 1.0)
+    frame.loc[:3, f"{robot.joints[0]}.q_ref"] = np.nan  # no command yet
+    frame.to_csv(tmp_path / "late.csv", index=False)
+    late = read(tmp_path / "late.csv")
+    assert late.channels == ("q", "dq", "ddq", "tau")
+    assert late.rows(5, 9).q_ref is None
