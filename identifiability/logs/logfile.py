@@ -18,6 +18,7 @@ from identifiability.logs.naming import Naming
 from identifiability.logs.source import Reading, is_long, scan_file
 from identifiability.logs.spikes import Spike, mend_column
 from identifiability.logs.tables import Table, parsing
+from identifiability.logs.wraps import Wraps
 
 
 @frozen
@@ -48,6 +49,8 @@ class LogFile:
         Rows of the file that this is about; all by default.
     spikes, mended : mapping of str to tuple of Spike
         Wrong values of each column, and those that are replaced when it is read.
+    wraps, unwrapped : mapping of str to Wraps
+        Jumps by a turn of each column of angles, and those that are undone when it is read.
     """
 
     name: str
@@ -62,6 +65,8 @@ class LogFile:
     span: tuple[int, int] = (0, -1)
     spikes: Mapping[str, tuple[Spike, ...]] = field(default_factory=dict)
     mended: Mapping[str, tuple[Spike, ...]] = field(default_factory=dict)
+    wraps: Mapping[str, Wraps] = field(default_factory=dict)
+    unwrapped: Mapping[str, Wraps] = field(default_factory=dict)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -115,6 +120,7 @@ class LogFile:
             sha256=digest,
             stamp=stamp,
             spikes={c: tuple(reading.finders[c].finish()) for c in known if c != "t"},
+            wraps={c: w for c, f in reading.turns.items() if (w := f.finish()) is not None},
         )
 
     def rows(self, start: int, stop: int) -> Log:
@@ -184,6 +190,8 @@ class LogFile:
         columns = {c.name: c.scale(x) for c, x in given}
         for column, spikes in self.mended.items():
             columns[column] = mend_column(columns[column], spikes, self.span[0] + start)
+        for column, wraps in self.unwrapped.items():
+            columns[column] = wraps.undo(columns[column], self.span[0] + start)
         return build_log(self.name, self.naming, columns, self.sha256)
 
     def _check_unchanged(self, *, whole: bool = True) -> None:

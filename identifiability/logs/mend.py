@@ -36,7 +36,8 @@ def _find(log: Log | LogFile) -> dict[str, tuple[Spike, ...]]:
     """Return the wrong samples of each column that has any."""
     columns = [(f"{j}.{c}", c, k) for c in log.channels for k, j in enumerate(log.joints)]
     if isinstance(log, LogFile):
-        found = {name: log.spikes.get(name, ()) for name, *_ in columns}
+        # Where an angle jumps by a turn, and back, is no wrong sample.
+        found = {n: () if n in log.unwrapped else log.spikes.get(n, ()) for n, *_ in columns}
     else:
         found = {name: tuple(find_spikes(getattr(log, c)[:, k])) for name, c, k in columns}
     return {name: spikes for name, spikes in found.items() if spikes}

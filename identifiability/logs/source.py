@@ -17,6 +17,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.naming import Naming, name_columns
 from identifiability.logs.spikes import SpikeFinder
 from identifiability.logs.tables import Table, is_parquet, open_parquet, parsing, scan_table
+from identifiability.logs.wraps import WrapFinder
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,6 +46,8 @@ class Reading:
         The columns that a log is made of; in the end without commands that have gaps.
     finders : dict of str to SpikeFinder
         Of the columns that are not kept.
+    turns : dict of str to WrapFinder
+        Of the positions that are not kept.
     clock : Clock
     torque : bool
         Whether any torque is not zero.
@@ -55,6 +58,7 @@ class Reading:
         self.naming = Naming((), ())
         self.numbers: dict[str, Numbers] = {}
         self.finders: dict[str, SpikeFinder] = {}
+        self.turns: dict[str, WrapFinder] = {}
         self.clock, self.torque = Clock(source), False
         self._kept: dict[str, list[Array]] = {}
 
@@ -73,6 +77,7 @@ class Reading:
             self.numbers = {c: Numbers(c, self.source) for c in names}
             self._kept = {c: [] for c in names}
             self.finders = {} if self.keep else {c: SpikeFinder() for c in names if c != "t"}
+            self.turns = {c: WrapFinder() for c in self.finders if c.endswith(".q")}
         for known in self.naming.columns:
             column, numbers = known.name, self.numbers[known.name]
             values = known.scale(numbers.add(frame[known.source]))
@@ -84,6 +89,8 @@ class Reading:
                 self._kept[column].append(values)
             elif column != "t":
                 self.finders[column].add(values)
+                if column in self.turns:
+                    self.turns[column].add(values)
 
     def finish(self) -> dict[str, Array]:
         """Return the columns, each (N,), as far as they were kept.

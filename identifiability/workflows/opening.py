@@ -27,10 +27,12 @@ from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
 from identifiability.logs.prepare.survey import explain_silence, torque_varies
 from identifiability.logs.repeats import Recording, drop_repeats
+from identifiability.logs.unwrap import unwrap_logs
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
+from identifiability.workflows.oddities import Evidence, find_mixed, find_oddities
 
 LogLike = Log | LogFile | str | Path | pd.DataFrame
 Logs = Annotated[
@@ -70,12 +72,15 @@ class Opening(OfStructure):
         Logs that are fitted, and that are held out.
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check.
+    mixed : bool
+        Whether the first of them is about exchanged torque columns, which explain the others.
     """
 
     structure: Structure
     samples: tuple[Prepared, ...]
     validation: tuple[Prepared, ...]
     hints: tuple[str, ...]
+    mixed: bool = False
 
     @cached_property
     def regression(self) -> Regression:
@@ -137,9 +142,12 @@ def read_recordings(logs: Logs, validate: Logs, known: Conventions) -> Recording
     if not train:
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held)
-    mended, wrong = mend_logs([*train, *held])
+    whole, turned = unwrap_logs([*train, *held])
+    mended, wrong = mend_logs(whole)
     fitted, unseen, hints = drop_repeats(mended[: len(train)], mended[len(train) :])
-    return Recordings(tuple(fitted), tuple(unseen), (*_notes([*train, *held]), *wrong, *hints))
+    return Recordings(
+        tuple(fitted), tuple(unseen), (*_notes([*train, *held]), *turned, *wrong, *hints)
+    )
 
 
 def _notes(logs: Sequence[Log | LogFile]) -> list[str]:
@@ -224,7 +232,13 @@ def open_logs(
     split = (text for s in (*train, *held) for text in s.hints)
     hints = (*find_hints(structure.robot, train), *recordings.hints, *split)
     opening = Opening(structure=structure, samples=train, validation=held, hints=hints)
-    return replace(opening, validation=()) if opening.silence else opening
+    if opening.silence:
+        return replace(opening, validation=())
+    evidence = Evidence(structure, recordings.fitted, train)
+    mixed = find_mixed(evidence)
+    first = (mixed,) if mixed else ()
+    hints = (*first, *find_oddities(evidence, mixed), *hints)
+    return replace(opening, hints=hints, mixed=bool(mixed))
 
 
 def require_signal(samples: Sequence[Prepared], done: str) -> None:

@@ -17,7 +17,6 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.gather import gather_information
-from identifiability.regression.mix_up import find_mix_up
 from identifiability.regression.reduction import (
     LadderLike,
     build_comparison,
@@ -121,7 +120,6 @@ def analyze(
             building = share(say, "building the regression", 0.3, 0.6)
             regression, silence = opening.regression, opening.silence
             information = gather_information(regression, engine=runner, progress=building)
-            mixed = "" if silence else find_mix_up(regression, structure.base.nonnegative)
             say("fitting models", 0.6)
             models, physical = fit_ladder(
                 structure, rungs, information, chosen, cad_weight, silence
@@ -155,12 +153,12 @@ def analyze(
         }
         weak = state_weak(results[at])
         # Exchanged columns explain whatever else is odd.
-        after = () if mixed else (weak, several.hint, results[at].warning)
+        after = () if opening.mixed else (weak, several.hint, results[at].warning)
         return Analysis(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=tuple(filter(None, (mixed, decided, *opening.hints, *bands, *after))),
+            hints=tuple(filter(None, (*opening.hints, decided, *bands, *after))),
             information=information,
             models=results,
             selected=at,

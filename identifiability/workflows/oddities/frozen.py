@@ -1,0 +1,72 @@
+"""Stretches in which a column repeats one value although the joint goes on: a reading that hung."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
+from identifiability.logs import Log
+from identifiability.logs.stale import LONGEST, NAMES, smallest_change
+from identifiability.workflows.oddities.evidence import Evidence
+
+#: Shortest stretch that is said, in samples.
+SHORTEST = 4 * LONGEST
+
+#: Over as many samples the column usually changes by so many times its resolution …
+CHANGES = 12.0
+
+#: … and when it goes on, it jumps so many times as far as it usually changes in one sample.
+JUMPS = 6.0
+
+
+def find_frozen(evidence: Evidence) -> tuple[str, ...]:
+    """Return one sentence on stretches in which columns hang, or none."""
+    said = [
+        f"{NAMES[channel]} of {joint} in data rows {start + a + 1}–{start + b} of {log.name}"
+        for start, log in evidence.windows()
+        for channel, joint, a, b in find_stretches(log)
+    ]
+    if not said:
+        return ()
+    return (
+        f"A column repeats one value and then jumps, although the robot goes on ({listing(said, 4)}"
+        "): the reading hung; cut these rows out, splitting the log there.",
+    )
+
+
+def find_stretches(log: Log) -> Iterator[tuple[str, str, int, int]]:
+    """Yield channel, joint, first row and last (exclusive) of stretches in which a column hangs."""
+    for channel in ("q", "tau"):
+        values: Array = getattr(log, channel)
+        step = smallest_change(values)
+        others = np.abs(np.diff(log.q, axis=0)) > 0
+        for k, joint in enumerate(log.joints):
+            # Torque may rest with the robot; a position may rest while others move.
+            moves = others.any(1)
+            for a, b in _runs(values[:, k]):
+                if moves[a : b - 1].mean() > 0.5 and _jumps(values[:, k], a, b, float(step[k])):
+                    yield channel, joint, a, b
+
+
+def _runs(x: Array) -> list[tuple[int, int]]:
+    """Return stretches [a, b) of at least `SHORTEST` equal values of x (N,)."""
+    edges = np.flatnonzero(np.concatenate([[True], np.diff(x) != 0, [True]]))
+    long = np.flatnonzero(np.diff(edges) >= SHORTEST)
+    return [(int(edges[k]), int(edges[k + 1])) for k in long]
+
+
+def _jumps(x: Array, a: int, b: int, step: float) -> bool:
+    """Return whether x (N,) goes on after a stretch [a, b) as if it had moved meanwhile."""
+    length = b - a
+    if not step > 0 or length >= len(x) // 2:
+        return False
+    far = np.abs(x[length:] - x[:-length])
+    near = np.abs(np.diff(x))
+    usual = float(np.quantile(near, 0.9))
+    if np.median(far) < CHANGES * step:
+        return False
+    leap = abs(x[b] - x[b - 1]) if b < len(x) else 0.0
+    return bool(leap > JUMPS * max(usual, step))

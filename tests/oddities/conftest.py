@@ -1,0 +1,45 @@
+"""Logs that are good, to be spoilt one way at a time, and what is then said of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.model import Model
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+from identifiability.simulation import Noise, random_trajectory, simulate
+from identifiability.workflows.oddities import Evidence, find_mixed, find_oddities
+
+MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+
+def record(name, seed=1, samples=600):
+    """Return the structure of a shipped robot and a good log of it: noise, friction, an encoder."""
+    robot = Robot.load(name)
+    rng = np.random.default_rng(seed)
+    motion = random_trajectory(robot, rng, samples=samples)
+    log = simulate(robot, motion, noise=Noise(torque=0.02, encoder=1e-5), rng=rng)
+    return Structure.of(robot, MODEL), replace(log, dq=None, ddq=None)
+
+
+@pytest.fixture(scope="session")
+def say():
+    """A function (structure, log) -> what is odd about it."""
+
+    def look(structure, log):
+        evidence = Evidence(structure, (log,), (prepare_samples(structure.robot, log),))
+        return find_oddities(evidence, find_mixed(evidence))
+
+    return look
+
+
+@pytest.fixture(scope="session", params=["two-link", "3-rps", "six-dof-arm"])
+def good(request):
+    return record(request.param)
+
+
+@pytest.fixture(scope="session")
+def six_axis():
+    return record("six-dof-arm")

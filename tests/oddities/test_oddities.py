@@ -1,0 +1,97 @@
+"""Where robot file, limits and physics contradict a log it is said, and nowhere else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.logs.checks import FEWEST
+
+
+def test_a_good_log_is_not_spoken_of(say, good):
+    assert say(*good) == ()
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1000.0, "mN·m"), (1e-3, "kN·m"), (0.02, "")])
+def test_torque_in_another_unit(say, good, factor, unit):
+    structure, log = good
+    (hint,) = say(structure, replace(log, tau=factor * log.tau))
+    assert "what the masses of the robot file ask for" in hint
+    assert "at all joints alike" in hint
+    assert unit in hint
+
+
+def test_torque_before_the_gears(say, six_axis):
+    structure, log = six_axis
+    gears = np.array([200.0, 160.0, 120.0, 50.0, 50.0, 30.0])
+    (hint,) = say(structure, replace(log, tau=log.tau / gears))
+    assert "by another factor at each joint" in hint
+    assert "currents" in hint
+
+
+def test_the_gain_of_one_joint(say, six_axis):
+    structure, log = six_axis
+    gain = np.where(np.arange(6) == 1, 20.0, 1.0)
+    (hint,) = say(structure, replace(log, tau=gain * log.tau))
+    assert f"The measured torque of {log.joints[1]} is" in hint
+    assert "not so at the other joints" in hint
+
+
+def test_time_in_milliseconds_read_as_seconds(say, six_axis):
+    structure, log = six_axis
+    (hint,) = say(structure, replace(log, t=1000 * log.t))
+    assert "The time may be in another unit than s" in hint
+    assert "each second of the log lasted 0.001 s" in hint
+
+
+def test_torque_that_stops_at_a_limit(say, good):
+    structure, log = good
+    top = 0.7 * np.abs(log.tau[:, 0]).max()
+    tau = log.tau.copy()
+    tau[:, 0] = np.clip(tau[:, 0], -top, top)
+    hint = say(structure, replace(log, tau=tau))[0]
+    assert f"'{log.joints[0]}.tau' stays at" in hint
+    assert f"{top:.4g}" in hint
+
+
+@pytest.mark.parametrize("channel", ["q", "tau"])
+def test_a_column_that_hangs(say, good, channel):
+    structure, log = good
+    column = getattr(log, channel).copy()
+    first = int(np.argmax(np.abs(column[60:] - column[:-60])[100:400, 0])) + 100
+    column[first : first + 60, 0] = column[first, 0]
+    hint = say(structure, replace(log, **{channel: column}))[0]
+    assert f"of {log.joints[0]} in data rows {first + 1}–{first + 60} of {log.name}" in hint
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_joint_whose_torque_is_late(say, six_axis, joint):
+    structure, log = six_axis
+    tau = log.tau.copy()
+    tau[:, joint] = np.roll(tau[:, joint], 10)
+    (hint,) = say(structure, replace(log, tau=tau))
+    assert f"the torque of {log.joints[joint]} is 10 samples" in hint
+    assert "late" in hint
+
+
+def test_torque_that_is_early_at_all_joints(say, six_axis):
+    structure, log = six_axis
+    (hint,) = say(structure, replace(log, tau=np.roll(log.tau, -8, 0)))
+    assert "the torque of all joints is 8 samples" in hint
+    assert "early" in hint
+
+
+def test_an_effort_that_is_no_force(say, six_axis):
+    structure, log = six_axis
+    heavy = 1
+    rng = np.random.default_rng(0)
+    tau = log.tau.copy()
+    tau[:, heavy] = rng.normal(size=len(log))
+    (hint,) = say(structure, replace(log, tau=tau))
+    assert "does not carry the weight" in hint
+    assert log.joints[heavy] in hint
+
+
+def test_a_short_log_is_no_reason_to_speak(say, six_axis):
+    structure, log = six_axis
+    assert say(structure, log.rows(0, 2 * FEWEST)) == ()
