@@ -42,10 +42,8 @@ def find_stretches(log: Log) -> Iterator[tuple[str, str, int, int]]:
     for channel in ("q", "tau"):
         values: Array = getattr(log, channel)
         step = smallest_change(values)
-        others = np.abs(np.diff(log.q, axis=0)) > 0
+        moves = np.asarray((np.abs(np.diff(log.q, axis=0)) > 0).any(1))
         for k, joint in enumerate(log.joints):
-            # Torque may rest with the robot; a position may rest while others move.
-            moves = others.any(1)
             for a, b in _runs(values[:, k]):
                 if moves[a : b - 1].mean() > 0.5 and _jumps(values[:, k], a, b, float(step[k])):
                     yield channel, joint, a, b
