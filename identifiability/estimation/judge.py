@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
+from scipy.special import ndtr
 
 from identifiability.estimation.estimator import PAPER_FACTOR, Estimate
 from identifiability.estimation.holm import holm
@@ -93,8 +93,7 @@ def judge(
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(e.determined & (sigma > 0), np.abs(e.value) / sigma, 0.0)
         z = np.where(e.determined & (sigma == 0) & (e.value != 0), np.inf, z)
-    norm = scipy.stats.norm
-    certain = holm(2 * norm.sf(z)) < rules.sign_level
+    certain = holm(2 * ndtr(-z)) < rules.sign_level
     paper = e.paper_rule
     least = float(e.sigma_percent.min(initial=np.inf))
     out, moved = [], evidence.bias_sigma

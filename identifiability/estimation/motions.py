@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
+from scipy.special import chdtrc, chdtri, fdtrc, stdtrit
 
 from identifiability.estimation.estimator import NOTHING, Estimate
 from identifiability.estimation.holm import holm
@@ -135,6 +135,8 @@ def compare_motions(
         Which motion each block comes from; by default its log.
     """
     groups = information.log if groups is None else groups
+    if len(np.unique(groups)) < 2:
+        return None
     k, needed = information.size, FEWEST_OUTPUTS * len(fit.kept)
     S, x = information.basis, fit.value
     residual = np.append(S[:k, k] - S[:k, :k] @ x, S[k, k])  # τ - W x = Z z
@@ -198,7 +200,7 @@ def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
     lost = ((1 - weight / total) ** 2 * np.isfinite(sd) / dof[:, None]).sum(0)
     wide = np.maximum(count**2 - 1, 3)
     ratio = square / at / (1 + 2 * np.maximum(count - 2, 0) / wide * lost)
-    p = np.where(d > 0, scipy.stats.f.sf(ratio, at, wide / (3 * np.maximum(lost, 1e-12))), 1.0)
+    p = np.where(d > 0, fdtrc(at, wide / (3 * np.maximum(lost, 1e-12)), ratio), 1.0)
     return ratio, p, d
 
 
@@ -230,11 +232,11 @@ def _pool(p: Array, d: Array, correlation: Array) -> tuple[float, float, float]:
     mean = float(d.sum())
     if not mean:
         return 1.0, 1.0, np.inf
-    square = scipy.stats.chi2.isf(np.maximum(p, 1e-300), np.maximum(d, 1)) * (d > 0)
+    square = chdtri(np.maximum(d, 1), np.maximum(p, 1e-300)) * (d > 0)
     variance = 2 * float(np.sqrt(d) @ correlation**2 @ np.sqrt(d))
     dof = 2 * mean**2 / variance
     ratio = float(square.sum()) / mean
-    pooled = float(scipy.stats.chi2.sf(ratio * dof, dof))
+    pooled = float(chdtrc(dof, ratio * dof))
     return pooled, ratio if pooled < LEVEL else 1.0, dof
 
 
@@ -252,7 +254,7 @@ def _excess(motions: Motions, ratios: Array, joint: Array) -> Array:
     weight = motions.sd**-2.0
     total = np.maximum(weight.sum(0), 1e-300)
     count = np.isfinite(motions.sd).sum(0)
-    wider = (scipy.stats.t.ppf(ENDS[1], motions.ratio_dof) / REACH) ** 2
+    wider = (stdtrit(motions.ratio_dof, ENDS[1]) / REACH) ** 2
     pooled = np.where(count > 1, count / total * (motions.ratio - 1), 0.0)
     unit = np.maximum(count - 1, 0) / np.maximum(total - (weight**2).sum(0) / total, 1e-300)
     own = np.where(motions.moved, unit * np.maximum(ratios - 1, 0.0), 0.0)

@@ -9,7 +9,7 @@ Zeger 1986]; how much that is, the estimator says.
 from __future__ import annotations
 
 import numpy as np
-import scipy
+from scipy.special import ndtri, stdtrit
 
 from identifiability.estimation.bootstrap import merge_blocks
 from identifiability.estimation.estimator import Estimate
@@ -44,8 +44,7 @@ class ScoreScatter:
         """Standard deviations with which a normal interval has the width of Student's t, (k,)."""
         if self.stretches < 2:
             return self.sd
-        norm, t = scipy.stats.norm, scipy.stats.t
-        factor = t.ppf(ENDS[1], self.stretches - 1) / norm.ppf(ENDS[1])
+        factor = stdtrit(self.stretches - 1, ENDS[1]) / ndtri(ENDS[1])
         wider: Array = self.sd * factor
         return wider
 

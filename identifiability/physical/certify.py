@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.program import ADVICE, above, adjoint, cp, solve_program
@@ -93,7 +93,7 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
             f"expected ({beta.size}, {region.size}); build the map from the model of the physical "
             "set."
         )
-    with threadpool_limits(1):
+    with one_thread():
         scale = _column_scale(base_map, beta, region)
         G = base_map * scale
         start, null = _solutions(G, beta)

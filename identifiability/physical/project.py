@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import CadPrior, divergence, prior_gap
 from identifiability.physical.feasible_set import PhysicalSet
@@ -151,7 +151,7 @@ class Projection:
                 f"projection: data on {data.R.shape[1]} parameters were given; expected the "
                 f"{self.region.size} of the physical set; build both from the same model."
             )
-        with threadpool_limits(1):
+        with one_thread():
             scaled = self._scale(data)
             free = scaled.plane.solve(scaled.factor, scaled.target)
             if self.prior is None and self._holds(free):

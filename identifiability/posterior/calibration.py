@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 from scipy import stats
-from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import ExactSampler, build_sampler, interior
 from identifiability.posterior.target import Diagonal, Target
@@ -95,7 +95,7 @@ def calibrate_posterior(
             "since true values are drawn from it; state one."
         )
     sampler = build_sampler(target)
-    with threadpool_limits(1):
+    with one_thread():
         truth = _draw_prior(sampler, interior(target, sampler, start), replicates, rng)
         own = ExactSampler(_observe(sampler, target, truth, rng), sampler.region)
         value = target.to_phi(truth)

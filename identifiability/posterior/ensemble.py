@@ -14,9 +14,9 @@ from typing import Any
 
 import emcee
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.posterior.exact import ExactSampler, Progress, build_sampler, interior
 from identifiability.posterior.target import Target
@@ -92,7 +92,7 @@ def sample_posterior(
     centre = interior(target, sampler, start)
     density = _log_density(sampler)
     kept = np.empty((ENSEMBLES, walkers, draws, target.size))
-    with threadpool_limits(1):
+    with one_thread():
         starts = sampler.disperse(centre, ENSEMBLES, rng)
         (child,) = rng.spawn(1)
         own = _Exact(sampler, child)

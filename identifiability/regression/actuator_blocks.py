@@ -115,8 +115,8 @@ class ActuatorBlocks:
         if self.squared:
             out = np.add.reduceat(self.blocks, at, axis=0, out=allot((len(at), r, r)))
             return replace(self, blocks=out, sums=sums)
-        groups = [hold(rows.reshape(-1, r)) for rows in np.split(self.blocks, at[1:])]
-        return replace(self, blocks=stack(groups), sums=sums)
+        blocks = hold_blocks(self.blocks.reshape(-1, r), at * self.blocks.shape[1])
+        return replace(self, blocks=blocks, sums=sums)
 
     def merge_weighted(self, group: np.ndarray, counts: Array) -> Array:
         """Return ``Zᵀ Z`` of groups of blocks, each of them counted so often, (G, r, r).
@@ -150,6 +150,22 @@ class ActuatorBlocks:
 def hold(rows: Array) -> Array:
     """Return what is held of rows (m, r): they themselves where m < r, else their Gram matrix."""
     return rows if len(rows) < rows.shape[1] else rows.T @ rows
+
+
+def hold_blocks(rows: Array, at: np.ndarray) -> Array:
+    """Return what is held of blocks of rows (N, r) that begin at rows `at`, (B, m, r) or (B, r, r).
+
+    Blocks with fewer rows than others are filled up with zeros.
+    """
+    r, ends = rows.shape[1], np.append(at[1:], len(rows))
+    sizes = ends - at
+    most = int(sizes.max(initial=0))
+    if most == sizes.min(initial=most) and most < r:
+        return rows.reshape(len(at), most, r)
+    out = allot((len(at), min(most, r), r))
+    for place, a, b in zip(out, at.tolist(), ends.tolist(), strict=True):
+        fill(place, hold(rows[a:b]))
+    return out
 
 
 def merge_held(one: Array, other: Array) -> Array:

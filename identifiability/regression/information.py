@@ -28,9 +28,8 @@ from identifiability.regression.actuator_blocks import (
     allot,
     batches,
     choose_basis,
-    hold,
+    hold_blocks,
     invert_basis,
-    stack,
 )
 
 
@@ -90,8 +89,8 @@ class Information:
             seen = np.flatnonzero(rows[:, :-1].any(0))
             basis = choose_basis(rows, seen)
             Z = rows[:, [*seen, -1]] @ invert_basis(basis)
-            blocks = stack([hold(block) for block in np.split(Z, at[1:])])
-            parts.append(ActuatorBlocks(seen, basis, blocks, np.add.reduceat(Z, at, axis=0)))
+            sums = np.add.reduceat(Z, at, axis=0)
+            parts.append(ActuatorBlocks(seen, basis, hold_blocks(Z, at), sums))
         counts = np.diff([*at, len(log)])
         log, has = np.asarray(log)[at], instruments is not None
         return Information(tuple(columns), tuple(parts), counts, log, has)
@@ -148,6 +147,12 @@ class Information:
         """Upper triangular, (k + 1, k + 1), with ``[W τ] = Z basis`` for all rows."""
         return self._common[0]
 
+    @cached_property
+    def _totals(self) -> Array:
+        """``Zᵀ Z`` of each actuator over all its blocks, in the common basis, (n, k + 1, k + 1)."""
+        pairs = zip(self.parts, self._common[1], strict=True)
+        return np.array([Q.T @ p.total @ Q for p, Q in pairs])
+
     @property
     def of_actuators(self) -> tuple[tuple[ActuatorBlocks, Array], ...]:
         """Blocks of each actuator, and what turns coordinates of `basis` into theirs (r, k + 1)."""
@@ -160,9 +165,8 @@ class Information:
         ----------
         z : (k + 1,) or (k + 1, m)
         """
-        own = [Q @ z for Q in self._common[1]]
-        pairs = zip(own, self.parts, strict=True)
-        return np.array([np.einsum("i...,i...->...", u, p.total @ u) for u, p in pairs])
+        squares: Array = np.einsum("i...,ni...->n...", z, self._totals @ z)
+        return squares
 
     @property
     def sums(self) -> list[Array]:
@@ -195,8 +199,7 @@ class Information:
     def total(self, weights: Array | None = None) -> Array:
         """Return ``Zᵀ Z`` of all blocks, actuators weighted, (k + 1, k + 1)."""
         weights = np.ones(self.actuators) if weights is None else weights
-        triples = zip(weights, self.parts, self._common[1], strict=True)
-        total: Array = sum(w * (Q.T @ p.total @ Q) for w, p, Q in triples)
+        total: Array = np.tensordot(weights, self._totals, 1)
         return total
 
     def factor(self, weights: Array | None = None) -> Array:
@@ -229,6 +232,8 @@ class Information:
 
     def select(self, columns: Sequence[int]) -> Information:
         """Return the information about some columns, the others held at zero."""
+        if list(columns) == list(range(self.size)):
+            return self
         names = [self.columns[c] for c in columns]
         return self.reduce(np.eye(self.size)[:, list(columns)], names)
 

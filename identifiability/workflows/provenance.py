@@ -5,11 +5,10 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
-from importlib import metadata
 
 import clarabel
 
-from identifiability.foundation.engines.fingerprint import NUMERICS
+from identifiability.foundation.engines.fingerprint import NUMERICS, find_version
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.reduction import LadderSource
 from identifiability.robot import Robot
@@ -27,10 +26,7 @@ def state_provenance(
     """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
     out = {"python": platform.python_version()}
     for package in _PACKAGES:
-        try:
-            out[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            out[package] = "not installed"
+        out[package] = find_version(package) or "not installed"
     out["seed"] = str(seed)
     out["solver"] = _solver_settings()
     out.update({name: str(value) for name, value in (options or {}).items()})

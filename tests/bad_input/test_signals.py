@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import estimate
-from identifiability.logs import Log, signals
+from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.regression.gather import gather_information
@@ -49,7 +49,7 @@ def test_the_low_pass_delays_nothing(smooth):
 
 def test_a_fourier_fit_is_exact_on_a_fourier_motion(smooth):
     t, *motion = smooth
-    fit = signals.fit_fourier(t, motion[0], 6.0, 4)
+    fit = fourier.fit_fourier(t, motion[0], 6.0, 4)
     for found, exact in zip(fit.motion(t), motion, strict=True):
         np.testing.assert_allclose(found, exact, atol=1e-10)
 
@@ -60,8 +60,8 @@ def test_the_period_is_the_right_fraction_of_the_duration(periods, rng):
     t = STEP * np.arange(200 * periods)
     q = shape.motion(t)[0]
     noisy = q + 1e-3 * rng.standard_normal(q.shape)
-    assert signals.find_period(t, q, 3) == pytest.approx(2.0)
-    assert signals.find_period(t, noisy, 3) == pytest.approx(2.0)
+    assert fourier.find_period(t, q, 3) == pytest.approx(2.0)
+    assert fourier.find_period(t, noisy, 3) == pytest.approx(2.0)
 
 
 def test_the_cutoff_keeps_the_motion_and_not_the_noise(smooth, rng):

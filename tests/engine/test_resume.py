@@ -120,7 +120,7 @@ def test_another_program_is_new_work(run, monkeypatch):
     monkeypatch.setattr(prints, "source_digest", lambda name: "changed" + text(name))
     assert run(square, range(2))[1] == [0, 1]
     monkeypatch.setattr(prints, "source_digest", text)
-    monkeypatch.setattr(prints, "_version", lambda name: "9")
+    monkeypatch.setattr(prints, "find_version", lambda name: "9")
     assert run(square, range(2))[1] == [0, 1]
 
 

@@ -20,7 +20,7 @@ NUMERICS = ("numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee")
 
 def fingerprint(function: Callable[..., Any]) -> str:
     """Return a digest of a function: its name, bound arguments, program text and numerics."""
-    parts = [f"{name} {_version(name)}" for name in NUMERICS]
+    parts = [f"{name} {find_version(name)}" for name in NUMERICS]
     while isinstance(function, partial):
         parts.append(str(joblib.hash((function.args, function.keywords), "sha1")))
         function = function.func
@@ -68,7 +68,9 @@ def source_digest(name: str) -> str:
     return found.hexdigest()
 
 
-def _version(name: str) -> str:
+@cache
+def find_version(name: str) -> str:
+    """Return the version of an installed package; empty if there is none."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Self, TypeVar
 
-from threadpoolctl import threadpool_limits
+from identifiability.foundation.threads import one_thread
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -28,7 +28,7 @@ def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
     Threads fight over the small matrices of this project, and sums over several threads differ in
     the last bits from sums over one.
     """
-    with threadpool_limits(1, "blas"):
+    with one_thread("blas"):
         return function(item)
 
 

@@ -19,7 +19,7 @@ from scipy.special import binom
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, signals
+from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare.command import follow_command
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.prepare.repetition import Repetition, find_repetition
@@ -70,10 +70,30 @@ class SecondRecord:
         Position, velocity and acceleration.
     note : str
         Which one it is.
+    noise : tuple of (n,)
+        Of each channel that was measured.
+    series : FourierFit or None
+        What the motion is of.
+    cutoffs : tuple of float [Hz]
+        Low-pass of each channel, where the motion is the smoothed one; infinite for none.
     """
 
     motion: tuple[Array, Array, Array]
     note: str
+    noise: tuple[Array, ...] = ()
+    series: fourier.FourierFit | None = None
+    cutoffs: tuple[float, ...] = ()
+
+    def again(self, log: Log) -> SecondRecord | None:
+        """Return the record of another log of this motion; None where it must be looked for."""
+        channels, t = _channels(log), log.t - log.t[0]
+        if self.cutoffs:
+            return replace(self, motion=_filter(channels, t, self.cutoffs))
+        if self.series is None:
+            return None
+        period, harmonics = self.series.period, self.series.harmonics
+        series = fourier.fit_fourier_jointly(t, channels, self.noise, period, harmonics)
+        return replace(self, motion=series.motion(t), series=series)
 
 
 def noise_level(x: Array) -> Array:
@@ -105,6 +125,7 @@ def add_instrument(
     others: Sequence[Samples] = (),
     *,
     always: bool = False,
+    like: SecondRecord | None = None,
 ) -> Samples | None:
     """Return the samples with a second record of their motion and a note; None if there is none.
 
@@ -118,8 +139,12 @@ def add_instrument(
         Other logs, which may have the same motion.
     always : bool
         Also where noise is negligible, and so is what it does to least squares.
+    like : SecondRecord, optional
+        Of another log of the same motion, found in the same way where that can be.
     """
-    record = find_record(joint_log(robot, log), samples, others, always=always)
+    own = joint_log(robot, log)
+    record = None if like is None else like.again(own)
+    record = record or find_record(own, samples, others, always=always)
     motion = None if record is None else _complete(robot, samples.motion, record)
     if record is None or motion is None:
         return None
@@ -139,7 +164,7 @@ def find_record(
     log: Log, samples: Samples, others: Sequence[Samples] = (), *, always: bool = False
 ) -> SecondRecord | None:
     """Return a second record of the motion of a log on the joint side; None where there is none."""
-    channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
+    channels = _channels(log)
     # While a coarse encoder stands still, its noise does so too: differences do not see it.
     noise = [np.maximum(noise_level(x), resolution(x) / np.sqrt(12)) for x in channels]
     size = [x.std(0) for x in channels]
@@ -157,7 +182,7 @@ def find_record(
                 "the instruments' motion is a Fourier series of all that was measured of it, of "
                 f"{series.harmonics} harmonics with period {series.period:.6g} s"
             )
-            return SecondRecord(series.motion(log.t - log.t[0]), note)
+            return SecondRecord(series.motion(log.t - log.t[0]), note, tuple(noise), series)
     if again is not None:
         return _repeat(again, samples, log)
     if samples.cutoff is None and len(channels) == 3:
@@ -179,9 +204,14 @@ def _repeat(again: Repetition, samples: Samples, log: Log) -> SecondRecord:
     return SecondRecord((q, dq, ddq), note)
 
 
+def _channels(log: Log) -> list[Array]:
+    """Return what was measured of the motion."""
+    return [x for x in (log.q, log.dq, log.ddq) if x is not None]
+
+
 def _fit_series(
     log: Log, channels: Sequence[Array], noise: Sequence[Array]
-) -> signals.FourierFit | None:
+) -> fourier.FourierFit | None:
     """Return the series that explains all channels up to their noise; None if none does."""
     t = log.t - log.t[0]
     step = -(-len(t) // ENOUGH)
@@ -193,10 +223,10 @@ def _fit_series(
     for harmonics in HARMONICS:
         if 8 * harmonics > len(t):
             break
-        period = signals.find_period(t[::step], clearest, harmonics)
+        period = fourier.find_period(t[::step], clearest, harmonics)
         if 4 * harmonics * signals.sampling_step(t) > period:
             continue
-        fit = signals.fit_fourier_jointly(t, channels, noise, period, harmonics)
+        fit = fourier.fit_fourier_jointly(t, channels, noise, period, harmonics)
         left = [x - y for x, y in zip(channels, fit.motion(t), strict=False)]
         pairs = zip(left, channels, noise, strict=True)
         if all(_explained(rest, x, level) for rest, x, level in pairs):
@@ -212,19 +242,26 @@ def _explained(rest: Array, x: Array, noise: Array) -> bool:
 def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> SecondRecord | None:
     """Return the low-passed motion; None where its band would hold much of the noise too."""
     dt = signals.sampling_step(log.t)
-    cutoffs = [_smoothing(x, level, dt) for x, level in zip(channels, noise, strict=True)]
+    cutoffs = tuple(_smoothing(x, level, dt) for x, level in zip(channels, noise, strict=True))
     if any(f * dt > SHARED for f in cutoffs if np.isfinite(f)):
         return None
-    q, dq, ddq = (
-        signals.lowpass(x, dt, f) if np.isfinite(f) else x
-        for x, f in zip(channels, cutoffs, strict=True)
-    )
     used = ", ".join(f"{f:.3g} Hz" if np.isfinite(f) else "not at all" for f in cutoffs)
     note = (
         "the instruments' motion is the measured one smoothed, position, velocity and acceleration "
         f"low-passed at {used}"
     )
-    return SecondRecord((q, dq, ddq), note)
+    return SecondRecord(_filter(channels, log.t, cutoffs), note, tuple(noise), cutoffs=cutoffs)
+
+
+def _filter(
+    channels: Sequence[Array], t: Array, cutoffs: Sequence[float]
+) -> tuple[Array, Array, Array]:
+    dt = signals.sampling_step(t)
+    q, dq, ddq = (
+        signals.lowpass(x, dt, f) if np.isfinite(f) else x
+        for x, f in zip(channels, cutoffs, strict=True)
+    )
+    return q, dq, ddq
 
 
 def _smoothing(x: Array, noise: Array, dt: float) -> float:

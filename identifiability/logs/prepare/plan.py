@@ -9,7 +9,7 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, signals
+from identifiability.logs import Log, fourier, signals
 from identifiability.logs.gaps import Grid, fill
 from identifiability.logs.log import join_logs
 from identifiability.logs.spectrum import bandwidth_of_windows
@@ -105,7 +105,7 @@ class Plan:
 
     step: float
     cutoff: float | None
-    series: signals.FourierFit | None
+    series: fourier.FourierFit | None
     start: float
     rest: RestRule | None
     factor: int

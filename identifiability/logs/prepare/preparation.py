@@ -16,7 +16,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.options import Positive, at_least, check_fields
 from identifiability.foundation.values import frozen
-from identifiability.logs import signals
+from identifiability.logs import fourier, signals
 from identifiability.logs.gaps import BRIDGED, Gaps
 from identifiability.logs.log import Log, join_logs
 from identifiability.logs.logfile import LogFile
@@ -236,8 +236,8 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
     if isinstance(log, Log):
         whole = joint_log(robot, log)
         t = whole.t - plan.start
-        period = how.period or signals.find_period(t, whole.q, how.harmonics)
-        fit = signals.fit_fourier(t, whole.q, period, how.harmonics, whole.dq, whole.ddq)
+        period = how.period or fourier.find_period(t, whole.q, how.harmonics)
+        fit = fourier.fit_fourier(t, whole.q, period, how.harmonics, whole.dq, whole.ddq)
         left = float(np.sqrt(np.mean((whole.q - fit.motion(t)[0]) ** 2)))
     else:
         if how.period is None:
@@ -247,7 +247,7 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
         period = how.period
         parts = (joint_log(robot, raw) for *_, raw in log.overlapping(0, len(log), PIECE, 0))
         pieces = ((part.t - plan.start, part.q, part.dq, part.ddq) for part in parts)
-        fit, left = signals.fit_fourier_pieces(pieces, period, how.harmonics)
+        fit, left = fourier.fit_fourier_pieces(pieces, period, how.harmonics)
     words = [WORDS[c] for c in ("q", "dq", "ddq") if c in log.channels]
     fitted = " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
     note = (

@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator
 from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked
+from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
@@ -104,7 +104,7 @@ def analyze(
     say = progress or (lambda _text, _share: None)
     base = find_estimator(method)
     streams = np.random.default_rng(seed).spawn(3)
-    with threadpool_limits(1, "blas"):
+    with one_thread("blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         source = find_ladder(robot, ladder, beside=True)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere

@@ -17,9 +17,9 @@ from scipy.signal import lfilter
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, signals
+from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.prepare.instruments import add_instrument
+from identifiability.logs.prepare.instruments import SecondRecord, add_instrument, find_record
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.prepare.preparation import make_plan
 from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
@@ -79,8 +79,8 @@ class MotionErrors:
     sd : (3, N, n)
         Of the noise on measured positions, velocities and accelerations of the actuated joints;
         zero for what is not measured [rad or m, and per s, per s²].
-    instrumented : bool
-        Whether a second record of the motion is made, for instrumental variables.
+    record : SecondRecord or None
+        How a second record of the motion is made, for instrumental variables.
     exact : bool
         Whether the true motion is a second record, without the errors of the log.
     """
@@ -89,7 +89,7 @@ class MotionErrors:
     log: Log
     plan: Plan
     sd: Array
-    instrumented: bool
+    record: SecondRecord | None
     exact: bool
 
     @staticmethod
@@ -106,7 +106,8 @@ class MotionErrors:
         beside = None if found is None else found.beside
         true = replace(beside or _smoothed(robot, samples, log, plan), instrument=None)
         exact = beside is not None
-        return MotionErrors(true, _as_log(log, true), plan, np.stack(sd), instrumented, exact)
+        record = find_record(log, samples, always=True) if instrumented else None
+        return MotionErrors(true, _as_log(log, true), plan, np.stack(sd), record, exact)
 
     def scaled(self, factor: float) -> MotionErrors:
         """Return the same with errors of another size."""
@@ -116,11 +117,11 @@ class MotionErrors:
         """Return the samples with new errors, at the same times."""
         e = self.sd * rng.standard_normal(self.sd.shape)
         found = _moved(robot, self.samples, self._prepared(e))
-        if not self.instrumented:
+        if self.record is None:
             return found
         pairs = zip(_channels(self.log), e, strict=True)
         log = _with(self.log, [x if x is None else x + y for x, y in pairs])
-        return add_instrument(robot, log, found, always=True) or found
+        return add_instrument(robot, log, found, always=True, like=self.record) or found
 
     def _prepared(self, e: Array) -> list[Array]:
         """Return errors (3, N, n) of position, velocity and acceleration after the preparation."""
@@ -129,7 +130,7 @@ class MotionErrors:
         if plan.series is not None:
             series = plan.series
             t = log.t - plan.start
-            fit = signals.fit_fourier(t, noise.q, series.period, series.harmonics)
+            fit = fourier.fit_fourier(t, noise.q, series.period, series.harmonics)
             plan = replace(plan, series=fit)
         return [x[self.samples.motion.kept].copy() for x in plan.derive(noise)]
 

@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy import stats
-from scipy.special import gammaln
+from scipy.special import chdtrc, gammaln, log_ndtr
 
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
@@ -161,8 +160,8 @@ def _in_units(w: Array, draws: int) -> Array:
 
 def _score_single(z: Array, positive: np.ndarray) -> Array:
     """Return scores (K, T) of standardised levels; a forbidden sign scores nothing."""
-    one_sided = np.where(z > 0, -stats.norm.logsf(z), 0.0)
-    two_sided = -(np.log(2.0) + stats.norm.logsf(np.abs(z)))
+    one_sided = np.where(z > 0, -log_ndtr(-z), 0.0)
+    two_sided = -(np.log(2.0) + log_ndtr(-np.abs(z)))
     scores: Array = np.where(positive[:, None], one_sided, two_sided)
     return scores
 
@@ -205,7 +204,7 @@ def log_tail(x: Array, dof: int) -> Array:
     series = np.log1p(np.maximum((shape - 1) / far, -0.5))
     asymptotic = -far + (shape - 1) * np.log(far) - gammaln(shape) + series
     with np.errstate(divide="ignore"):
-        exact = stats.chi2.logsf(x, dof)
+        exact = np.log(chdtrc(dof, x))
     tail: Array = np.where(x > FAR, asymptotic, exact)
     return tail
 

@@ -8,13 +8,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from identifiability.effects.holding import held_by_file
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.result import Result
+from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.physical.feasibility import assess_feasibility
@@ -43,7 +43,7 @@ class Diagnosis(Result, Findings):
     @cached_property
     def physical(self) -> dict[str, Any]:
         """The real robot nearest to the data with the named effects, as `export` reads it."""
-        with threadpool_limits(1, "blas"):  # the same bits however many threads there are
+        with one_thread("blas"):  # the same bits however many threads there are
             return nearest_dict(self)
 
     @property

@@ -7,11 +7,11 @@ from functools import partial
 from typing import Annotated
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from identifiability.effects import stated_effects
 from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.options import Names, Seed, at_least, checked
+from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.preparation import settle_cutoff
@@ -101,7 +101,7 @@ def diagnose(
     """
     say = progress or (lambda what, share: None)
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
-    with threadpool_limits(1):
+    with one_thread():
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         say("reading logs", 0.0)
         given = read_recordings(logs, validate, Conventions.of(robot))

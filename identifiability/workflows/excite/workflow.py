@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.errors import ClosureError, LogError, listing
@@ -23,6 +22,7 @@ from identifiability.foundation.options import (
     counted,
     within,
 )
+from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Preparation
@@ -125,7 +125,7 @@ def excite(
     say = progress or (lambda _text, _share: None)
     check_option("samples", samples, Annotated[int, counted(4 * harmonics + 1, MOST_SAMPLES)])
     begin = time.monotonic()
-    with threadpool_limits(1, "blas"):
+    with one_thread("blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         rule = criterion or _suggested(parameters, start_from, separate)
         say("reading logs", 0.0)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from identifiability.estimation.estimate import Kind, Method, find_estimator
 from identifiability.foundation.engines.mapping import Engine
@@ -20,6 +19,7 @@ from identifiability.foundation.options import (
     Seed,
     checked,
 )
+from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
@@ -140,7 +140,7 @@ def prune(
     say = progress or (lambda _text, _share: None)
     base = find_estimator(method)
     streams = np.random.default_rng(seed).spawn(4)
-    with threadpool_limits(1, "blas"), running(engine) as runner:
+    with one_thread("blas"), running(engine) as runner:
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         source = find_ladder(robot, ladder, beside=False)
         say("reading logs", 0.0)
@@ -173,7 +173,7 @@ def prune(
         measured = measure_rungs(
             question, search, selected, physical, replicates, streams[2], runner, measuring
         )
-    with threadpool_limits(1, "blas"):
+    with one_thread("blas"):
         say("resampling", 0.7)
         chosen = measured.rungs[selected]
         stability = assess_stability(

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from identifiability.logs import signals
+from identifiability.logs import fourier, signals
 from identifiability.logs.spectrum import Spectrum, bandwidth_of_windows, choose_band
 
 DT = 0.002
@@ -107,7 +107,7 @@ def series(t, period):
 def test_a_fourier_fit_has_the_series_coefficients_and_derivatives():
     t = DT * np.arange(1500)
     q, dq, ddq = (x[:, None] for x in series(t, 1.7))
-    fit = signals.fit_fourier(t, q, 1.7, 3)
+    fit = fourier.fit_fourier(t, q, 1.7, 3)
     np.testing.assert_allclose(fit.coefficients[:, 0], [0.5, 2, 0, 0, 0, -3, 0], atol=1e-9)
     assert fit.harmonics == 3
     for found, exact in zip(fit.motion(t), (q, dq, ddq), strict=True):
@@ -119,10 +119,10 @@ def test_a_fit_in_pieces_is_the_fit_of_the_whole():
     t = DT * np.arange(3000)
     q = np.stack([series(t, 1.5)[0], 1e3 + series(t, 1.5)[0]], 1)
     q += 0.01 * rng.standard_normal(q.shape)
-    whole = signals.fit_fourier(t, q, 1.5, 3)
+    whole = fourier.fit_fourier(t, q, 1.5, 3)
     cuts = [0, 11, 700, 3000]
     pieces = [(t[a:b], q[a:b]) for a, b in itertools.pairwise(cuts)]
-    fit, left = signals.fit_fourier_pieces(pieces, 1.5, 3)
+    fit, left = fourier.fit_fourier_pieces(pieces, 1.5, 3)
     np.testing.assert_allclose(fit.coefficients, whole.coefficients, atol=1e-9)
     assert left == pytest.approx(np.sqrt(np.mean((q - whole.motion(t)[0]) ** 2)), rel=1e-6)
 
@@ -174,19 +174,19 @@ def test_measured_derivatives_are_fitted_with_the_positions_by_how_noisy_they_ar
     A = np.vstack([x / sd for x, sd in zip(rows, sizes, strict=True)])
     b = np.vstack([x / sd for x, sd in zip(noisy, sizes, strict=True)])
     best = np.linalg.lstsq(A, b, rcond=None)[0]
-    fit = signals.fit_fourier(t, noisy[0], 1.5, H, noisy[1], noisy[2])
+    fit = fourier.fit_fourier(t, noisy[0], 1.5, H, noisy[1], noisy[2])
     np.testing.assert_allclose(fit.coefficients, best, atol=1e-3)
-    alone = signals.fit_fourier(t, noisy[0], 1.5, H)
+    alone = fourier.fit_fourier(t, noisy[0], 1.5, H)
     error, before = (np.abs(f.motion(t)[2] - exact[2]).max() for f in (fit, alone))
     assert error < 0.2 * before
     cuts = [0, 11, 700, 6000]
     pieces = [(t[a:b], *(x[a:b] for x in noisy)) for a, b in itertools.pairwise(cuts)]
-    again, left = signals.fit_fourier_pieces(pieces, 1.5, H)
+    again, left = fourier.fit_fourier_pieces(pieces, 1.5, H)
     np.testing.assert_allclose(again.coefficients, fit.coefficients, atol=1e-9)
     assert left == pytest.approx(np.sqrt(np.mean((noisy[0] - fit.motion(t)[0]) ** 2)), rel=1e-6)
     # Exact channels are no division by nothing.
     still = [np.zeros_like(x) for x in exact]
-    np.testing.assert_allclose(signals.fit_fourier(t, still[0], 1.5, H, *still[1:]).coefficients, 0)
-    whole = signals.fit_fourier(t, exact[0], 1.5, H, *exact[1:])
+    np.testing.assert_allclose(fourier.fit_fourier(t, still[0], 1.5, H, *still[1:]).coefficients, 0)
+    whole = fourier.fit_fourier(t, exact[0], 1.5, H, *exact[1:])
     for found, true in zip(whole.motion(t), exact, strict=True):
         np.testing.assert_allclose(found, true, atol=1e-6)
