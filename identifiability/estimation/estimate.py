@@ -38,7 +38,8 @@ def find_estimator(method: Method) -> Estimator:
 
 
 #: ``ls``: least squares. ``iv``: instrumental variables, which noise in the motion does not bias.
-#: ``auto``: the latter if any log has a second record of its motion, else the former.
+#: ``auto``: the latter if any log has a second record of its motion; else the former, corrected by
+#: what new noise of the motion does to it where it does anything.
 Kind = Literal["auto", "ls", "iv"]
 
 

@@ -155,6 +155,29 @@ class InstrumentalVariables:
         F[-1, k] = np.sqrt(fit.weights @ fit.rss)
         return triangular_factor(np.vstack([F, np.zeros((k - len(kept), k + 1))]))
 
+    def project(self, information: Information, fit: Estimate, M: Array, P: Array) -> Array:
+        """Return what the fit finds of torque without noise, for each of b parameters, (k, b).
+
+        Parameters
+        ----------
+        information : Information
+            About all b parameters.
+        fit : Estimate
+            Of k combinations of them.
+        M : (b, k)
+        P : (k, b)
+            What least squares finds.
+        """
+        if not information.instrumented:
+            return P
+        b, k = M.shape
+        found = _solve(information.reduce(M, [""] * k), fit.weights)
+        R = information.joint.factor(fit.weights)
+        V, W = R[:, :b], R[:, b : 2 * b]
+        Z = V @ M @ found.left[:k] + W @ M @ found.left[k:]
+        seen: Array = P + found.B @ (Z.T @ (W - W @ M @ P))
+        return seen
+
     def moments(self, information: Information, fit: Estimate, R: Array) -> Array:
         """Return the normal equations of each block, for refits without some, (B, k + 1, k + 1).
 

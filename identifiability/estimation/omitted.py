@@ -2,9 +2,9 @@
 
 A parameter that is left out although it is not zero does not vanish: the survivors take it over.
 With base parameters β, a rung ``β = held + M x`` and its fit ``x = P (β - held)`` of torque without
-noise, P is the pseudo-inverse of M in the distance that the fit minimises. A label means
-``M⁺ (β - held)`` instead; the difference ``D (β - held)``, ``D = P - M⁺``, is no noise, so no
-interval of the residual holds it. How large it can be is what the robot file knows of bodies:
+noise, P is the pseudo-inverse of M in the distance that the fit minimises, or of its instruments. A
+label means ``M⁺ (β - held)`` instead; the difference ``D (β - held)``, ``D = P - M⁺``, is no noise,
+so no interval of the residual holds it. How large it can be is what the robot file knows of bodies:
 their masses and where these lie, to ± `SHARE`.
 """
 
@@ -15,6 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -92,8 +94,7 @@ def find_left_out(
         Of the rung.
     """
     kept = list(fit.kept)
-    R = information.factor(fit.weights)[:, :-1]
-    P = np.linalg.lstsq(R @ rung.M[:, kept], R, rcond=None)[0]
+    P = _project(information, fit, rung.M[:, kept])
     difference = P - np.linalg.pinv(rung.M)[kept]
     difference[np.abs(difference) < ROUNDING * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
     stated = structure.nominal_base - rung.held
@@ -117,6 +118,25 @@ def find_left_out(
         stands_for=tuple(texts),
         unknown=bool(lost and not scatter.any()),
     )
+
+
+def _project(information: Information, fit: Estimate, M: Array) -> Array:
+    """Return the values (k, b) that a fit finds of torque without noise, for each of b parameters.
+
+    Parameters
+    ----------
+    information : Information
+        About all b base parameters.
+    fit : Estimate
+    M : (b, k)
+        Of the columns that were fitted.
+    """
+    R = information.factor(fit.weights)[:, :-1]
+    P: Array = np.linalg.lstsq(R @ M, R, rcond=None)[0]
+    own = fit.estimator
+    if isinstance(own, InstrumentalVariables | RenoisedLeastSquares):
+        return own.project(information, fit, M, P)
+    return P
 
 
 def _combination(name: str, members: Sequence[str], coefficients: Array, size: Array) -> str:

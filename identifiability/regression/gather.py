@@ -84,7 +84,8 @@ def gather_information(
         factors = [np.vstack(pair) for pair in zip(factors, lengths, strict=True)]
     found = zip(seen, bases, held, sums, strict=True)
     parts = tuple(ActuatorBlocks(np.flatnonzero(s), *rest) for s, *rest in found)
-    return Information(names, parts, counts, logs, regression.instruments is not None)
+    echo = None if regression.echo is None else gather_information(regression.echo, 1)
+    return Information(names, parts, counts, logs, regression.instruments is not None, echo)
 
 
 def _block_edges(samples: Prepared, size: int) -> Array:

@@ -49,6 +49,9 @@ class Information:
         Which log a block comes from.
     instrumented : bool
         Whether the parts hold ``[V W τ]``, with instruments V that stand for the k columns of W.
+    echo : Information or None
+        The same columns W along a smoothed motion, and as instruments along it with new noise: how
+        the log's own noise is tried once more. It has blocks and logs of its own.
     """
 
     columns: tuple[str, ...]
@@ -56,6 +59,7 @@ class Information:
     counts: np.ndarray
     log: np.ndarray
     instrumented: bool = False
+    echo: Information | None = None
 
     @staticmethod
     def of_rows(
@@ -228,7 +232,8 @@ class Information:
             own[:k, m] = -held
         map_ = block_diag(M, own) if self.instrumented else own
         parts = tuple(part.reduce(map_) for part in self.parts)
-        return replace(self, columns=tuple(columns), parts=parts)
+        echo = None if self.echo is None else self.echo.reduce(M, columns)
+        return replace(self, columns=tuple(columns), parts=parts, echo=echo)
 
     def select(self, columns: Sequence[int]) -> Information:
         """Return the information about some columns, the others held at zero."""
@@ -253,10 +258,14 @@ class Information:
         if (self.columns, self.instrumented) != (other.columns, other.instrumented):
             raise ValueError("only information about the same columns can be added")
         later = other.log + (self.log.max(initial=-1) + 1)
+        echo = self.echo if other.echo is None else other.echo
+        if self.echo is not None and other.echo is not None:
+            echo = self.echo + other.echo
         return Information(
             self.columns,
             tuple(a.join(b) for a, b in zip(self.parts, other.parts, strict=True)),
             np.concatenate([self.counts, other.counts]),
             np.concatenate([self.log, later]),
             self.instrumented,
+            echo,
         )

@@ -81,6 +81,8 @@ class Regression:
         Which columns of the model are computed (the base parameters'); None for all.
     instruments : tuple of Samples or LongSamples, or None
         Motion along which instruments are computed, of each log, sample by sample.
+    echo : Regression or None
+        Columns along the smoothed motion of every log, with instruments along it with new noise.
     """
 
     robot: Robot
@@ -88,6 +90,7 @@ class Regression:
     samples: tuple[Prepared, ...]
     columns: np.ndarray | None = None
     instruments: tuple[Prepared, ...] | None = None
+    echo: Regression | None = None
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

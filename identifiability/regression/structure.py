@@ -90,11 +90,14 @@ class Structure:
     def regression(self, samples: Sequence[Prepared]) -> Regression:
         """Return the columns of the base parameters along measured motion.
 
-        With instruments where every log has a second record of its motion.
+        With instruments where every log has a second record of its motion, and an echo where one
+        was made of them.
         """
         others = tuple(s.beside for s in samples if isinstance(s, Samples) and s.beside is not None)
         beside = others if others and len(others) == len(samples) else None
-        return Regression(self.robot, self.model, tuple(samples), self.base.kept, beside)
+        echoes = [e for s in samples if isinstance(s, Samples) for e in s.echoes]
+        echo = self.regression(echoes) if echoes else None
+        return Regression(self.robot, self.model, tuple(samples), self.base.kept, beside, echo)
 
 
 def _read_only(array: Array) -> Array:

@@ -7,19 +7,36 @@ from dataclasses import replace
 
 from identifiability.estimation.estimate import Kind, Method, choose_estimator
 from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.least_squares import OrdinaryLeastSquares
+from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.foundation.errors import LogError, listing
-from identifiability.logs import Log
+from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare.echo import NOTHING, add_echoes, noise_share
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.repeats import Recording
+from identifiability.robot import Robot
 from identifiability.workflows.opening import Opening
+
+#: Noise with this share of an acceleration (rms) is said where nothing can be done about it.
+LOUD = 0.1
+
+#: What gives a log a second record of its motion.
+REMEDY = (
+    "repeat the motion, or log '<joint>.dq' and '<joint>.ddq' as measured or the command in "
+    "'<joint>.q_ref'"
+)
 
 
 def add_instruments(
     opening: Opening, logs: Sequence[Recording], method: Method, kind: Kind
 ) -> tuple[Opening, Estimator]:
     """Return the estimator of a method and a kind, and fitted samples with what it takes.
+
+    Without a second record of any motion, what noise does to computed derivatives is tried instead
+    (`RenoisedLeastSquares`), where it does anything.
 
     Parameters
     ----------
@@ -48,13 +65,12 @@ def add_instruments(
         if record is None and kind == "iv":
             raise LogError(
                 f"{log.name} has no second record of its motion, which instrumental variables "
-                "need: repeat the motion, or log '<joint>.dq' and '<joint>.ddq' as measured or the "
-                "command in '<joint>.q_ref'; else leave out the estimator."
+                f"need: {REMEDY}; else leave out the estimator."
             )
         records.append(record)
     missing = [s for s, r in zip(opening.samples, records, strict=True) if r is None]
     if len(missing) == len(records):
-        return opening, plain
+        return _try_noise(opening, logs, plain)
     found = [r or _own_motion(s) for s, r in zip(opening.samples, records, strict=True)]
     whole = [s for s in found if s is not None]
     hints = (*opening.hints, *_tell_apart(missing, alike=len(whole) < len(found)))
@@ -62,6 +78,68 @@ def add_instruments(
         return replace(opening, hints=hints), plain
     estimator = choose_estimator(method, kind, instruments=True)
     return replace(opening, samples=tuple(whole), hints=hints), estimator
+
+
+def follow(
+    estimator: Estimator, robot: Robot, parts: Sequence[tuple[Log, Samples]]
+) -> list[Samples]:
+    """Return logs that were prepared anew with what an estimator takes, as it took it before.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    robot : Robot
+    parts : sequence of (Log, Samples)
+        Logs, and what was prepared of them.
+    """
+    samples = [s for _, s in parts]
+    if isinstance(estimator, InstrumentalVariables):
+        return [
+            add_instrument(robot, log, s, [o for o in samples if o is not s], always=True)
+            or replace(s, instrument=s.motion)
+            for log, s in parts
+        ]
+    if isinstance(estimator, RenoisedLeastSquares):
+        found = [add_echoes(robot, log, s) for log, s in parts]
+        return [e or s for e, s in zip(found, samples, strict=True)]
+    return samples
+
+
+def _try_noise(
+    opening: Opening, logs: Sequence[Recording], plain: Estimator
+) -> tuple[Opening, Estimator]:
+    """Return samples with echoes and the estimator for them; a hint where noise stays as it is."""
+    robot = opening.robot
+    pairs = list(zip(logs, opening.samples, strict=True))
+    shares = [_noise_share(robot, log, samples) for log, samples in pairs]
+    if max(shares) < NOTHING:
+        return opening, plain
+    tried = [
+        add_echoes(robot, log, samples)
+        if isinstance(log, Log) and isinstance(samples, Samples)
+        else None
+        for log, samples in pairs
+    ]
+    if isinstance(plain, OrdinaryLeastSquares) and None not in tried:
+        whole = tuple(s for s in tried if s is not None)
+        return replace(opening, samples=whole), RenoisedLeastSquares(plain)
+    loud = [s.name for (_, s), share in zip(pairs, shares, strict=True) if share > LOUD]
+    if not loud:
+        return opening, plain
+    hint = (
+        f"{listing(loud, 4)}: noise of the measured motion has up to {100 * max(shares):.2g} % of "
+        "an acceleration (rms) and is not accounted for: least squares pulls values towards zero "
+        f"by it, and intervals do not hold that; {REMEDY}."
+    )
+    return replace(opening, hints=(*opening.hints, hint)), plain
+
+
+def _noise_share(robot: Robot, log: Recording, samples: Prepared) -> float:
+    """Return the share that noise has of an acceleration (rms), on a window of a long log."""
+    part = log if isinstance(log, Log) else log.rows(*signals.spread_windows(len(log))[0])
+    if isinstance(samples, Samples):
+        return noise_share(robot, part, samples.cutoff)
+    return noise_share(robot, part, samples.stretches[0].plan.cutoff)
 
 
 def _own_motion(samples: Prepared) -> Samples | None:
@@ -77,6 +155,5 @@ def _tell_apart(missing: Sequence[Prepared], *, alike: bool) -> list[str]:
     what = "all logs were fitted by least squares" if alike else "it was fitted by least squares"
     return [
         f"{listing([s.name for s in missing], 4)}: no second record of the motion in memory, so "
-        f"{what}, which noise in the motion biases; repeat the motion, or log '<joint>.dq' and "
-        "'<joint>.ddq' as measured or the command in '<joint>.q_ref'."
+        f"{what}, which noise in the motion biases; {REMEDY}."
     ]

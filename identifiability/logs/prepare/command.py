@@ -13,13 +13,16 @@ from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidt
 #: comes no earlier or later than this [s].
 FOLLOWED, LATE = 0.3, 0.2
 
+#: A step longer than so many usual ones is a gap, across which there are no differences.
+GAP = 1.5
+
 
 def follow_command(log: Log, cutoff: float | None) -> tuple[tuple[Array, Array, Array], str] | None:
     """Return the commanded motion at the times of a log, and a note; None where it is of no use.
 
     It goes the way of the log, low-pass and central differences, and is delayed as the robot
     follows. A command that the robot does not follow, or that shares noise with the measured
-    positions, is of no use.
+    positions, is of no use, nor is one with gaps.
 
     Parameters
     ----------
@@ -28,9 +31,9 @@ def follow_command(log: Log, cutoff: float | None) -> tuple[tuple[Array, Array, 
     cutoff : float or None [Hz]
         Of the low-pass of the log; None chooses one for the command.
     """
-    if log.q_ref is None:
-        return None
     dt = signals.sampling_step(log.t)
+    if log.q_ref is None or np.diff(log.t).max() > GAP * dt:
+        return None
     if cutoff is None:
         wide = max(WIDE * bandwidth_of_windows([log.q_ref], dt), LOWEST_CUTOFF)
         cutoff = min(wide, HIGHEST / dt)

@@ -156,7 +156,7 @@ def add_instrument(
         f"at {len(far)} of {len(motion)} samples noise throws the measured motion far off, as it "
         "does near a singular configuration: there the instruments' motion stands for it"
     )
-    mended = _put(samples.motion, far, motion[far])
+    mended = put(samples.motion, far, motion[far])
     return replace(samples, motion=mended, instrument=motion, notes=(*notes, text))
 
 
@@ -294,7 +294,7 @@ def _complete(robot: Robot, measured: Motion, record: SecondRecord) -> Motion | 
         return None
     if len(other) == len(measured):
         return replace(other, kept=measured.kept)
-    return _put(measured, other.kept, other)
+    return put(measured, other.kept, other)
 
 
 def _thrown(robot: Robot, measured: Motion, other: Motion) -> np.ndarray:
@@ -306,7 +306,7 @@ def _thrown(robot: Robot, measured: Motion, other: Motion) -> np.ndarray:
     return np.flatnonzero(far) if far.mean() < OPEN else np.empty(0, int)
 
 
-def _put(motion: Motion, rows: np.ndarray, other: Motion) -> Motion:
+def put(motion: Motion, rows: np.ndarray, other: Motion) -> Motion:
     """Return a motion with another one at some samples."""
     names = ("q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "X")
     known = [name for name in names if getattr(motion, name) is not None]

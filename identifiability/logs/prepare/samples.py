@@ -77,6 +77,8 @@ class Samples:
         Rows of the log before which so many samples are missing that it is split there.
     hints : tuple of str
         What seems to be wrong with the log.
+    echoes : tuple of Samples
+        The smoothed motion, with itself and new noise of the log's size as a second record.
     """
 
     name: str
@@ -91,12 +93,13 @@ class Samples:
     lost: int = 0
     breaks: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     hints: tuple[str, ...] = ()
+    echoes: tuple[Samples, ...] = ()
 
     @property
     def beside(self) -> Samples | None:
         """The samples along the second record of the motion."""
         other = self.instrument
-        return None if other is None else replace(self, motion=other, instrument=None)
+        return None if other is None else replace(self, motion=other, instrument=None, echoes=())
 
     @cached_property
     def runs(self) -> list[tuple[int, int]]:
@@ -175,7 +178,7 @@ class Samples:
         rows = slice(None, None, step)
         other = None if self.instrument is None else self.instrument[rows]
         thinned = replace(self, motion=self.motion[rows], tau=self.tau[rows], decimation=None)
-        return replace(thinned, instrument=other)
+        return replace(thinned, instrument=other, echoes=())
 
     def output_times(self) -> Array:
         """Return the times of the samples after decimation, (outputs,) [s]."""

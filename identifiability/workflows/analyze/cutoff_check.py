@@ -1,8 +1,9 @@
 """The low-pass of computed derivatives: does it cut the motion, let noise in, do values follow it?
 
-The model is fitted again at half and at double the cut-off. Where the band is right, little
-changes: a value moves by what the rows that were added or lost knew of it [Hausman 1978]. Where
-noise, flexibility or the motion itself lie at the edge of the band, values follow the cut-off.
+The model is fitted again, as it was, at half and at double the cut-off. Where the band is right,
+little changes: a value moves by what the rows that were added or lost knew of it [Hausman 1978].
+Where noise, flexibility or the motion itself lie at the edge of the band, values follow the
+cut-off.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from identifiability.logs.prepare.preparation import SettledPreparation, settle_
 from identifiability.logs.repeats import Recording
 from identifiability.logs.spectrum import NARROW, Band
 from identifiability.regression.gather import gather_information
-from identifiability.regression.regression import Regression
 from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.instruments import follow
 from identifiability.workflows.opening import Opening, Recordings
 
 #: Multiples of the cut-off that are tried.
@@ -68,7 +69,7 @@ def check_cutoff(
     seen = held.band if isinstance(held, SettledPreparation) else None
     names = " and ".join(log.name for log in recordings.held)
     unseen = _say_cut(seen, names) if seen and not _say_cut(how.band, "") else ""
-    varied = vary_cutoff(opening.regression, recordings.fitted, result, how)
+    varied = vary_cutoff(opening, recordings.fitted, result, how)
     return (*say_band(how), *filter(None, (unseen, varied)))
 
 
@@ -105,7 +106,7 @@ def _say_noise(band: Band) -> str:
 
 
 def vary_cutoff(
-    regression: Regression, logs: Sequence[Recording], result: RungResult, how: SettledPreparation
+    opening: Opening, logs: Sequence[Recording], result: RungResult, how: SettledPreparation
 ) -> str:
     """Return one sentence on identifiable values that follow the cut-off, or nothing.
 
@@ -113,7 +114,7 @@ def vary_cutoff(
     then only half of it says something.
     """
     known = np.array([v.verdict is Class.IDENTIFIABLE for v in result.verdicts])
-    cutoffs = [s.cutoff for s in regression.samples]
+    cutoffs, structure = [s.cutoff for s in opening.samples], opening.structure
     if not known.any() or None in cutoffs:
         return ""
     windows = _windows([len(log) for log in logs])
@@ -122,14 +123,15 @@ def vary_cutoff(
         cut = [replace(how, cutoff=factor * (cutoffs[k] or np.inf)) for k, _, _ in windows]
         try:
             samples = tuple(
-                prepare_samples(regression.robot, logs[k].rows(a, b), at)
+                prepare_samples(structure.robot, logs[k].rows(a, b), at)
                 for (k, a, b), at in zip(windows, cut, strict=True)
             )
         except IdentifiabilityError:  # nothing is left of one at such a cut-off
             return None
-        bare = replace(regression, samples=samples, instruments=None)
-        again = gather_information(bare, 1)
-        return result.estimate.estimator.fit(result.rung.reduce(again))
+        parts = [(logs[k].rows(a, b), s) for (k, a, b), s in zip(windows, samples, strict=True)]
+        own = result.estimate.estimator
+        again = gather_information(structure.regression(follow(own, structure.robot, parts)), 1)
+        return own.fit(result.rung.reduce(again))
 
     whole = sum(b - a for _, a, b in windows) == sum(len(log) for log in logs)
     base = result.estimate if whole else refit(1.0)
@@ -171,6 +173,8 @@ def _moves(result: RungResult, base: Estimate, other: Estimate) -> Array:
         move = np.abs(other.value - base.value)
         beyond = (move > REACH * fewer * robust) & (move > SURE * chance)
         sizes: Array = np.where(beyond & base.determined & other.determined, move / robust, 0.0)
+    if other.correction is not None:  # there noise was not mended, which says nothing of the band
+        sizes[[c in other.correction.touched for c in other.columns]] = 0.0
     return sizes
 
 

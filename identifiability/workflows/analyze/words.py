@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import listing
 from identifiability.physical.mass import state_mass
@@ -93,9 +94,12 @@ def state_weak(chosen: RungResult) -> str:
     touched = [name for name in correction.touched if name in known]
     if not touched:
         return ""
+    why = "the second record of the motion says too little"
+    if isinstance(chosen.estimate.estimator, RenoisedLeastSquares):
+        why = "noise of the motion leaves too little to be corrected"
     return (
-        f"In {correction.weak} of {len(chosen.estimate.kept)} directions the second record of the "
-        "motion says too little, and least squares stays, with the bias that noise in the motion "
+        f"In {correction.weak} of {len(chosen.estimate.kept)} directions {why}, and least squares "
+        "stays, with the bias that noise in the motion "
         f"gives it; {listing(touched, 4)} lean on them: move faster or longer, or measure the "
         "motion better."
     )

@@ -80,7 +80,8 @@ def analyze(
     estimator : {"auto", "ls", "iv"}
         Least squares, or instrumental variables, which noise in the motion does not bias; ``auto``
         takes the latter if any log has a second record of its motion
-        (`logs.prepare.instruments`).
+        (`logs.prepare.instruments`), and else corrects the former by what new noise of the motion
+        does to it (`logs.prepare.echo`).
     replicates : int
         Refits of the block bootstrap; 0 for none.
     posterior : bool

@@ -72,7 +72,7 @@ class MotionErrors:
     ----------
     samples : Samples
         The true motion: the second record where there is one, else as prepared, and smoothed where
-        velocities and accelerations were measured.
+        noise was drawn anew, or velocities and accelerations were measured.
     log : Log
         The same, as a log at the joints.
     plan : Plan
@@ -104,7 +104,9 @@ class MotionErrors:
         instrumented = samples.beside is not None
         found = samples if instrumented else add_instrument(robot, log, samples, always=True)
         beside = None if found is None else found.beside
-        true = replace(beside or _smoothed(robot, samples, log, plan), instrument=None)
+        smooth = replace(samples, motion=samples.echoes[0].motion) if samples.echoes else None
+        near = beside or smooth or _smoothed(robot, samples, log, plan)
+        true = replace(near, instrument=None, echoes=())
         exact = beside is not None
         record = find_record(log, samples, always=True) if instrumented else None
         return MotionErrors(true, _as_log(log, true), plan, np.stack(sd), record, exact)

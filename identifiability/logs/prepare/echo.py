@@ -1,0 +1,152 @@
+"""New noise of a log's own size along its smoothed motion, by the way that the log went.
+
+Where positions alone were measured, and the motion is neither a series nor repeated, its
+derivatives share the positions' noise and no second record has noise of its own. What such noise
+does can still be tried: the smoothed motion takes the place of the true one, and noise is drawn
+anew, filtered, differentiated and carried through the loops as the log's own was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from identifiability.foundation.errors import ClosureError
+from identifiability.foundation.names import Array
+from identifiability.logs import Log, signals
+from identifiability.logs.prepare.instruments import noise_level, put, resolution
+from identifiability.logs.prepare.plan import Plan, joint_log
+from identifiability.logs.prepare.preparation import Preparation, make_plan
+from identifiability.logs.prepare.samples import Samples
+from identifiability.logs.stale import StaleRule
+from identifiability.robot import Motion, Robot, complete_motion
+
+#: Noise with a smaller share of every acceleration (rms) does nothing to values.
+NOTHING = 0.01
+
+#: What the smoothed motion leaves out may be so many times what a low-pass leaves out of noise.
+EXPLAINED = 1.03
+
+#: The cut-off of the smoothed motion is found within this factor.
+WIDER = 1.1
+
+#: Loops may stay open along the new motions at this share of the samples.
+OPEN = 0.02
+
+
+def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> float:
+    """Return the largest share that noise has of a joint's acceleration (rms).
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+    cutoff : float or None [Hz]
+        Of the low-pass of computed derivatives; None where they were measured.
+    seed : int
+    """
+    log = joint_log(robot, StaleRule.of([log]).mend(log))
+    if cutoff is None:
+        size = np.zeros(1) if log.ddq is None else log.ddq.std(0)
+        level = np.zeros(1) if log.ddq is None else noise_level(log.ddq)
+        return float(np.max(level[size > 0] / size[size > 0], initial=0.0))
+    plan = Plan(signals.sampling_step(log.t), cutoff, None, float(log.t[0]), None, 1, ())
+    smooth, (noisy, _) = _draw(log, plan, np.random.default_rng(seed))
+    exact, moved = plan.derive(smooth)[2], plan.derive(noisy)[2]
+    moves = exact.std(0) > 0
+    share = (moved - exact).std(0)[moves] / exact.std(0)[moves]
+    return float(share.max(initial=0.0))
+
+
+def add_echoes(robot: Robot, log: Log, samples: Samples, seed: int = 0) -> Samples | None:
+    """Return the samples with echoes of their noise; None where that cannot be tried.
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+        What the samples were prepared from.
+    samples : Samples
+        With computed derivatives.
+    seed : int
+        Of the new noise.
+    """
+    if samples.cutoff is None:
+        return None
+    plan = make_plan(robot, log, Preparation(derivatives="butterworth", cutoff=samples.cutoff))
+    log = joint_log(robot, plan.mend(log))
+    smooth, drawn = _draw(log, plan, np.random.default_rng(seed))
+    first = _complete(robot, samples, plan.derive(smooth))
+    if first is None:
+        return None
+    echoes = []
+    for noisy in drawn:
+        other = _complete(robot, samples, plan.derive(noisy), instead=first)
+        if other is None:
+            return None
+        echoes.append(replace(samples, motion=first, instrument=other, notes=()))
+    note = (
+        "noise of the motion's own size was drawn anew along the smoothed motion; values are "
+        "corrected by what it does to them"
+    )
+    return replace(samples, echoes=tuple(echoes), notes=(*samples.notes, note))
+
+
+def _draw(log: Log, plan: Plan, rng: np.random.Generator) -> tuple[Log, tuple[Log, Log]]:
+    """Return the smoothed log, and it with new noise twice.
+
+    Noise is that of an encoder whose zero is anywhere, where values are whole steps, and else
+    white; the second time it has the other sign, so that what is odd in it cancels.
+    """
+    smooth: dict[str, Any] = {}
+    noisy: tuple[dict[str, Any], dict[str, Any]] = ({}, {})
+    for name in ("q", "dq"):
+        x = getattr(log, name)
+        if x is None:
+            continue
+        level, step = noise_level(x), resolution(x)
+        assert plan.cutoff is not None
+        smooth[name] = _smooth(x, np.maximum(level, step / np.sqrt(12)), plan.step, plan.cutoff)
+        white = level * rng.standard_normal(x.shape)
+        zero = rng.random(x.shape[1])
+        whole = np.maximum(step, 1e-300)
+        for sign, moved in zip((1.0, -1.0), noisy, strict=True):
+            rounded = whole * (np.rint(smooth[name] / whole + sign * zero) - sign * zero)
+            moved[name] = np.where(step > 0, rounded, smooth[name] + sign * white)
+    return replace(log, **smooth), (replace(log, **noisy[0]), replace(log, **noisy[1]))
+
+
+def _smooth(x: Array, noise: Array, dt: float, highest: float) -> Array:
+    """Return the motion low-passed as much as noise allows, and no more than its derivatives."""
+    low, high = 1.0 / (dt * len(x)), highest
+    while high > WIDER * low:
+        middle = float(np.sqrt(low * high))
+        left = np.sqrt(np.mean((x - signals.lowpass(x, dt, middle)) ** 2, axis=0))
+        share = np.sqrt(max(1.0 - 2.0 * middle * dt, 0.0))
+        if np.all(left <= EXPLAINED * share * noise + 1e-6 * x.std(0)):
+            high = middle
+        else:
+            low = middle
+    return signals.lowpass(x, dt, high)
+
+
+def _complete(
+    robot: Robot, samples: Samples, motion: Sequence[Array], instead: Motion | None = None
+) -> Motion | None:
+    """Return the motion of all joints at the samples; None if too few loops close.
+
+    Where a loop stays open, another motion, that of the samples by default, stands for it.
+    """
+    measured = samples.motion
+    try:
+        found = complete_motion(robot, measured.t, *(x[measured.kept] for x in motion))
+    except ClosureError:
+        return None
+    if len(found) < (1.0 - OPEN) * len(measured):
+        return None
+    if len(found) == len(measured):
+        return replace(found, kept=measured.kept)
+    return put(measured if instead is None else instead, found.kept, found)

@@ -1,0 +1,151 @@
+"""Least squares corrected by what new noise does: the map, and what follows from it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.estimation.bootstrap import bootstrap
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.least_squares import OrdinaryLeastSquares
+from identifiability.estimation.renoised import RenoisedLeastSquares
+from identifiability.estimation.scores import scatter_scores
+from identifiability.regression.information import Information
+
+TRUTH = np.array([1.0, -2.0, 0.5, 3.0])
+SIZE = np.array([0.3, 1.0])
+RENOISED = RenoisedLeastSquares(OrdinaryLeastSquares())
+MIX = np.eye(4) + 0.3 * np.ones((4, 4))
+M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 1.0]])
+
+
+def planted(rng, samples=1200, noise=0.3, level=None):
+    """Return noisy columns, torque, and the exact columns with new noise beside them."""
+    level = noise * np.ones(4) if level is None else level
+    exact = rng.normal(size=(samples, 2, 4)) @ MIX
+    W, again = (exact + level * rng.normal(size=exact.shape) for _ in range(2))
+    tau = exact @ TRUTH + SIZE * rng.normal(size=(samples, 2))
+    return W, tau, exact, again
+
+
+def compress(W, tau, exact, again, size=20):
+    at = np.zeros(len(W), int)
+    echo = Information.of_rows("abcd", exact, 0 * tau, at, len(W), again)
+    return replace(Information.of_rows("abcd", W, tau, at, size), echo=echo)
+
+
+@pytest.fixture
+def rows():
+    return planted(np.random.default_rng(5))
+
+
+def flat(x):
+    return x.reshape(-1, x.shape[2])
+
+
+def shrinkage(exact, again, M=None):
+    M = np.eye(4) if M is None else M
+    return np.linalg.lstsq(flat(again) @ M, flat(exact) @ M, rcond=None)[0]
+
+
+def test_values_are_those_that_noise_turns_into_least_squares(rows):
+    W, tau, exact, again = rows
+    information = compress(*rows)
+    fit = RENOISED.fit(information)
+    B = shrinkage(exact, again)
+    plain = np.linalg.lstsq(flat(W), tau.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(fit.value, np.linalg.solve(B, plain), rtol=1e-8)
+    np.testing.assert_allclose(fit.correction.least_squares, plain, rtol=1e-8)
+    H = np.linalg.inv(B)
+    of_plain = estimate(information, "ols").covariance
+    np.testing.assert_allclose(fit.covariance, H @ of_plain @ H.T, rtol=1e-8)
+    assert (fit.correction.weak, fit.correction.touched) == (0, ())
+    reduced = RENOISED.fit(information.reduce(M, "xy"))
+    plain = np.linalg.lstsq(flat(W) @ M, tau.ravel(), rcond=None)[0]
+    direct = np.linalg.solve(shrinkage(exact, again, M), plain)
+    np.testing.assert_allclose(reduced.value, direct, rtol=1e-8)
+
+
+def test_without_an_echo_it_is_least_squares(rows):
+    information = replace(compress(*rows), echo=None)
+    fit = RENOISED.fit(information)
+    assert (fit.correction, fit.estimator.name) == (None, "ols")
+
+
+def test_what_noise_drowns_stays_with_least_squares():
+    level = np.array([0.1, 0.1, 0.1, 4.0])
+    rows = planted(np.random.default_rng(6), level=level)
+    fit = RENOISED.fit(compress(*rows))
+    assert fit.correction.weak == 1
+    assert "d" in fit.correction.touched
+    B = shrinkage(*rows[2:])
+    everything = np.linalg.solve(B, fit.correction.least_squares)
+    assert abs(fit.value[3]) < 0.5 * abs(everything[3])
+
+
+def test_refits_and_scores_follow_it(rows):
+    W, tau, exact, again = rows
+    information = compress(*rows)
+    fit = RENOISED.fit(information)
+    counts = np.random.default_rng(0).multinomial(60, np.full(60, 1 / 60), 3).astype(float)
+    H = np.linalg.inv(shrinkage(exact, again))
+    for row, found in zip(counts, RENOISED.refit(information, fit, counts), strict=True):
+        w = np.sqrt(np.repeat(row, 40))
+        plain = np.linalg.lstsq(w[:, None] * flat(W), w * tau.ravel(), rcond=None)[0]
+        np.testing.assert_allclose(found, H @ plain, rtol=1e-8)
+    plain = estimate(information, "ols")
+    moved = RENOISED.influence(information, fit)
+    direct = OrdinaryLeastSquares().influence(information, plain) @ H.T
+    np.testing.assert_allclose(moved, direct, atol=1e-10)
+
+
+def test_the_loss_is_least_at_the_fit_and_measures_in_its_covariance(rows):
+    information = compress(*rows)
+    fit = RENOISED.fit(information)
+    F = RENOISED.loss(information, fit)
+    assert np.allclose(np.tril(F, -1), 0)
+    np.testing.assert_allclose(np.linalg.solve(F[:4, :4], F[:4, 4]), fit.value, rtol=1e-8)
+    inverse = np.linalg.inv(F[:4, :4].T @ F[:4, :4])
+    np.testing.assert_allclose(inverse / inverse[0, 0], fit.covariance / fit.covariance[0, 0],
+                               rtol=1e-7)  # fmt: skip
+
+
+def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
+    trials, held, values, plain, means = 200, [], [], [], []
+    for seed in range(trials):
+        rng = np.random.default_rng([seed, 12])
+        # The motion is the same; the echo knows it, not the noise.
+        information = compress(*planted(rng, 480, 0.3), size=8)
+        fit = RENOISED.fit(information)
+        scores = scatter_scores(information, fit, 1.0)
+        drawn = bootstrap(information, fit, rng, replicates=200)
+        held.append(np.abs(fit.value - TRUTH) <= 1.96 * np.maximum(scores.widened, drawn.sd))
+        means.append([scores.sd, drawn.sd])
+        values.append(fit.value)
+        plain.append(fit.correction.least_squares)
+    values, plain = np.array(values), np.array(plain)
+    error = values.std(0, ddof=1)
+    off = np.abs(values.mean(0) - TRUTH)
+    assert np.all(off < 5 * error / np.sqrt(trials))
+    assert np.abs(plain.mean(0) - TRUTH).max() > 3 * plain.std(0).max()
+    assert np.mean(held) > 0.95 - 4 * np.sqrt(0.95 * 0.05 / trials)
+    for one in np.mean(means, 0):  # the noise of the echo is not in them
+        assert np.all(one < error * (1 + 4 / np.sqrt(2 * trials)))
+
+
+@pytest.mark.parametrize("estimator", [RENOISED, InstrumentalVariables(OrdinaryLeastSquares())])
+def test_torque_without_noise_is_projected_as_the_estimator_fits(rows, estimator):
+    W, tau, exact, again = rows
+    at = np.zeros(len(W), int)
+    information = compress(*rows)
+    Z, X = flat(again) @ M, flat(exact)
+    if isinstance(estimator, InstrumentalVariables):
+        information = Information.of_rows("abcd", W, tau, at, 20, again)
+        X = flat(W)
+    fit = estimator.fit(information.reduce(M, "xy"))
+    P = np.linalg.lstsq(flat(W) @ M, flat(W), rcond=None)[0]
+    found = estimator.project(information, fit, M, P)
+    np.testing.assert_allclose(found, np.linalg.solve(Z.T @ X @ M, Z.T @ X), rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found @ M, np.eye(2), atol=1e-10)
+    assert np.abs(found - P).max() > 1e-3
