@@ -3,6 +3,8 @@
 What to use when:
 
 - `analyze` does the main job: robot and logs in, verdicts, models and a report out;
+- `inspect` needs no logs: what a robot file holds, which columns a log must have; with logs it says
+  what is in them and what is odd about them;
 - `prune` finds the reduced model that is worth using, `diagnose` what a model misses;
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.diagnose import Diagnosis, diagnose
     from identifiability.workflows.excite import Excitation, excite
     from identifiability.workflows.export import Exported, export
+    from identifiability.workflows.inspect import Inspection, inspect
     from identifiability.workflows.prune import Ladder, prune
 
 __version__ = "0.1.0"
@@ -60,6 +63,7 @@ _HOMES = {
         "workflows.diagnose": ("Diagnosis", "diagnose"),
         "workflows.excite": ("Excitation", "excite"),
         "workflows.export": ("Exported", "export"),
+        "workflows.inspect": ("Inspection", "inspect"),
         "workflows.prune": ("Ladder", "prune"),
     }.items()
     for name in names
@@ -75,6 +79,7 @@ __all__ = [
     "Exported",
     "IdentifiabilityError",
     "Information",
+    "Inspection",
     "Ladder",
     "Log",
     "Model",
@@ -95,6 +100,7 @@ __all__ = [
     "export",
     "find_base_parameters",
     "gather_information",
+    "inspect",
     "prepare_samples",
     "prune",
     "simulate",

@@ -7,7 +7,7 @@ breaks somebody's program and belongs into the changelog.
 
 from __future__ import annotations
 
-import inspect
+import inspect as reflection
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -22,6 +22,7 @@ from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.inspect import inspect
 from identifiability.workflows.prune import prune
 
 PIN = Path(__file__).with_name("public_api.txt")
@@ -34,7 +35,7 @@ def python_lines() -> Iterator[str]:
     """One line a public name: its signature, for a class also its public members."""
     for name in sorted(identifiability.__all__):
         value = getattr(identifiability, name)
-        if inspect.isclass(value):
+        if reflection.isclass(value):
             yield f"python {name}"
             ours = [c for c in value.__mro__ if c.__module__.startswith("identifiability")]
             for member in sorted({m for c in ours for m in vars(c)}):
@@ -53,9 +54,9 @@ def _parameters(value: object) -> str:
         return ""
     bare = [
         p.replace(annotation=p.empty, default=p.empty if p.default is p.empty else ...)
-        for p in inspect.signature(value).parameters.values()
+        for p in reflection.signature(value).parameters.values()
     ]
-    return str(inspect.Signature(bare)).replace("Ellipsis", "…")
+    return str(reflection.Signature(bare)).replace("Ellipsis", "…")
 
 
 def command_lines() -> Iterator[str]:
@@ -80,6 +81,7 @@ def json_lines() -> Iterator[str]:
         analysis,
         calibrate(analysis, trials=4, replicates=20, noise=(1.0,), rho=(0.0,)),
         prune(robot, log, replicates=4),
+        inspect(robot, log),
     ]
     if "diagnose" in identifiability.__all__:
         results.append(identifiability.diagnose(robot, log, quick=True))

@@ -14,6 +14,7 @@ from identifiability.cli.demo import demo
 from identifiability.cli.diagnose import diagnose
 from identifiability.cli.excite import excite
 from identifiability.cli.export import export
+from identifiability.cli.inspect import inspect
 from identifiability.cli.options import Command
 from identifiability.cli.paper import paper
 from identifiability.cli.prune import prune
@@ -27,7 +28,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, analyze, prune, diagnose, simulate, excite, export, calibrate, paper):
+verbs = (demo, inspect, analyze, prune, diagnose, simulate, excite, export, calibrate, paper)
+for command in verbs:
     app.command(cls=Command)(command)
 
 

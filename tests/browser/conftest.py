@@ -19,10 +19,11 @@ from identifiability.robot.files import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.inspect import inspect
 from identifiability.workflows.prune import prune
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
-KINDS = ("demo", "analysis", "pruning", "calibration", "table", "index", "diagnosis")
+KINDS = ("demo", "inspection", "analysis", "pruning", "calibration", "table", "index", "diagnosis")
 LONG = "a_joint_whose_name_is_" + "very_" * 12 + "long<script>alert(1)</script>"
 
 
@@ -77,6 +78,7 @@ def reports(tmp_path_factory) -> dict[str, Path]:
     robot, log = _hostile(folder)
     results = {
         "demo": demo,
+        "inspection": inspect(robot, log),
         "analysis": analyze(robot, log, replicates=100, posterior=True),
         "pruning": prune(robot, log, replicates=10),
         "calibration": calibrate(demo, trials=4, replicates=20),

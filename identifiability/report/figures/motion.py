@@ -50,12 +50,12 @@ def draw_torque(
     width : int [px]
     """
     figure, (above, below) = canvas(width, 330, (60, 10, 50, 38), (2.2, 1))
-    _plot(above, t, measured, most, color=MUTED, linewidth=3, alpha=0.45, label="measured")
-    _plot(above, t, predicted, most, color=BLUE, linewidth=1.3, label="predicted")
+    plot_runs(above, t, measured, most, color=MUTED, linewidth=3, alpha=0.45, label="measured")
+    plot_runs(above, t, predicted, most, color=BLUE, linewidth=1.3, label="predicted")
     label_axes(above, "", f"torque [{unit}]" if "m" in unit else f"force [{unit}]", title, pad=26)
     legend_above(above, handlelength=1.4)
     below.axhline(0, color=MUTED, linewidth=0.8)
-    _plot(below, t, measured - predicted, most, color=VERMILION, linewidth=0.9)
+    plot_runs(below, t, measured - predicted, most, color=VERMILION, linewidth=0.9)
     label_axes(below, "time [s]", f"residual [{unit}]")
     if len(t) > 1 and t[-1] > t[0]:
         below.set_xlim(float(t[0]), float(t[-1]))
@@ -65,7 +65,7 @@ def draw_torque(
     return figure
 
 
-def _plot(axes: Axes, t: Array, y: Array, most: int, **style: Any) -> None:
+def plot_runs(axes: Axes, t: Array, y: Array, most: int, **style: Any) -> None:
     """Draw a thinned line that is broken where samples are missing."""
     for k, (start, stop) in enumerate(find_runs(t)):
         share = max(2, most * (stop - start) // len(t))

@@ -1,0 +1,199 @@
+"""Laws of the inspection: it says what the robot file says, and what was put into the log."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import Inspection, Robot, analyze, inspect
+from identifiability.cli import app
+from identifiability.foundation.errors import LogError, OutputError
+from identifiability.logs import Log
+from identifiability.report.inspection_report import build_inspection_page
+from identifiability.report.page import render_page
+from identifiability.robot.parts import Transmission
+from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
+
+GRIPPER = """<mujoco><compiler angle="radian"/><worldbody><body name="arm">
+  <joint name="lift" axis="0 1 0" range="-1 1"/>
+  <inertial mass="2" pos="0.3 0 0" diaginertia="0.1 0.2 0.2"/>
+  <body name="a" pos="0.6 0 0"><joint name="finger1" type="slide" axis="0 1 0"/>
+    <inertial mass="0.2" pos="0 0 0" diaginertia="0.01 0.01 0.01"/></body>
+  <body name="b" pos="0.6 0 0"><joint name="finger2" type="slide" axis="0 1 0"/>
+    <inertial mass="0.2" pos="0 0 0" diaginertia="0.01 0.01 0.01"/></body>
+  </body></worldbody>
+  <equality><joint joint1="finger2" joint2="finger1" polycoef="0.01 -2 0 0 0"/></equality>
+  <actuator><motor joint="lift"/><motor joint="finger1"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def gripper(tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_text(GRIPPER)
+    return path
+
+
+@pytest.fixture(scope="module")
+def run():
+    robot, rng = Robot.load("two-link"), np.random.default_rng(3)
+    path = random_trajectory(robot, rng, samples=1200)
+    return simulate(robot, PrescribedMotion.of(path, 1200), derivatives=False)
+
+
+def look(log, **spoilt):
+    """The inspection of a log whose columns are replaced."""
+    frame = log.to_frame()
+    for column, values in spoilt.items():
+        frame[column.replace("__", ".")] = values
+    return inspect("two-link", frame)
+
+
+def test_every_joint_has_its_part_and_the_columns_follow_from_it(gripper):
+    found = inspect(gripper)
+    assert {j.name: j.role for j in found.joints} == {
+        "lift": "actuated", "finger1": "actuated", "finger2": "coupled"}  # fmt: skip
+    assert found.joints[2].remark == "= 0.01 + -2·finger1"
+    assert found.columns == ("t", "lift.q", "lift.tau", "finger1.q", "finger1.tau")
+    assert (found.joints[0].low, found.joints[0].high) == (-1.0, 1.0)
+    assert found.needs[0].line == 'locked = ["finger1"]'
+    locked = inspect(Robot.load(gripper, lock=["finger1=0.02"]))
+    assert {j.name: j.remark for j in locked.joints if j.role == "locked"} == {
+        "finger1": "held at 0.02", "finger2": "held at -0.03"}  # fmt: skip
+    assert locked.columns == ("t", "lift.q", "lift.tau")
+
+
+@pytest.mark.parametrize("name", ["3-rps", "five-bar", "two-link"])
+def test_base_parameters_are_those_that_analyze_fits(name):
+    found = inspect(name, model=["rigid_body", "viscous_friction"])
+    assert len(found.parameters_frame()) == found.base.rank
+    first = found.base.names[0]
+    assert found[first]["grouping"] == found.base.labels[0]
+    passive = {j.name for j in found.joints if j.role == "passive"}
+    assert passive == set(found.robot.passive)
+    assert str(found.base.rank) in found.statement
+
+
+def test_columns_of_a_template_are_those_that_a_log_is_read_by(tmp_path, gripper):
+    found = inspect(gripper)
+    path = found.write_template(tmp_path / "log.csv")
+    row = pd.read_csv(path)
+    frame = pd.concat([row] * 30, ignore_index=True).assign(t=np.arange(30.0))
+    log = Log.from_frame(frame)
+    assert log.joints == found.robot.joints
+    assert log.q[0] == pytest.approx(found.robot.actuated_positions(found.robot.home[None])[0])
+    with pytest.raises(OutputError, match=r"no \.csv"):
+        found.write_template(tmp_path / "log.txt")
+
+
+def test_motors_that_mix_joints_name_what_is_theirs():
+    robot = Robot.load("two-link")
+    gear = Transmission(("m1", "m2"), np.array([[1.0, 0.0], [1.0, 1.0]]), np.ones(2), np.zeros(2))
+    found = inspect(replace(robot, transmission=gear))
+    assert found.to_dict()["columns"]["instead"] == ["t", "m1.q", "m1.tau", "m2.q", "m2.tau"]
+    assert "the motors m2 drive several joints each" in found.naming
+    assert "m1" not in found.naming
+
+
+def test_a_good_log_is_told_as_it_is(run):
+    found = look(run)
+    (record,) = found.records
+    assert not found.hints
+    assert "nothing is odd" in found.statement
+    assert record.samples == 1200
+    assert record.rate == pytest.approx(1 / (run.t[1] - run.t[0]))
+    assert (record.gaps, record.repeated, record.refused) == (0, 0.0, "")
+    for k, joint in enumerate(record.joints):
+        assert (joint.low, joint.high) == (run.q[:, k].min(), run.q[:, k].max())
+        assert joint.scale == pytest.approx(1.0, abs=0.02)
+        assert (joint.saturated, joint.frozen, joint.step) == (0.0, 0, 0.0)
+        assert 0.1 < joint.bandwidth < 5.0
+        fastest = np.abs(np.gradient(run.q[:, k], run.t)).max()
+        assert joint.speed == pytest.approx(fastest, rel=0.05)
+    assert found.excited.rank == found.base.rank
+
+
+def test_resolution_gaps_saturation_and_scale_are_those_that_were_put_in(run):
+    tau = run.tau[:, 0]
+    top = np.quantile(tau, 0.8)
+    columns = {"elbow__q": np.round(run.q[:, 1] / 1e-3) * 1e-3,
+               "elbow__tau": 1000.0 * run.tau[:, 1],
+               "shoulder__tau": np.minimum(tau, top)}  # fmt: skip
+    frame = run.to_frame().assign(**{k.replace("__", "."): v for k, v in columns.items()})
+    found = inspect("two-link", frame.drop(index=range(600, 605)))
+    (record,) = found.records
+    shoulder, elbow = record.joints
+    assert elbow.step == pytest.approx(1e-3)
+    assert elbow.scale == pytest.approx(1000.0, rel=0.05)
+    assert shoulder.saturated == pytest.approx(0.2, abs=0.02)
+    assert (record.gaps, record.lost) == (1, 5)
+    assert record.longest == pytest.approx(6 * (run.t[1] - run.t[0]))
+    assert any("stops at an extreme value" in hint for hint in found.hints)
+
+
+def test_hints_are_those_of_analyze(run):
+    frame = run.to_frame()
+    frame["elbow.tau"] *= 1000.0
+    frame["gripper.q"] = frame["gripper.tau"] = 0.0
+    hints = inspect("two-link", frame).hints
+    assert any("times what the masses" in hint for hint in hints)
+    assert any("columns of gripper" in hint for hint in hints)
+    assert set(hints) <= set(analyze("two-link", frame, replicates=0).hints)
+
+
+def test_a_log_among_good_ones_is_told_by_its_name(run):
+    frame = run.to_frame()
+    frame["elbow.tau"] *= 1000.0
+    frame["elbow.q"] += 1e-7  # another recording, not the same rows
+    found = inspect("two-link", [run, run.to_frame().assign(t=run.t + 99).iloc[::2], frame])
+    assert any(hint.startswith("log 3: The measured torque of elbow") for hint in found.hints)
+
+
+def test_what_cannot_be_prepared_is_a_result_and_what_cannot_be_read_is_refused(run):
+    found = look(run, elbow__q=np.degrees(run.q[:, 1]) * 20)
+    assert found.refused
+    assert found.excited is None
+    assert "cannot be used" in found.statement
+    assert found.hints[0] == found.records[0].refused
+    assert render_page(build_inspection_page(found)).count("<svg") == 2
+    with pytest.raises(LogError, match=r"no torque column 'elbow\.tau'"):
+        inspect("two-link", run.to_frame().drop(columns="elbow.tau"))
+
+
+def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
+    found = look(run)
+    assert isinstance(found, Inspection)
+    assert list(found.to_frame()["joint"]) == ["shoulder", "elbow"]
+    text = found.to_json(tmp_path / "x.json").read_text()
+    content = json.loads(text, parse_constant=pytest.fail)
+    assert content["logs"][0]["joints"][1]["torque_unit"] == "N·m"
+    assert content["parameters"][0].keys() == {"name", "unit", "grouping"}
+    page = build_inspection_page(found)
+    assert page.statement == found.statement
+    assert [s.name for s in page.sections] == ["traces", "motion", "torque", "clock", "robot"]
+    html = found.write_report(tmp_path / "x.html").read_text()
+    assert html.count("<svg") == 2
+    assert ">nan<" not in html
+
+
+def test_names_from_files_are_harmless_on_the_page(gripper):
+    hostile = "<script>alert(1)</script>"
+    quoted = hostile.replace("<", "&lt;")
+    gripper.write_text(GRIPPER.replace('"lift"', f'"{quoted}"'))
+    html = render_page(build_inspection_page(inspect(gripper)))
+    assert html.count("<script") == 1
+
+
+def test_the_command_needs_no_logs(tmp_path, run):
+    template, log, page = (tmp_path / n for n in ("t.csv", "run.csv", "p.html"))
+    said = CliRunner().invoke(app, ["inspect", "two-link", "--template", str(template)])
+    assert said.exit_code == 0, said.output
+    assert "actuated" in said.output
+    assert template.read_text().splitlines()[0] == "t,shoulder.q,shoulder.tau,elbow.q,elbow.tau"
+    run.write(log)
+    said = CliRunner().invoke(app, ["inspect", "two-link", str(log), "--report", str(page)])
+    assert said.exit_code == 0, said.output
+    assert "nothing is odd" in " ".join(said.output.split())
+    assert page.is_file()
