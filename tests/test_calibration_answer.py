@@ -11,12 +11,17 @@ from identifiability.physical.pseudo_inertia import margin, natural_scale
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.robot import Robot
 from identifiability.simulation import Noise
-from identifiability.workflows.calibrate.answer import Answer, Effect, decide
+from identifiability.workflows.calibrate.answer import Answer, Effect, decide, find_remedy
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.calibrate.motion_errors import noise_size
 from identifiability.workflows.calibrate.outcome import Cell
 from identifiability.workflows.calibrate.true_robots import TrueRobots, make_possible
 from identifiability.workflows.calibrate.world import Cause
+
+from .laws.numbers.made import ar1
+
+#: Characters of a line: two lines of a terminal.
+LONGEST = 160
 
 ONE = {"noise": (1.0,), "rho": (float("nan"),), "replicates": 60}
 
@@ -47,7 +52,8 @@ def test_no_where_the_motion_errs_and_instruments_mend_it(log):
     assert Cause.MOTION in harm
     assert Cause.NOISE_MEMORY not in harm
     assert "errors of the measured motion" in found.lines[2]
-    assert "--estimator auto" in found.lines[2]
+    assert found.lines[2].endswith("Use instrumental variables (--estimator auto).")
+    assert len(found.lines[2]) < LONGEST
     cell = found.cells[0]
     mended = calibrate(analyze("two-link", noisy, replicates=60), trials=15, **ONE).cells[0]
     error = np.hypot(cell.coverage_se, mended.coverage_se)
@@ -65,12 +71,38 @@ def test_no_where_the_model_leaves_out_what_no_file_states(log):
     found = calibrate(analysis, model="blind", trials=15, **ONE)
     assert found.answer.word == "no"
     assert [e.cause for e in found.effects if e.harmful] == [Cause.LEFT_OUT]
-    assert "Why: what the model leaves out (elbow.Fv" in found.lines[2]
+    assert found.lines[2].startswith("Why: left-out parameters; without it ")
+    assert "(least sure: elbow.Fv, " in found.lines[2]
+    assert len(found.lines[2]) < LONGEST
     (effect,) = [e for e in found.effects if e.harmful]
     assert effect.cell.coverage_robust > 0.95 - 3 * effect.cell.coverage_se
     # What the file states is known: then the interval is as wide as what is left out does.
     stated = analyze(robot, log(Noise(torque=0.02)), ladder=ladder, replicates=60)
     assert calibrate(stated, model="blind", trials=15, **ONE).answer.word == "yes"
+
+
+def test_no_where_noise_remembers_longer_than_the_log(log):
+    """Correlation .99 from each of 200 samples to the next: two of them are independent."""
+    exact = log(Noise())
+    slow = ar1(np.random.default_rng(1), 0.99, *exact.tau.shape)
+    noisy = replace(exact, tau=exact.tau + 0.05 * exact.tau.std() * slow)
+    found = calibrate(analyze("two-link", noisy, replicates=60), trials=15, **ONE)
+    assert found.answer.word == "no"
+    assert [e.cause for e in found.effects if e.harmful] == [Cause.NOISE_MEMORY]
+    assert found.cells[0].not_judged > 0.5
+    third = "Why: noise that remembers; without it 100 % are judged. Give longer logs."
+    assert found.lines[2] == third
+
+
+def test_the_remedy_asks_for_nothing_that_is_there():
+    def remedy(**there):
+        all_ = {"instruments": False, "record": False, "rates": False} | there
+        return find_remedy(Cause.MOTION, **all_)
+
+    assert "log '<joint>.dq'" in remedy()
+    assert remedy(rates=True) == "repeat the motion, for instrumental variables"
+    assert "--estimator auto" in remedy(rates=True, record=True)
+    assert "--cutoff" in remedy(rates=True, record=True, instruments=True)
 
 
 def cell(coverage, *, se=0.005, wrong=(0.0, 0.0, 0.01), single=(0.95, 0.9, 0.99), silent=0.0):
@@ -106,15 +138,18 @@ def test_the_answer_is_only_given_beyond_monte_carlo_error(found, word):
 def test_noise_memory_is_named_with_its_remedy_and_the_largest_gain_first():
     bad, good = cell(0.7, single=(0.4, 0.3, 0.5)), cell(0.95)
     effects = (
-        Effect(Cause.NOISE_MEMORY, good, 0.2, 0.02),
-        Effect(Cause.LEFT_OUT, bad, 0.01, 0.02),
-        Effect(Cause.MOTION, bad, 0.1, 0.02),
+        Effect(Cause.NOISE_MEMORY, good, 0.2, 0.02, "give longer logs"),
+        Effect(Cause.LEFT_OUT, bad, 0.01, 0.02, "another model"),
+        Effect(Cause.MOTION, bad, 0.1, 0.02, "measure it"),
     )
     lines = Answer("m", bad, effects).lines
     assert lines[0].startswith("No: of 95 % intervals of m, 70.0 ± 0.5 % hold")
-    assert lines[2].startswith("Least sure: b, 40 %. Why: noise that remembers, then errors of ")
-    assert "(b); without it 95 % hold" in lines[2]
-    assert "longer logs" in lines[2]
+    assert lines[2] == (
+        "Why: noise that remembers, then errors of the measured motion; without it 95 % hold "
+        "(least sure: b, 40 %). Give longer logs."
+    )
+    wrong = cell(0.94, wrong=(0.05, 0.03, 0.08))
+    assert "; without it 0.0 % are wrong (" in Answer("m", wrong, effects).lines[2]
     assert "no single cause" in Answer("m", bad, effects[1:2]).lines[2]
     assert "more trials (--trials " in Answer("m", cell(0.905)).lines[2]
     told = Answer("m", good, nothing="the robot does not move").lines

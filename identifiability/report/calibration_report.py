@@ -61,7 +61,7 @@ def label(cell: Cell) -> str:
 
 
 CAUSES = (
-    Column("without", get=lambda e: WORDS[e.cause][0]),
+    Column("without", get=lambda e: WORDS[e.cause]),
     Column("intervals that hold", get=lambda e: _tenths(e.cell.coverage_robust)),
     Column("identifiable and wrong", get=lambda e: _rare(e.cell.wrong)),
     Column("gain", get=lambda e: f"{100 * e.gain:.1f} ± {100 * e.gain_se:.1f} %"),

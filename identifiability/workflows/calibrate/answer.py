@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
@@ -26,27 +25,40 @@ MOST_SILENT = 0.5
 #: A cause does harm if the gain without it is more than this many of its standard errors.
 CLEAR = 2.0
 
-#: Parameters that a sentence names.
-NAMED = 3
-
 Word = Literal["yes", "no", "not enough trials"]
 
-#: What a cause is called, and what to do about it.
+#: What a cause is called.
 WORDS = {
-    Cause.NOISE_MEMORY: (
-        "noise that remembers",
-        "give longer logs, so that they hold more independent stretches of noise",
-    ),
-    Cause.LEFT_OUT: (
-        "what the model leaves out",
-        "use a model that leaves out less (--model), or correct the bodies of the robot file",
-    ),
-    Cause.MOTION: (
-        "errors of the measured motion",
-        "log '<joint>.dq' and '<joint>.ddq' as measured, for instrumental variables (--estimator "
-        "auto), or low-pass the motion more (--cutoff)",
-    ),
+    Cause.NOISE_MEMORY: "noise that remembers",
+    Cause.LEFT_OUT: "left-out parameters",
+    Cause.MOTION: "errors of the measured motion",
 }
+
+
+def find_remedy(cause: Cause, *, instruments: bool, record: bool, rates: bool) -> str:
+    """Return what to do about a cause.
+
+    Parameters
+    ----------
+    cause : Cause
+    instruments : bool
+        Whether instrumental variables were used.
+    record : bool
+        Whether every log has a second record of its motion, of which they could be made.
+    rates : bool
+        Whether velocities and accelerations were measured.
+    """
+    if cause is Cause.NOISE_MEMORY:
+        return "give longer logs"
+    if cause is Cause.LEFT_OUT:
+        return "use a model that leaves out less (--model)"
+    if instruments:
+        return "low-pass the motion more (--cutoff)"
+    if record:
+        return "use instrumental variables (--estimator auto)"
+    if rates:
+        return "repeat the motion, for instrumental variables"
+    return "log '<joint>.dq' and '<joint>.ddq' as measured, for instrumental variables"
 
 
 @frozen
@@ -59,14 +71,17 @@ class Effect:
     cell : Cell
         What was counted without it.
     gain, gain_se : float
-        By how much the failed share (of intervals, or of verdicts) gets better, in the same
+        By how much the failed share (of intervals, verdicts or judgements) gets better, in the same
         repetitions, and its Monte-Carlo standard error.
+    remedy : str
+        What to do about it.
     """
 
     cause: Cause
     cell: Cell
     gain: float
     gain_se: float
+    remedy: str
 
     @property
     def harmful(self) -> bool:
@@ -140,26 +155,26 @@ class Answer:
         least = f"Least sure: {name}, {100 * share.value:.0f} %"
         if self.nothing:
             return f"Why: the analysis believes no verdict, because {self.nothing}."
-        if cell.not_judged > MOST_SILENT:
-            return "Why: too little is measured to judge; give longer logs."
         if self.word == "yes":
             return f"{least} of its intervals hold the truth."
         if self.word == "not enough trials":
             return f"{least}; repeat with more trials (--trials {_enough(cell)})."
         blamed = sorted((e for e in self.effects if e.harmful), key=lambda e: -e.gain)
+        fault = fails(cell)
+        if not blamed and fault == "silent":
+            return "Why: too little is measured to judge; give longer logs."
         if not blamed:
             return f"{least}; no single cause explains it: give longer or other logs."
-        first = blamed[0]
-        what, remedy = WORDS[first.cause]
-        others = "".join(f", then {WORDS[e.cause][0]}" for e in blamed[1:])
-        weak = [n for n, s in zip(cell.names, cell.each, strict=True) if s.value < LEAST]
-        weak.sort(key=lambda n: cell.each[cell.names.index(n)].value)
-        names = f" ({listing(weak, NAMED)})" if weak else ""
-        return (
-            f"{least}. Why: {what}{others}{names}; without it "
-            f"{100 * first.cell.coverage_robust:.0f} % hold and "
-            f"{100 * first.cell.wrong:.1f} % are wrong: {remedy}."
-        )
+        first, others = blamed[0], blamed[1:]
+        better = first.cell
+        without = {
+            "silent": f"{100 * (1 - better.not_judged):.0f} % are judged",
+            "verdicts": f"{100 * better.wrong:.1f} % are wrong",
+        }.get(fault, f"{100 * better.coverage_robust:.0f} % hold")
+        why = WORDS[first.cause] + "".join(f", then {WORDS[e.cause]}" for e in others)
+        weak = "" if fault == "silent" else f" ({least[0].lower()}{least[1:]})"
+        remedy = f"{first.remedy[:1].upper()}{first.remedy[1:]}"
+        return f"Why: {why}; without it {without}{weak}. {remedy}."
 
 
 def fails(cell: Cell) -> str:
@@ -196,6 +211,7 @@ def compare(
     all_: Sequence[tuple[Outcome, Array]],
     without: Sequence[tuple[Outcome, Array]],
     failed: Cell,
+    remedy: str = "",
 ) -> Effect:
     """Return what a cause does, from the same repetitions with and without it.
 
@@ -207,10 +223,14 @@ def compare(
     all_, without : sequences of (Outcome, truth)
     failed : Cell
         With all causes: what of it is not as it should be is compared.
+    remedy : str
+        What to do about the cause.
     """
     fault = fails(failed)
 
     def bad(outcome: Outcome, truth: Array) -> float:
+        if fault == "silent":
+            return float(not outcome.judged)
         if fault == "verdicts":
             return float((outcome.wrong(truth) & outcome.identifiable).sum())
         missed = ~outcome.holds(truth)
@@ -221,4 +241,4 @@ def compare(
     if fault == "verdicts":
         gains = gains / max(failed.called, 1e-9)
     error = float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else float("inf")
-    return Effect(cause, cell, float(gains.mean()), error)
+    return Effect(cause, cell, float(gains.mean()), error, remedy)

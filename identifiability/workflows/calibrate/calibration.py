@@ -15,6 +15,7 @@ from typing import Annotated
 
 import numpy as np
 
+from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.noise.residual_noise import ResidualNoise, find_runs
 from identifiability.foundation.engines.local import Engine, Serial
 from identifiability.foundation.engines.mapping import Steps
@@ -32,7 +33,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
-from identifiability.workflows.calibrate.answer import Effect, compare, decide
+from identifiability.workflows.calibrate.answer import Effect, compare, decide, find_remedy
 from identifiability.workflows.calibrate.motion_errors import MotionErrors
 from identifiability.workflows.calibrate.outcome import (
     Cell,
@@ -147,9 +148,15 @@ def calibrate(
     effects: tuple[Effect, ...] = ()
     if not analysis.nothing and decide(cells[0]) == "no":
         again = [(wanted[0][0], EVERYTHING & ~cause, seeds[0][: 2 * trials]) for cause in Cause]
+        remedy = partial(
+            find_remedy,
+            instruments=isinstance(result.estimate.estimator, InstrumentalVariables),
+            record=all(m.exact for m in world.motion),
+            rates=all(m.log.dq is not None and m.log.ddq is not None for m in world.motion),
+        )
         looking = share(say, "looking for the cause", 0.7, 0.9)
         effects = tuple(
-            compare(cause, count(f, *pairs[0]), found[0][: 2 * trials], f, cells[0])
+            compare(cause, count(f, *pairs[0]), found[0][: 2 * trials], f, cells[0], remedy(cause))
             for cause, f in zip(Cause, simulate(again, looking), strict=True)
         )
     ranks, named, unmeasured = None, None, ""
