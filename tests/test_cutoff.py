@@ -147,3 +147,38 @@ def test_a_diagnosis_says_it_too(positions):
     found = diagnose("two-link", positions(2e-5), preparation=low, draws=19, forward=False)
     assert len(about_cutoff(found)) == 1
     assert about_cutoff(found)[0].startswith("The cut-off of 1.2 Hz cuts into the motion")
+
+
+def _judge(positions, cutoff, encoder, seed):
+    """Return how many 95 % intervals hold, of how many, and identifiable values, and wrong ones."""
+    how = Preparation(cutoff=cutoff)
+    found = analyze("two-link", positions(encoder, seed), preparation=how, replicates=60)
+    rung, verdicts = found.chosen.rung, found.chosen.verdicts
+    truth = np.linalg.lstsq(rung.M, found.structure.nominal_base - rung.held, rcond=None)[0]
+    off = np.abs(np.array([v.value for v in verdicts]) - truth)
+    sigma = np.array([v.sigma_robust for v in verdicts])
+    known = np.array([v.verdict.value == "identifiable" for v in verdicts])
+    wrong = (off > 0.5 * np.abs(truth)) & known
+    said = bool(about_cutoff(found)) or not np.isfinite(sigma).all()
+    return np.array([(off <= 1.96 * sigma).sum(), len(off), known.sum(), wrong.sum()]), said
+
+
+@pytest.mark.parametrize(
+    "seeds", [range(1), pytest.param(range(12), marks=pytest.mark.everything)], ids=["one", "many"]
+)
+def test_what_is_said_without_a_hint_holds_whatever_encoder_and_cut_off(positions, seeds):
+    """`studies/cutoff.py` in short."""
+    rows = [
+        (encoder, cutoff, *_judge(positions, cutoff, encoder, seed))
+        for encoder in (2e-5, 5e-3)
+        for cutoff in (None, 4.0, 30.0)
+        for seed in seeds
+    ]
+    silent = np.sum([counts for *_, counts, said in rows if not said], axis=0)
+    spread = np.sqrt(0.9 * 0.1 / len(seeds) / 4)  # values of one log hold or fail together
+    assert silent[0] / silent[1] >= 0.9 - 2 * spread
+    every = np.sum([counts for *_, counts, _ in rows], axis=0)
+    assert every[2] > 12 * len(seeds)
+    assert every[3] <= 0.02 * every[2]
+    good = [said for encoder, cutoff, _, said in rows if (encoder, cutoff) == (2e-5, None)]
+    assert np.mean(good) <= 0.1

@@ -13,6 +13,7 @@ from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import build_comparison, find_ladder, ladder_model
 from identifiability.regression.structure import Structure
+from identifiability.report.pruning_report import section_survivors
 from identifiability.robot import Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
@@ -93,6 +94,11 @@ def test_pruning_follows_the_estimator(noisy_log):
     path = np.array([walked[c] for c in fit.columns if c in walked])
     moved = np.abs(fit.correction.least_squares - fit.value)[alike]
     assert np.median(np.abs(path - fit.value[alike]) / moved) < 0.3
+    (table,) = section_survivors(found).blocks
+    at = [c.title for c in table.columns].index("least squares − value")
+    assert [row[at].text for row in table.rows] == [
+        f"{v.bias_sigma:+.2f} σ".replace("-", "−") for v in found.verdicts
+    ]
 
 
 def test_a_log_without_a_second_record_is_named_and_does_not_stop_the_others(

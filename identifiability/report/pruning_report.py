@@ -22,7 +22,14 @@ from identifiability.report.numbers import (
     whole_percent,
 )
 from identifiability.report.page import Page
-from identifiability.report.sections.facts import SIGMA, UNIT, VALUE, VERDICT, found_cell
+from identifiability.report.sections.facts import (
+    SIGMA,
+    UNIT,
+    VALUE,
+    VERDICT,
+    bias_columns,
+    found_cell,
+)
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import columns, note, picture, section, sentence, words
 from identifiability.workflows.prune.result import Ladder
@@ -147,6 +154,7 @@ def section_survivors(ladder: Ladder) -> Section:
         SIGMA,
         UNIT,
         Column("σ%", percent_text, "sigma_label_percent"),
+        *bias_columns(ladder.verdicts),
         Column("survives", "bar", survives),
         VERDICT,
     )

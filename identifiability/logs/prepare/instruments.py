@@ -145,8 +145,13 @@ def add_instrument(
     own = joint_log(robot, log)
     record = None if like is None else like.again(own)
     record = record or find_record(own, samples, others, always=always)
-    motion = None if record is None else _complete(robot, samples.motion, record)
-    if record is None or motion is None:
+    return None if record is None else attach_record(robot, samples, record)
+
+
+def attach_record(robot: Robot, samples: Samples, record: SecondRecord) -> Samples | None:
+    """Return the samples with a second record of their motion; None if too few loops close."""
+    motion = _complete(robot, samples.motion, record)
+    if motion is None:
         return None
     notes = (*samples.notes, record.note)
     far = _thrown(robot, samples.motion, motion)

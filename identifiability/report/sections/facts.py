@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.report.numbers import NONE
 from identifiability.report.tables import Cell, Column, badge_cell, measured_cells
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
@@ -65,6 +68,17 @@ def found_cell(model: RungResult | PrunedRung) -> Cell:
     """Return how many parameters of a model are identifiable."""
     found = sum(v.verdict is Class.IDENTIFIABLE for v in model.verdicts)
     return Cell("not judged" if model.unjudged else str(found), found)
+
+
+def bias_columns(verdicts: Sequence[Verdict]) -> tuple[Column, ...]:
+    """Return the column of what least squares would have been, if the fit is none."""
+    if all(v.bias_sigma is None for v in verdicts):
+        return ()
+    return (Column("least squares − value", _sigmas, "bias_sigma"),)
+
+
+def _sigmas(moved: float | None) -> str:
+    return NONE if moved is None else f"{moved:+z.2f} σ".replace("-", "−")
 
 
 #: What every table of judged parameters shows of a `Verdict`.

@@ -27,6 +27,7 @@ from identifiability.report.sections.facts import (
     UNIT,
     VALUE,
     VERDICT,
+    bias_columns,
     found_cell,
     model_title,
     sigma_percents,
@@ -145,9 +146,6 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
         differs = stated[v.name] is not None and v.sigma_omit and text != label
         return Cell(text, stated[v.name], f"label {label}" if differs else "")
 
-    noise = [Column("least squares − value", _sigmas, "bias_sigma")]
-    if result.estimate.correction is None:
-        noise = []
     every = columns(
         "parameters",
         Column("parameter", get=lambda v: Cell(v.name, note=shorten_label(v.label))),
@@ -157,7 +155,7 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
         Column("σ white", percent_text, "sigma_percent"),
         Column("σ robust", percent_text, "sigma_robust_percent"),
         Column("σ label", percent_text, "sigma_label_percent"),
-        *noise,
+        *bias_columns(result.verdicts),
         Column("robot file", "number", in_file),
         Column("share of torque", "bar", share),
         Column("10× rule", "text", _paper_cell),
@@ -166,10 +164,6 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
     reduced = any(v.sigma_omit for v in result.verdicts)
     own = tuple(c for c in every if reduced or c.title != "σ label")
     return Table.of("", own, result.verdicts, filter_by=-1)
-
-
-def _sigmas(moved: float | None) -> str:
-    return NONE if moved is None else f"{moved:+z.2f} σ".replace("-", "−")
 
 
 def _paper_cell(v: Verdict) -> Cell:
