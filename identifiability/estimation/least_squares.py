@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.memory import FEWEST, measure_memory
-from identifiability.foundation.linalg import RANK_TOLERANCE, scan_columns
+from identifiability.foundation.linalg import RANK_TOLERANCE, scan_columns, unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.actuator_blocks import allot, batches
@@ -64,8 +64,7 @@ class OrdinaryLeastSquares:
         S = part.basis
         grams = part.blocks(fit.weights)
         # Coordinates in which the whole information is the unit matrix.
-        root = np.linalg.cholesky(grams[:, :k, :k].sum(0))
-        inverse = solve_triangular(root, np.eye(k), lower=True)
+        inverse = unit_coordinates(grams[:, :k, :k].sum(0)).T
         x = fit.value[list(fit.kept)]
         z = np.append(S[:k, k] - S[:k, :k] @ x, S[k, k])  # τ - W x = Z z
         scores = (grams[:, :k] @ z) @ inverse.T

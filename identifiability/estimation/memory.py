@@ -19,11 +19,11 @@ long ones their regressor, before the fit.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.special import chdtri, polygamma
 
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.noise.residual_noise import ROUNDING
+from identifiability.foundation.linalg import unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.regression.information import Information
 
@@ -53,8 +53,7 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
     part = information.select(fit.kept)
     S = part.basis
     z = np.append(S[:k, k] - S[:k, :k] @ fit.value[list(fit.kept)], S[k, k])  # τ - W x = Z z
-    root = np.linalg.cholesky(part.total(fit.weights)[:k, :k])
-    turn = solve_triangular(root, np.eye(k), lower=True).T if k else np.empty((0, 0))
+    turn = unit_coordinates(part.total(fit.weights)[:k, :k])
     taken = fit.weights * part.squares(np.vstack([turn, np.zeros((1, k))])).sum(1)
     rounding = ROUNDING**2 * part.squares(S[:, k])
     slow, known = fit.rss / N, np.full(information.actuators, np.inf)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from identifiability.foundation.names import Array
 
@@ -46,3 +47,17 @@ def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
             Q = np.hstack([Q, (v / size)[:, None]])
             kept.append(k)
     return kept
+
+
+def unit_coordinates(G: Array) -> Array:
+    """Return T, (k, k), with ``Tᵀ G T`` the unit matrix, of a Gram matrix G (k, k).
+
+    Of directions that rounding left of nothing, T keeps what rounding did.
+    """
+    try:
+        root = np.linalg.cholesky(G)
+        T: Array = solve_triangular(root, np.eye(len(G)), lower=True).T if len(G) else root
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(G)
+        T = vectors / np.sqrt(np.maximum(values, len(G) * np.finfo(float).eps * values[-1]))
+    return T
