@@ -19,6 +19,7 @@ from identifiability.robot import Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.calibrate.motion_errors import MotionErrors, measure_anew
 
 STEP, SAMPLES, SEEDS = 0.005, 4000, 16
 NOISE = 2e-3
@@ -126,3 +127,18 @@ def test_what_cannot_be_undone_is_said(exact, monkeypatch):
     fine = analyze("two-link", replace(log, q=exact.q[:2500]), preparation=HOW, replicates=0)
     assert not any("not accounted for" in h for h in fine.hints)
     assert fine.to_dict()["estimator"] == "wls"
+
+
+def test_two_logs_of_one_motion_are_each_other_s_instruments_also_when_measured_anew(exact):
+    logs = [replace(measure(exact, seed).rows(0, 2500), name=f"run {seed}") for seed in (0, 1)]
+    found = analyze("two-link", logs, preparation=HOW, replicates=0)
+    assert found.to_dict()["estimator"] == "iv"
+    assert all("repetitions" in s.notes[-1] for s in found.samples)
+    at = {v.name: v for v in found.chosen.verdicts}
+    assert abs(at["link1.Iyy"].bias_sigma) > 2
+    motion = [
+        MotionErrors.of(found.robot, s, log, HOW)
+        for s, log in zip(found.samples, logs, strict=True)
+    ]
+    again = measure_anew(found.robot, motion, np.random.default_rng(0))
+    assert all("repetitions" in s.notes[-1] for s in again)

@@ -146,6 +146,8 @@ def compare_motions(
     found, own, sd, dof, errors = [], [], [], [], []
     for one in np.unique(groups) if fit.kept else ():
         part = information.take(groups == one)
+        if part.rows <= len(fit.kept):  # it determines nothing, and rounding would say what
+            continue
         alone = fit.estimator.fit(part)
         scores = scatter_scores(part, alone, max(time, part.samples / MEMORIES / MOST_STRETCHES))
         if scores is None:

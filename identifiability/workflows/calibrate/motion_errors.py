@@ -83,6 +83,8 @@ class MotionErrors:
         How a second record of the motion is made, for instrumental variables.
     exact : bool
         Whether the true motion is a second record, without the errors of the log.
+    instrumented : bool
+        Whether it has a second record, which may be that of another log.
     """
 
     samples: Samples
@@ -91,6 +93,7 @@ class MotionErrors:
     sd: Array
     record: SecondRecord | None
     exact: bool
+    instrumented: bool
 
     @staticmethod
     def of(robot: Robot, samples: Samples, raw: Log, how: Preparation) -> MotionErrors:
@@ -109,21 +112,19 @@ class MotionErrors:
         true = replace(near, instrument=None, echoes=())
         exact = beside is not None
         record = find_record(log, samples, always=True) if instrumented else None
-        return MotionErrors(true, _as_log(log, true), plan, np.stack(sd), record, exact)
+        at = _as_log(log, true)
+        return MotionErrors(true, at, plan, np.stack(sd), record, exact, instrumented)
 
     def scaled(self, factor: float) -> MotionErrors:
         """Return the same with errors of another size."""
         return replace(self, sd=factor * self.sd)
 
-    def measure(self, robot: Robot, rng: np.random.Generator) -> Samples:
-        """Return the samples with new errors, at the same times."""
+    def measure(self, robot: Robot, rng: np.random.Generator) -> tuple[Log, Samples]:
+        """Return the log with new errors and its samples, at the same times."""
         e = self.sd * rng.standard_normal(self.sd.shape)
-        found = _moved(robot, self.samples, self._prepared(e))
-        if self.record is None:
-            return found
         pairs = zip(_channels(self.log), e, strict=True)
         log = _with(self.log, [x if x is None else x + y for x, y in pairs])
-        return add_instrument(robot, log, found, always=True, like=self.record) or found
+        return log, _moved(robot, self.samples, self._prepared(e))
 
     def _prepared(self, e: Array) -> list[Array]:
         """Return errors (3, N, n) of position, velocity and acceleration after the preparation."""
@@ -135,6 +136,21 @@ class MotionErrors:
             fit = fourier.fit_fourier(t, noise.q, series.period, series.harmonics)
             plan = replace(plan, series=fit)
         return [x[self.samples.motion.kept].copy() for x in plan.derive(noise)]
+
+
+def measure_anew(
+    robot: Robot, motion: Sequence[MotionErrors], rng: np.random.Generator
+) -> list[Samples]:
+    """Return the samples of all logs with new errors, and instruments as the logs have them."""
+    found = [m.measure(robot, rng) for m in motion]
+    out = []
+    for m, (log, own) in zip(motion, found, strict=True):
+        others = [s for _, s in found if s is not own]
+        has = None
+        if m.instrumented:
+            has = add_instrument(robot, log, own, others, always=True, like=m.record)
+        out.append(has or own)
+    return out
 
 
 def _channels(log: Log) -> tuple[Array, Array | None, Array | None]:

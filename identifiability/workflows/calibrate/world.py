@@ -21,7 +21,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
-from identifiability.workflows.calibrate.motion_errors import MotionErrors
+from identifiability.workflows.calibrate.motion_errors import MotionErrors, measure_anew
 from identifiability.workflows.calibrate.outcome import Experiment, Outcome, Seeds
 from identifiability.workflows.calibrate.true_robots import TrueRobots
 
@@ -104,7 +104,7 @@ def measure(
 ) -> Regression:
     """Return the regression along a motion that was measured again, over base parameters."""
     structure = robots.structure
-    return structure.regression([m.measure(structure.robot, rng) for m in motion])
+    return structure.regression(measure_anew(structure.robot, motion, rng))
 
 
 def build_world(

@@ -191,3 +191,23 @@ def test_what_scatters_between_logs_is_in_the_robust_deviation():
     )  # fmt: skip
     np.testing.assert_allclose(found.robust, np.hypot(own, m.between), rtol=1e-5)
     assert found.robust[2] > 0.9  # both values, two apart, are within 1.96 of it
+
+
+def test_a_log_of_fewer_rows_than_parameters_is_not_asked(monkeypatch):
+    rng = np.random.default_rng(0)
+    W = np.concatenate([motion(rng), motion(rng), motion(rng)[:2]])
+    log = np.repeat([0, 1, 2], [SAMPLES, SAMPLES, 2])  # four rows for four parameters
+    tau = W @ VALUES + 0.5 * rng.normal(size=(len(W), 2))
+    information = Information.of_rows("abcd", W, tau, log, BLOCK)
+    fit = estimate(information)
+    asked = []
+    plain = type(fit.estimator).fit
+
+    def count(self, part):
+        asked.append(part.rows)
+        return plain(self, part)
+
+    monkeypatch.setattr(type(fit.estimator), "fit", count)
+    found = compare_motions(information, fit, 1.0)
+    assert asked == [2 * SAMPLES, 2 * SAMPLES]
+    assert found.which.tolist() == [0, 1]
