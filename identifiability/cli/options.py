@@ -114,8 +114,8 @@ class Machine:
         """Return the robot, with what was said of its logs."""
         from identifiability.robot import Robot  # noqa: PLC0415
 
-        columns = recorded.columns if recorded else None
-        return Robot.load(self.robot, self.sidecar, columns, self.lock)
+        columns, unit = (recorded.columns, recorded.time_unit) if recorded else (None, None)
+        return Robot.load(self.robot, self.sidecar, columns, self.lock, unit)
 
 
 @dataclass(frozen=True)
@@ -127,9 +127,12 @@ class Recorded:
     map
         Name in the logs and name in the robot file, of a column or of a joint: OLD=NEW, also
         by a regular expression, as in 'fer_joint(\d)=panda_joint\1'; may be given several times.
+    time_unit
+        Unit of the times in the logs, where they do not tell it themselves.
     """
 
     map: Annotated[list[str] | None, Option(metavar="OLD=NEW")] = None
+    time_unit: Literal["s", "ms", "us", "ns"] | None = None
 
     @property
     def columns(self) -> dict[str, str]:

@@ -19,6 +19,9 @@ INERTIAL_KINDS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz
 #: the grouping: mass last, so that masses are regrouped into the moments that they act through.
 INERTIAL = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
 
+#: Units in which times are written, in s.
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
 #: Owner of the parameters of no joint or body: the tilt of the base.
 BASE = "base"
 

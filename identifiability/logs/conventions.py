@@ -9,6 +9,7 @@ from __future__ import annotations
 from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
+from identifiability.robot.measured_torque import MeasuredTorque
 
 
 @frozen
@@ -23,14 +24,24 @@ class Conventions:
         Motors that a log may have instead (coupled transmissions).
     columns : Renames
         From columns, or joints, of a log to those of the robot: ``[columns]`` and ``--map``.
+    time_unit : str
+        Unit of its times, ``[time]`` and ``--time-unit``; empty if nobody said.
+    torque : MeasuredTorque
+        What its torque columns hold: ``[torque]``.
+    raw_torque : bool
+        Read torque columns, and currents in their place, as they are: their gain is looked for.
     """
 
     joints: tuple[str, ...] = ()
     motors: tuple[str, ...] = ()
     columns: Renames = Renames()
+    time_unit: str = ""
+    torque: MeasuredTorque = MeasuredTorque()
+    raw_torque: bool = False
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
         """Return what a robot's sidecar, and what was said when it was loaded, tell of its logs."""
         gear = robot.transmission
-        return Conventions(robot.joints, gear.motors if gear else (), robot.columns)
+        motors = gear.motors if gear else ()
+        return Conventions(robot.joints, motors, robot.columns, robot.time_unit, robot.torque)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from identifiability.logs.naming import Naming
 from identifiability.logs.source import Reading, is_long, scan_file
 from identifiability.logs.spikes import Spike, mend_column
 from identifiability.logs.tables import Table, parsing
+from identifiability.logs.times import as_times
 from identifiability.logs.wraps import Wraps
 
 
@@ -176,8 +178,9 @@ class LogFile:
         """Yield the columns (N, c) of the rows [start, stop)."""
         self._check_unchanged()
         count, first, columns = 0, self.span[0], [c.source for c in self.naming.columns]
+        reading = {c.source: partial(as_times, time=c) for c in self.naming.columns if c.is_time}
         try:
-            for values in self.table.arrays(first + start, first + stop, columns):
+            for values in self.table.arrays(first + start, first + stop, columns, reading):
                 count += len(values)
                 yield values
         except LogError:
@@ -187,7 +190,7 @@ class LogFile:
 
     def _log(self, values: Array, start: int) -> Log:
         given = zip(self.naming.columns, values.T, strict=True)
-        columns = {c.name: c.scale(x) for c, x in given}
+        columns = {c.name: x if c.name == "t" else c.scale(x) for c, x in given}
         for column, spikes in self.mended.items():
             columns[column] = mend_column(columns[column], spikes, self.span[0] + start)
         for column, wraps in self.unwrapped.items():

@@ -23,14 +23,26 @@ class Column:
         What the table calls it.
     factor : float
         From its values to SI units.
+    offset : float
+        What is taken from its values before.
+    dates : int or None
+        Of times that are dates, the first one [ns since 1970]; None for numbers.
     """
 
     name: str
     source: str
     factor: float = 1.0
+    offset: float = 0.0
+    dates: int | None = None
+
+    @property
+    def is_time(self) -> bool:
+        """Whether it holds times that are no seconds."""
+        return self.name == "t" and (self.factor, self.offset, self.dates) != (1.0, 0.0, None)
 
     def scale(self, values: Array) -> Array:
         """Return values of the table, (N,), in SI units."""
+        values = values - self.offset if self.offset else values
         return values if self.factor == 1.0 else values * self.factor
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,9 +14,11 @@ from identifiability.foundation.names import Array
 from identifiability.logs.bags import hash_files, is_bag, read_bag, split_topic
 from identifiability.logs.checks import Clock, Numbers
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.measured import call_currents, settle_torque
 from identifiability.logs.naming import Naming, name_columns
 from identifiability.logs.spikes import SpikeFinder
 from identifiability.logs.tables import Table, is_parquet, open_parquet, parsing, scan_table
+from identifiability.logs.times import as_times, settle_time
 from identifiability.logs.wraps import WrapFinder
 
 if TYPE_CHECKING:
@@ -24,6 +26,30 @@ if TYPE_CHECKING:
 
 #: Tables with more values are read piece by piece; a value of a CSV takes about so many bytes.
 LONG, BYTES_PER_VALUE = 2_000_000, 12
+
+
+def settle_naming(
+    naming: Naming, sources: Mapping[str, str], first: pd.DataFrame, source: str, known: Conventions
+) -> Naming:
+    """Return what a log takes from a table, in seconds and in N·m or N at the joints.
+
+    Parameters
+    ----------
+    naming : Naming
+    sources : mapping of str to str
+        What the table calls the columns that were named.
+    first : DataFrame
+        Its first rows.
+    source : str
+    known : Conventions
+
+    Raises
+    ------
+    LogError
+    """
+    columns = tuple(replace(c, source=sources[c.source]) for c in naming.columns)
+    naming = settle_torque(replace(naming, columns=columns), known, source)
+    return settle_time(naming, first, source, known)
 
 
 class Reading:
@@ -72,7 +98,10 @@ class Reading:
         """
         frame = frame.set_axis([str(c) for c in frame.columns], axis=1)
         if not self.naming.columns:
-            self.naming = name_columns(list(frame.columns), self.source, self.known)
+            called = call_currents(list(frame.columns), self.known)
+            naming = name_columns(called, self.source, self.known)
+            sources = dict(zip(called, frame.columns, strict=True))
+            self.naming = settle_naming(naming, sources, frame, self.source, self.known)
             names = [c.name for c in self.naming.columns]
             self.numbers = {c: Numbers(c, self.source) for c in names}
             self._kept = {c: [] for c in names}
@@ -80,7 +109,11 @@ class Reading:
             self.turns = {c: WrapFinder() for c in self.finders if c.endswith(".q")}
         for known in self.naming.columns:
             column, numbers = known.name, self.numbers[known.name]
-            values = known.scale(numbers.add(frame[known.source]))
+            given = frame[known.source]
+            if column == "t":
+                values = numbers.add(as_times(given, known))
+            else:
+                values = known.scale(numbers.add(given))
             if column == "t" and not numbers.bad:
                 self.clock.add(values)
             elif column.endswith(".tau"):

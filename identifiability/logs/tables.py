@@ -6,7 +6,7 @@ import csv
 import re
 import warnings
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from io import BytesIO
@@ -104,8 +104,21 @@ class Table:
                     if row >= stop:
                         return
 
-    def arrays(self, start: int, stop: int, columns: Sequence[str]) -> Iterator[Array]:
+    def arrays(
+        self,
+        start: int,
+        stop: int,
+        columns: Sequence[str],
+        reading: Mapping[str, Callable[[pd.Series], Any]] | None = None,
+    ) -> Iterator[Array]:
         """Yield some columns of the rows [start, stop) as floats, each time (N, c).
+
+        Parameters
+        ----------
+        start, stop : int
+        columns : sequence of str
+        reading : mapping of str to callable(Series), optional
+            What makes numbers of columns that are none.
 
         Raises
         ------
@@ -113,7 +126,8 @@ class Table:
             If the file is damaged.
         """
         for part in self.parts(start, stop, columns):
-            yield np.stack([_floats(part[name]) for name in columns], 1, dtype=float)
+            each = [_floats(part[name], (reading or {}).get(name)) for name in columns]
+            yield np.stack(each, 1, dtype=float)
 
     def parse(self, piece: bytes, row: int) -> pd.DataFrame:
         """Return the rows in some bytes of a CSV, the first of which has that number.
@@ -207,8 +221,11 @@ def _opened(path: Path) -> Any:
     return ParquetFile(path, pre_buffer=False, buffer_size=1 << 18)
 
 
-def _floats(column: Any) -> Array:
+def _floats(column: Any, reading: Callable[[pd.Series], Any] | None = None) -> Array:
     """Return a column of pandas or Arrow as floats, (N,)."""
+    if reading is not None:
+        given = column.to_pandas() if hasattr(column, "null_count") else column
+        return to_floats(reading(given))
     if not hasattr(column, "null_count"):
         return to_floats(column)
     if str(column.type) in PLAIN and not column.null_count:

@@ -16,6 +16,7 @@ from identifiability.robot.actuation import choose_joints
 from identifiability.robot.description import Description
 from identifiability.robot.joints import body_names
 from identifiability.robot.kinematics import Point
+from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.parts import Loop, Stated, Transmission, name_numbers
 from identifiability.robot.sidecar import LimitEntry, LoopEntry, Sidecar
 
@@ -62,10 +63,17 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         shapes=extra.shapes,
         reference=extra.reference,
         columns=Renames.of(extra.columns),
+        time_unit=extra.time.unit or "",
+        torque=_measured_torque(extra),
         locked=dict(stated.locked),
         welded=dict(stated.welded),
     )
     robot = choose_joints(robot, extra, stated)
+    for key in ("gain", "ratio", "sign"):
+        motors = extra.transmission.motors if extra.transmission else ()
+        _check_known(
+            path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors)
+        )
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
     return replace(
         robot,
@@ -167,6 +175,17 @@ def _position_limits(robot: Description, given: list[LimitEntry]) -> Array:
         if limit.q is not None:
             out[row] = limit.q
     return out
+
+
+def _measured_torque(extra: Sidecar) -> MeasuredTorque:
+    """Return what torque columns hold; a number is for all joints."""
+    entry = extra.torque
+    tables = {
+        key: dict(value) if isinstance(value, dict) else {"": float(value)}
+        for key in ("gain", "ratio", "sign")
+        if (value := getattr(entry, key)) is not None
+    }
+    return MeasuredTorque(entry.side, **tables)
 
 
 def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:

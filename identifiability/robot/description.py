@@ -16,6 +16,7 @@ from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Tree
 from identifiability.robot.markup import included_files
+from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.mjcf import weighing_files
 from identifiability.robot.parts import Axis, Coupling, Loop, Transmission
 
@@ -67,6 +68,10 @@ class Description:
         Standard parameters by which loads are known, where they are not the nominal ones.
     columns : Renames
         From columns or joints of its logs to those of the robot.
+    time_unit : str
+        Unit of the times in its logs; empty if nobody said.
+    torque : MeasuredTorque
+        What the torque columns of its logs hold.
     locked : mapping
         Locked joint to the position at which it is held [rad or m]; it is none of the tree's.
     welded : mapping
@@ -105,6 +110,8 @@ class Description:
     shapes: Mapping[str, float] = field(default_factory=dict)
     reference: Mapping[str, float] = field(default_factory=dict)
     columns: Renames = Renames()
+    time_unit: str = ""
+    torque: MeasuredTorque = MeasuredTorque()
     locked: Mapping[str, float] = field(default_factory=dict)
     welded: Mapping[str, Array] = field(default_factory=dict)
     lock_option: tuple[str, ...] = ()

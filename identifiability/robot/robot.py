@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.options import Expected, FilePath, checked
@@ -29,6 +29,7 @@ class Robot(Description):
         sidecar: FilePath | None = None,
         columns: Mapping[str, str] | None = None,
         lock: LockOption | None = None,
+        time_unit: Literal["s", "ms", "us", "ns"] | None = None,
     ) -> Robot:
         r"""Read a robot from an MJCF or URDF file, or by the name of a shipped one.
 
@@ -46,6 +47,9 @@ class Robot(Description):
             Joints that do not move, such as a gripper's: ``["finger"]`` holds one at its home
             position, ``["finger=0.02"]`` or ``{"finger": 0.02}`` there [rad or m]. What hangs
             behind them is one body with what is before. They add to the sidecar's ``locked``.
+        time_unit : {"s", "ms", "us", "ns"}, optional
+            Of the times in its logs, before what the sidecar's ``[time]`` says; without any, times
+            that can only be in one of these units are taken in it.
 
         Raises
         ------
@@ -59,7 +63,8 @@ class Robot(Description):
             raise RobotError(f"{error}.") from None
         known = read_robot(source, sidecar, lock)
         stated = {f.name: getattr(known, f.name) for f in fields(known)}
-        return Robot(**{**stated, "columns": given.before(known.columns)})
+        stated |= {"columns": given.before(known.columns)}
+        return Robot(**{**stated, "time_unit": time_unit or known.time_unit})
 
 
 #: A robot, or where it is read from.

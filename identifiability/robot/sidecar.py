@@ -51,6 +51,17 @@ Every key is optional::
     [columns]                            # column or joint in the logs = column or joint here,
     "fer_joint(\\d)" = "panda_joint\\1"  # or a regular expression for the whole name
 
+    [time]
+    unit = "ms"                          # of `t` in the logs: s, ms, us or ns (default: s, or what
+                                         # can only be meant)
+
+    [torque]                             # what torque columns hold: τ = sign · gain · ratio · value
+    side = "motor"                       # at the rotor, or "link": behind the gear, where no rotor
+                                         # inertia is seen (default: at the joint, with all of it)
+    gain = {joint1 = 0.11}               # K_t of a current [N·m/A]; or one number for all
+    ratio = {joint1 = 100}               # of the gear
+    sign = {joint1 = -1}
+
     [prior]                              # normal priors of standard parameters
     "arm1.m" = {mean = 3.0, sd = 0.3}    # the others: nominal ± prior_relative × their size
 
@@ -69,6 +80,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.renames import Renames
+from identifiability.robot.measured_torque import Side
 
 Triple = tuple[float, float, float]
 
@@ -147,6 +159,30 @@ class LimitEntry(_Strict):
     a: float | None = Field(default=None, gt=0)
 
 
+class TimeEntry(_Strict):
+    """How times are written in logs."""
+
+    unit: Literal["s", "ms", "us", "ns"] | None = None
+
+
+def _not_zero(value: float) -> float:
+    if not value:
+        raise ValueError("zero would leave nothing; give another number")
+    return value
+
+
+Factor = Annotated[float, AfterValidator(_not_zero)]
+
+
+class TorqueEntry(_Strict):
+    """How torque was measured."""
+
+    side: Side = "joint"
+    gain: Factor | dict[str, Factor] | None = None
+    ratio: Factor | dict[str, Factor] | None = None
+    sign: Literal[1, -1] | dict[str, Literal[1, -1]] | None = None
+
+
 class SymmetryEntry(_Strict):
     """Columns that a symmetry lets us add."""
 
@@ -180,6 +216,8 @@ class Sidecar(_Strict):
     reference: dict[str, float] = {}
     limits: dict[str, LimitEntry] = {}
     columns: Annotated[dict[str, str], AfterValidator(_renaming)] = {}
+    time: TimeEntry = TimeEntry()
+    torque: TorqueEntry = TorqueEntry()
     symmetry: list[SymmetryEntry] = []
     prior_relative: float = Field(default=1.0, gt=0)
     prior: dict[str, PriorEntry] = {}

@@ -36,6 +36,10 @@ def state_provenance(
         out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
     if robot.columns:
         out["columns"] = robot.columns.text
+    if robot.time_unit:
+        out["time unit"] = robot.time_unit
+    if robot.torque.text:
+        out["torque"] = robot.torque.text
     if robot.locked:
         out["locked"] = ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items())
     if source is not None:

@@ -1,0 +1,195 @@
+"""What a log's times are given in: seconds, thousandths of them, dates; taken only when certain.
+
+A unit that the sidecar, an option or the column itself states is taken. Else steps of up to half a
+second are seconds. Longer ones are no steps of a log of motion: they are read in the one unit in
+which they are, if what the joints do in that time leaves no other; where it does, one has to say.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import TIME_UNITS, Array
+from identifiability.logs.checks import to_floats
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.naming import Column, Naming
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Steps of a log of motion [s].
+FASTEST, SLOWEST = 5e-5, 0.5
+
+#: Nobody writes a log with longer steps than this [s].
+LONGEST = 20.0
+
+#: The fastest joint of a log is between as slow and as fast as this [rad/s or m/s], taken over so
+#: many samples: in a unit in which it were not, the times cannot be.
+SPEEDS, LAG = (0.002, 30.0), 5
+
+#: Velocities are those of positions in a unit if they correlate with their slope so well, and have
+#: its size up to this power of ten.
+ALIKE, FIT = 0.1, 0.9
+
+#: Seconds since 1970 between 2000 and 2100.
+EPOCH = (9.46e8, 4.1e9)
+
+#: First samples that show which steps there are.
+SHOWN = 20_000
+
+
+def settle_time(naming: Naming, first: pd.DataFrame, source: str, known: Conventions) -> Naming:
+    """Return what a log takes from a table, with its times in seconds.
+
+    Parameters
+    ----------
+    naming : Naming
+    first : DataFrame
+        Its first rows.
+    source : str
+        What sentences call the table.
+    known : Conventions
+
+    Raises
+    ------
+    LogError
+        If the times may be in more than one unit.
+    """
+    time = next(c for c in naming.columns if c.name == "t")
+    given = first[time.source]
+    dates = as_dates(given, 0)
+    if dates is not None and len(dates):
+        start = int(dates.iloc[0])
+        day = f"{np.datetime64(start, 'ns').astype('datetime64[s]')}".replace("T", " ")
+        what = "are durations" if given.dtype.kind == "m" else f"are dates, from {day} on"
+        note = f"the times {what}, and were read in seconds from the first"
+        return _with(naming, replace(time, dates=start, factor=1.0), note)
+    t = to_floats(given)[:SHOWN]
+    if len(t) < 3 or not np.isfinite(t).all() or not np.median(np.diff(t)) > 0:
+        return naming  # what is wrong with them is said by others
+    unit, why = known.time_unit, "as was said"
+    if not unit and time.factor == 1.0:
+        unit, why = _find_unit(t, naming, first, source)
+    factor = TIME_UNITS[unit] if unit else time.factor
+    notes = [f"the times are in {unit}, {why}"] if unit and unit != "s" else []
+    offset = float(t[0]) if EPOCH[0] < t[0] * factor < EPOCH[1] else 0.0
+    if offset:
+        notes.append("the times count from 1970, and were read from the first on")
+    return _with(naming, replace(time, factor=factor, offset=offset), *notes)
+
+
+def as_dates(given: pd.Series, start: int) -> pd.Series | None:
+    """Return dates, durations or texts of ISO 8601 in ns after `start`, as whole numbers.
+
+    None if some are something else.
+    """
+    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+    if given.dtype.kind not in "mMOUST" or pd.api.types.is_numeric_dtype(given):
+        return None
+    times = given
+    if given.dtype.kind not in "mM":
+        if not given.map(lambda x: isinstance(x, str)).all() or to_numbers(given).notna().any():
+            return None
+        times = pd.to_datetime(given.str.strip(), format="ISO8601", errors="coerce", utc=True)
+    if times.isna().any():
+        return None
+    if getattr(times.dtype, "tz", None) is not None:
+        times = times.dt.tz_convert(None)
+    kind = "timedelta64[ns]" if times.dtype.kind == "m" else "datetime64[ns]"
+    return pd.Series(times.to_numpy(kind).astype(np.int64) - start)
+
+
+def to_numbers(given: pd.Series) -> pd.Series:
+    """Return a column as numbers; NaN for what is none."""
+    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+    return pd.to_numeric(given, errors="coerce")
+
+
+def as_times(given: pd.Series, time: Column) -> pd.Series:
+    """Return a column of times in seconds; as it is where it holds what is no time."""
+    import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
+
+    if time.dates is not None:
+        dates = as_dates(given, time.dates)
+        return given if dates is None else dates * 1e-9
+    if time.factor == 1.0 and not time.offset:
+        return given
+    times = to_numbers(given)
+    return given if times.isna().any() else pd.Series(time.scale(times.to_numpy(float)))
+
+
+def _with(naming: Naming, time: Column, *notes: str) -> Naming:
+    columns = tuple(time if c.name == "t" else c for c in naming.columns)
+    return replace(naming, columns=columns, notes=(*naming.notes, *notes))
+
+
+def _find_unit(t: Array, naming: Naming, first: pd.DataFrame, source: str) -> tuple[str, str]:
+    """Return the unit of times (N,) and why; nothing for seconds, or for times that are no unit's.
+
+    Raises
+    ------
+    LogError
+        If it may be more than one.
+    """
+    step = float(np.median(np.diff(t)))
+    fits = [u for u, size in TIME_UNITS.items() if FASTEST <= step * size <= SLOWEST]
+    proved = _by_velocities(t, naming, first)
+    if proved in fits and proved != "s":
+        return proved, "for which velocities are what positions change by"
+    if step <= SLOWEST or not fits:
+        return "", ""
+    rate = f"{1 / (step * TIME_UNITS[fits[0]]):.4g} Hz"
+    dated = [u for u in fits if EPOCH[0] < t[0] * TIME_UNITS[u] < EPOCH[1]]
+    if len(dated) == 1:
+        return dated[0], f"for they count from 1970 ({rate})"
+    speed = _top_speed(t, naming, first)
+    every = [*fits, *(["s"] if step <= LONGEST else [])]
+    moving = [u for u in every if not speed or SPEEDS[0] <= speed / TIME_UNITS[u] <= SPEEDS[1]]
+    if moving == ["s"]:
+        return "", ""
+    if len(moving) == 1:
+        return moving[0], f"for they rise by {step:.6g} from sample to sample ({rate})"
+    each = [f"{u} ({1 / (step * TIME_UNITS[u]):.3g} Hz)" for u in every]
+    raise LogError(
+        f"{source}: the times rise by {step:.6g} from sample to sample, which may be "
+        f"{' or '.join(each)}; say which, with {' or '.join(f'--time-unit {u}' for u in every)}, "
+        "or with `unit` under [time] in the sidecar."
+    )
+
+
+def _channels(naming: Naming, first: pd.DataFrame, kind: str) -> list[Array]:
+    """Return what the first rows have of a kind, (N,) each, joint by joint."""
+    columns = {c.name: c for c in naming.columns}
+    found = [columns.get(f"{j}.{kind}") for j in naming.joints]
+    return [c.scale(to_floats(first[c.source]))[:SHOWN] for c in found if c is not None]
+
+
+def _top_speed(t: Array, naming: Naming, first: pd.DataFrame) -> float:
+    """Return the speed of the fastest joint over some samples, in units of the times."""
+    span = np.maximum(t[LAG:] - t[:-LAG], 1e-300)
+    moved = [np.abs(q[LAG:] - q[:-LAG]) / span for q in _channels(naming, first, "q")]
+    tops = [float(np.nanquantile(x, 0.95)) for x in moved if len(x) and np.isfinite(x).any()]
+    return max(tops, default=0.0)
+
+
+def _by_velocities(t: Array, naming: Naming, first: pd.DataFrame) -> str:
+    """Return the unit in which positions change as fast as measured velocities say, or nothing."""
+    q, dq = (_channels(naming, first, kind) for kind in ("q", "dq"))
+    if not q or len(q) != len(dq):
+        return ""
+    slope = np.gradient(np.stack(q, 1), t, axis=0)
+    rate = np.stack(dq, 1)
+    if not (np.isfinite(slope).all() and np.isfinite(rate).all()):
+        return ""
+    sizes = np.linalg.norm(slope), np.linalg.norm(rate)
+    if min(sizes) <= 0 or float((slope * rate).sum()) < FIT * sizes[0] * sizes[1]:
+        return ""
+    ratio = float((slope * rate).sum()) / sizes[1] ** 2
+    near = [u for u, size in TIME_UNITS.items() if abs(np.log10(ratio / size)) < ALIKE]
+    return near[0] if near else ""

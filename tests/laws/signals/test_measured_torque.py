@@ -1,0 +1,131 @@
+"""Torque columns as they were measured: gains, ratios, signs, currents, sensors behind gears."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability.effects import find_family
+from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.renames import Renames
+from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.logfile import LogFile
+from identifiability.regression.regression import Model
+from identifiability.robot import Robot
+from identifiability.robot.measured_torque import MeasuredTorque
+
+#: Two hinges and nothing else.
+ARM = """
+<mujoco><worldbody><body name="base"><body name="upper"><joint name="a" axis="0 1 0"/>
+  <inertial pos="0.3 0 0" mass="2" diaginertia="0.01 0.05 0.05"/>
+  <body name="fore" pos="0.5 0 0"><joint name="b" axis="0 1 0" armature="0.2"/>
+    <inertial pos="0.2 0 0" mass="1" diaginertia="0.01 0.02 0.02"/></body></body></body></worldbody>
+<actuator><motor joint="a"/><motor joint="b"/></actuator></mujoco>
+"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    def loaded(sidecar=""):
+        path = tmp_path / "arm.xml"
+        path.write_text(ARM)
+        path.with_suffix(".toml").write_text(sidecar)
+        return Robot.load(path)
+
+    return loaded
+
+
+def table(kind="tau"):
+    t = 0.01 * np.arange(200)
+    return pd.DataFrame(
+        {"t": t, "a.q": np.sin(t), "b.q": np.cos(t), f"a.{kind}": 3 + t, f"b.{kind}": 5 - t}
+    )
+
+
+def torques(frame, robot, **others):
+    known = Conventions(**{**vars(Conventions.of(robot)), **others})
+    log = Log.from_frame(frame, "log", known)
+    return log.tau, log.notes
+
+
+def test_torque_is_the_value_times_gain_ratio_and_sign(load):
+    robot = load("[torque]\ngain = {a = 0.5}\nratio = {a = 100, b = 50}\nsign = {b = -1}\n")
+    tau, notes = torques(table(), robot)
+    given = table()[["a.tau", "b.tau"]].to_numpy()
+    np.testing.assert_allclose(tau, given * [0.5 * 100, -50])
+    assert notes == ("torques were multiplied by what the sidecar says (a: 50, b: -50)",)
+    np.testing.assert_allclose(torques(table(), load("[torque]\ngain = 0.001\n"))[0], 1e-3 * given)
+    same, quiet = torques(table(), load())
+    np.testing.assert_array_equal(same, given)
+    assert quiet == ()
+
+
+def test_currents_stand_for_torques_where_their_gain_is_known(load):
+    robot = load("[torque]\ngain = {a = 11, b = 7}\n")
+    tau, notes = torques(table("current"), robot)
+    np.testing.assert_allclose(tau, table().filter(like="tau").to_numpy() * [11, 7])
+    assert notes == ("torques are currents times what the sidecar says (a: 11, b: 7)",)
+    both = table().assign(**{"a.current": 1.0, "b.current": 1.0})
+    np.testing.assert_allclose(torques(both, load())[0], table().filter(like="tau").to_numpy())
+    with pytest.raises(LogError, match=r"currents and no torques of b; .*gain = {b = …}"):
+        torques(table("current"), load("[torque]\ngain = {a = 11}\n"))
+    raw, said = torques(table("current"), robot, raw_torque=True)
+    np.testing.assert_array_equal(raw, table().filter(like="tau").to_numpy())
+    assert said == ()
+
+
+def test_currents_are_found_under_the_names_of_the_logs(load):
+    frame = table("current").rename(columns=lambda c: c.replace("a.", "j1.").replace("b.", "j2."))
+    rules = Renames.of({"j1": "a", "j2": "b"})
+    torque = MeasuredTorque(gain={"a": 2.0, "b": 3.0})
+    tau, _ = torques(frame, load(), columns=rules, torque=torque)
+    np.testing.assert_allclose(tau, table().filter(like="tau").to_numpy() * [2, 3])
+    odd = table().rename(columns={"a.tau": "I1", "b.tau": "I2"})
+    rules = Renames.of({"I1": "a.current", "I2": "b.current"})
+    tau, _ = torques(odd, load(), columns=rules, torque=torque)
+    np.testing.assert_allclose(tau, table().filter(like="tau").to_numpy() * [2, 3])
+
+
+def test_torque_of_the_motor_needs_the_ratio_of_its_gear(load):
+    with pytest.raises(LogError, match=r"torque of b was measured at the motor.*ratio = {b = …}"):
+        torques(table(), load('[torque]\nside = "motor"\nratio = {a = 100}\n'))
+    tau, _ = torques(table(), load('[torque]\nside = "motor"\nratio = 100\n'))
+    np.testing.assert_allclose(tau, 100 * table().filter(like="tau").to_numpy())
+
+
+def test_no_rotor_is_seen_by_a_sensor_behind_the_gear(load):
+    effects = ("rigid_body", "viscous_friction", "actuator_inertia")
+    plain = [p.name for p in Model.of(*effects).parameters(load())]
+    robot = load('[torque]\nside = "link"\n')
+    assert {"a.Ia", "b.Ia"} <= set(plain)
+    assert [p.name for p in Model.of(*effects).parameters(robot)] == [
+        name for name in plain if not name.endswith(".Ia")
+    ]
+    family = find_family("actuator_inertia")
+    assert "behind the gears" in family.refuse(robot, "a")
+    assert family.refuse(load(), "a") == ""
+    _, notes = torques(table(), robot)
+    assert "the model has none" in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("gain = {elbow = 2}", r"\[torque.gain\].*elbow"),
+        ("gain = 0", "zero would leave nothing"),
+        ("sign = 2", "sign"),
+        ('side = "gear"', "side"),
+    ],
+)
+def test_nonsense_is_refused(text, sentence, load):
+    with pytest.raises(RobotError, match=sentence):
+        load(f"[torque]\n{text}\n")
+
+
+def test_a_long_file_has_the_torques_of_a_short_one(load, tmp_path):
+    known = Conventions.of(load("[torque]\ngain = {a = 11, b = -7}\n"))
+    path = tmp_path / "log.parquet"
+    table("current").to_parquet(path, index=False)
+    short, long = Log.read(path, known), LogFile.read(path, known)
+    np.testing.assert_array_equal(long.rows(20, 90).tau, short.tau[20:90])
+    assert long.notes == short.notes

@@ -1,0 +1,137 @@
+"""Times in seconds, thousandths of them and dates: taken only when no other reading is left."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability.foundation.errors import LogError
+from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.logfile import LogFile
+
+#: What one of each is in s.
+SIZES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+def table(step=0.004, samples=600, *, speed=1.0, derivatives=False):
+    """A joint that is at most as fast as `speed` [rad/s], with steps [s]."""
+    t = step * np.arange(samples)
+    w = 2 * np.pi / (100 * step)
+    frame = pd.DataFrame({"t": t, "a.q": speed / w * np.sin(w * t), "a.tau": np.cos(3 * w * t)})
+    return frame.assign(**{"a.dq": speed * np.cos(w * t)}) if derivatives else frame
+
+
+def read(frame, **known):
+    return Log.from_frame(frame, "log", Conventions(**known))
+
+
+@pytest.mark.parametrize("start", [0.0, 12.5])
+@pytest.mark.parametrize(
+    ("unit", "step"), [("ms", 0.004), ("us", 0.001), ("ns", 0.001), ("ns", 0.01)]
+)
+def test_steps_that_fit_one_unit_only_are_taken_in_it_and_said(unit, step, start):
+    frame = table(step)
+    wanted = frame["t"] + start
+    log = read(frame.assign(t=wanted / SIZES[unit]))
+    np.testing.assert_allclose(log.t, wanted, rtol=1e-12, atol=1e-12)
+    assert len(log.notes) == 1
+    assert f"the times are in {unit}, for they rise by" in log.notes[0]
+    np.testing.assert_array_equal(log.q[:, 0], frame["a.q"])
+
+
+@pytest.mark.parametrize("step", [1e-4, 0.004, 0.3])
+def test_steps_of_up_to_half_a_second_are_seconds(step):
+    for speed in (1e-4, 1.0, 50.0):
+        log = read(table(step, speed=speed))
+        assert log.notes == ()
+        np.testing.assert_array_equal(log.t, table(step)["t"])
+
+
+def test_slow_logs_in_seconds_stay_in_seconds_and_what_may_be_either_is_asked():
+    assert read(table(1.0, speed=0.5)).notes == ()  # in ms it would turn at 500 rad/s
+    assert read(table(2.0, speed=0.04)).t[1] == 2.0
+    for speed in (0.01, 0.004):  # 10 rad/s at 1 kHz, or 0.01 rad/s at 1 Hz
+        with pytest.raises(LogError, match=r"may be ms \(1e\+03 Hz\) or s \(1 Hz\); say which, wi"):
+            read(table(1.0, speed=speed))
+        assert read(table(1.0, speed=speed), time_unit="s").notes == ()
+        assert read(table(1.0, speed=speed), time_unit="ms").t[1] == 0.001
+    with pytest.raises(LogError, match="--time-unit ms or --time-unit us"):
+        read(table(100.0, speed=1e-5))  # 0.01 rad/s at 10 Hz, or 10 rad/s at 10 kHz
+    assert "in ms" in read(table(100.0, speed=1e-3)).notes[0]  # 1 rad/s, in µs 1000
+    with pytest.raises(LogError, match="say which"):
+        read(table(5.0, speed=0.0))  # nothing moves, nothing tells
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_measured_velocities_prove_a_unit(unit):
+    frame = table(0.002, speed=0.01, derivatives=True)  # too slow to tell without
+    log = read(frame.assign(t=frame["t"] / SIZES[unit]))
+    np.testing.assert_allclose(log.t, frame["t"], rtol=1e-12, atol=1e-15)
+    assert f"in {unit}, for which velocities are what positions change by" in log.notes[0]
+    fast = read(frame.assign(**{"a.dq": 1e3 * frame["a.dq"]}))  # mrad/s: 1 MHz is no rate
+    np.testing.assert_array_equal(fast.t, frame["t"])
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_times_since_1970_count_from_the_first(unit):
+    frame = table(0.008)
+    since = 1_700_000_000.25
+    given = since + frame["t"]
+    if unit != "s":
+        given = round(since / SIZES[unit]) + np.rint(frame["t"] / SIZES[unit]).astype("int64")
+    log = read(frame.assign(t=given))
+    np.testing.assert_allclose(log.t, frame["t"], rtol=0, atol=5e-7)
+    assert "the times count from 1970" in log.notes[-1]
+    assert len(log.notes) == 1 + (unit != "s")
+
+
+@pytest.mark.parametrize("form", ["dates", "zone", "text", "zulu", "durations", "micro"])
+def test_dates_and_durations_are_times(form):
+    frame = table(0.004)
+    since = pd.Timedelta(1, "D") if form == "durations" else pd.Timestamp("2026-11-20 18:00:00.5")
+    t = since + pd.to_timedelta(frame["t"], unit="s").dt.round("us")
+    given = {
+        "dates": t,
+        "durations": t,
+        "micro": t if form == "durations" else pd.Series(t.to_numpy("datetime64[us]")),
+        "zone": t if form == "durations" else t.dt.tz_localize("Europe/Berlin"),
+        "text": t.astype(str),
+        "zulu": t.map(str).str.replace(" ", "T") + "Z",
+    }[form] if form != "durations" else t  # fmt: skip
+    log = read(frame.assign(t=given))
+    np.testing.assert_allclose(log.t, frame["t"], rtol=0, atol=1e-9)
+    assert "were read in seconds from the first" in log.notes[0]
+    assert ("2026-11-20" in log.notes[0]) == (form != "durations")
+
+
+def test_what_is_no_time_is_refused_as_before():
+    frame = table()
+    for bad in (frame["t"].astype(str) + " h", pd.Series(["x"] * len(frame))):
+        with pytest.raises(LogError, match="column 't' is not a finite number in 600 of 600 rows"):
+            read(frame.assign(t=bad))
+    spoilt = (pd.Timestamp("2026-01-01") + pd.to_timedelta(frame["t"], unit="s")).astype(str)
+    spoilt[7] = "soon"
+    with pytest.raises(LogError, match="column 't' is not a finite number"):
+        read(frame.assign(t=spoilt))
+    with pytest.raises(LogError, match="holds datetime64"):
+        read(frame.assign(**{"a.q": pd.Timestamp("2026-01-01")}))
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+@pytest.mark.parametrize("times", ["ms", "epoch", "dates"])
+def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path):
+    frame = table(0.004, 3000)
+    since = pd.Timestamp("2026-11-20 18:00:00.123")
+    given = {
+        "ms": 1e3 * frame["t"],
+        "epoch": (1.7e18 + 1e9 * frame["t"]).astype("int64"),
+        "dates": since + pd.to_timedelta(frame["t"], unit="s").dt.round("us"),
+    }[times]
+    path = tmp_path / f"log.{form}"
+    made = frame.assign(t=given)
+    made.to_csv(path, index=False) if form == "csv" else made.to_parquet(path, index=False)
+    short, long = Log.read(path), LogFile.read(path)
+    np.testing.assert_allclose(short.t, frame["t"], rtol=0, atol=5e-7)
+    np.testing.assert_array_equal(long.rows(100, 900).t, short.t[100:900])
+    assert (long.clock.first, long.clock.last) == (short.t[0], short.t[-1])
+    assert long.notes == short.notes != ()
