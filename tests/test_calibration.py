@@ -96,7 +96,7 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
         ],
     )
     assert run.exit_code == 0, run.output
-    lines = run.output.splitlines()
+    lines = run.stdout.splitlines()
     assert "of 95 % intervals of symmetric friction, " in lines[0]
     assert lines[1].startswith("Wrong by more than half: ")
     assert lines[2].startswith("Least sure: ")

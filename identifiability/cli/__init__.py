@@ -14,8 +14,8 @@ from identifiability.cli.demo import demo
 from identifiability.cli.diagnose import diagnose
 from identifiability.cli.excite import excite
 from identifiability.cli.export import export
+from identifiability.cli.grouping import Command
 from identifiability.cli.inspect import inspect
-from identifiability.cli.options import Command
 from identifiability.cli.paper import paper
 from identifiability.cli.prune import prune
 from identifiability.cli.simulate import simulate

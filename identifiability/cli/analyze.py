@@ -20,10 +20,11 @@ def analyze(
     logs: options.Logs,
     outputs: options.Outputs,
     fitting: options.Fitting,
+    derived: options.Derived,
     place: options.Place,
     validate: options.Validate = None,
     ladder: options.Ladder = None,
-    posterior: bool = True,
+    posterior: bool | None = None,
     seed: options.Seed = 0,
     quick: bool = False,
 ) -> None:
@@ -58,9 +59,9 @@ def analyze(
     Parameters
     ----------
     posterior
-        Sample the posteriors of the selected model (some seconds).
+        Sample the posteriors of the selected model (some seconds); default: unless quick.
     quick
-        A tenth of the random draws, no posterior.
+        A tenth of the random draws.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.analyze import analyze as run  # noqa: PLC0415
@@ -73,11 +74,12 @@ def analyze(
             held,
             ladder,
             replicates=200 if quick else 2000,
-            posterior=posterior and not quick,
+            posterior=not quick if posterior is None else posterior,
             seed=seed,
             progress=say,
             # Left to itself it ends the processes as soon as the logs have been read.
             engine=runner if any(astuple(place)) else None,
+            preparation=derived.preparation(),
             **fitting.arguments(),
         )
         written = outputs.write(result, say)

@@ -16,12 +16,13 @@ def calibrate(
     recorded: options.Recorded,
     logs: options.Logs,
     outputs: options.Outputs,
+    derived: options.Derived,
     place: options.Place,
     ladder: options.Ladder = None,
     model: str | None = None,
-    trials: Annotated[int, Option(min=4)] = 60,
+    trials: Annotated[int | None, Option(min=4)] = None,
     sbc: bool = True,
-    names: Annotated[int, Option(min=0)] = 40,
+    names: Annotated[int | None, Option(min=0)] = None,
     estimator: Literal["auto", "ls", "iv"] = "auto",
     seed: options.Seed = 0,
     quick: bool = False,
@@ -45,11 +46,11 @@ def calibrate(
     model
         Model of the ladder; default: the one to use, of a model file its only one.
     trials
-        Simulated repetitions a row; four times as many in the first.
+        Simulated repetitions a row, four times as many in the first; default 60, quick 8.
     sbc
         Also check the posterior by simulation (some seconds).
     names
-        Repetitions with nothing missing that are diagnosed; 0: none.
+        Repetitions with nothing missing that are diagnosed, 0: none; default 40, quick 4.
     estimator
         As for analyze.
     quick
@@ -60,16 +61,27 @@ def calibrate(
         from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
         common.check_outputs(*astuple(outputs), inputs=[*machine.files, *logs, ladder])
-        analysis = analyze(machine.load(recorded), logs, (), ladder, estimator=estimator, seed=seed)
+        analysis = analyze(
+            machine.load(recorded),
+            logs,
+            (),
+            ladder,
+            estimator=estimator,
+            preparation=derived.preparation(),
+            seed=seed,
+            progress=lambda text, share: say(text, 0.2 * share),
+            engine=runner if any(astuple(place)) else None,
+        )
+        usual_trials, usual_names = (8, 4) if quick else (60, 40)
         result = run(
             analysis,
             model=model,
-            trials=8 if quick else trials,
+            trials=usual_trials if trials is None else trials,
             sbc=(200 if quick else 1000) * sbc,
             logs=logs,
-            diagnoses=min(names, 4) if quick else names,
+            diagnoses=usual_names if names is None else names,
             seed=seed,
-            progress=say,
+            progress=lambda text, share: say(text, 0.2 + 0.8 * share),
             engine=runner,
         )
         written = outputs.write(result, say)

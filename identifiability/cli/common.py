@@ -7,12 +7,17 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, NoReturn
 
 from identifiability.foundation.errors import IdentifiabilityError
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+
+#: No plain line of progress in the first seconds; one for the same stage after so many [s].
+QUIET, AGAIN = 1.0, 15.0
 
 
 @contextmanager
@@ -54,16 +59,46 @@ def percent(share: float, digits: int = 2) -> str:
     return f"{100 * share:.{digits}f} %" if math.isfinite(share) else "–"
 
 
+class Lines:
+    """Progress for who reads a file or a pipe: a line for every stage, none in the first second.
+
+    Parameters
+    ----------
+    write : callable(str)
+    clock : callable() -> float [s], optional
+    """
+
+    def __init__(
+        self, write: Callable[[str], object], clock: Callable[[], float] = monotonic
+    ) -> None:
+        self._write, self._clock = write, clock
+        self._start = self._told = clock()
+        self._text = ""
+
+    def __call__(self, text: str, share: float) -> None:
+        """Say how far a stage is, if it is another one or long was silence."""
+        now = self._clock()
+        if now - self._start < QUIET or (text == self._text and now - self._told < AGAIN):
+            return
+        self._text, self._told = text, now
+        self._write(f"{100 * min(max(share, 0.0), 1.0):3.0f} %  {text}\n")
+
+
 @contextmanager
 def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar on a terminal; give a callback (what, share)."""
+    """Show a progress bar on a terminal, and plain lines elsewhere; give a callback (what, share).
+
+    Both go to standard error.
+    """
     from rich.console import Console  # noqa: PLC0415
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    off = not (show and console.is_terminal)
-    with Progress(*columns, console=console, transient=True, disable=off) as bar:
+    if show and not console.is_terminal:
+        yield Lines(sys.stderr.write)
+        return
+    with Progress(*columns, console=console, transient=True, disable=not show) as bar:
         task = bar.add_task("starting", total=1.0)
 
         def say(text: str, share: float) -> None:

@@ -16,6 +16,8 @@ def diagnose(
     recorded: options.Recorded,
     logs: options.Logs,
     outputs: options.Outputs,
+    derived: options.Derived,
+    place: options.Place,
     validate: options.Validate = None,
     effects: str | None = None,
     model: options.Model = None,
@@ -39,7 +41,7 @@ def diagnose(
     quick
         Half the draws: coarser p-values.
     """
-    with common.sentences(), common.progress() as say:
+    with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
 
         held = validate or ()
@@ -53,6 +55,8 @@ def diagnose(
             fixed=fixed,
             seed=seed,
             quick=quick,
+            preparation=derived.preparation(),
+            engine=runner if any(astuple(place)) else None,
             progress=say,
         )
         written = outputs.write(result, say)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,6 +15,8 @@ from identifiability.cli import common, options
 def excite(
     machine: options.Machine,
     recorded: options.Recorded,
+    derived: options.Derived,
+    place: options.Place,
     out: Annotated[Path, Option()],
     harmonics: Annotated[int, Option(min=1, max=50)] = 5,
     duration: float = 7.5,
@@ -71,7 +74,7 @@ def excite(
     report
         Write an HTML report here.
     """
-    with common.sentences(), common.progress() as say:
+    with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.foundation.errors import OutputError  # noqa: PLC0415
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415
 
@@ -92,7 +95,9 @@ def excite(
             evaluations=evaluations,
             time_limit=time_limit,
             seed=seed,
+            preparation=derived.preparation(),
             progress=say,
+            engine=runner if any(astuple(place)) else None,
         )
         json = out.suffix.lower() == ".json"
         first = result.to_json(out) if json else result.write_motion(out)

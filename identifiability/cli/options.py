@@ -1,32 +1,30 @@
 """The options that several commands have: each is declared once, in a group that is taken whole.
 
-A command names a group as one parameter, ``place: Place``; `command` puts the group's options in
-its place.
+A command names a group as one parameter, ``place: Place``, and is made by `command`.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from copy import copy
-from dataclasses import astuple, dataclass, fields, is_dataclass
-from functools import partial, wraps
-from inspect import Parameter, Signature, getdoc, signature
+from dataclasses import astuple, dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
 import typer
 from typer import Argument, Option
 
+from identifiability.cli import grouping
 from identifiability.cli.common import sentences
+from identifiability.cli.grouping import estimators
 
 if TYPE_CHECKING:
     from identifiability.foundation.engines.local import Engine
+    from identifiability.logs.prepare import Preparation
     from identifiability.robot import Robot
 
-#: Where a docstring begins to speak of parameters, and what it says of one.
-_HELP = re.compile(r"\n*^(?:Parameters|Attributes)\n-+\n", re.MULTILINE)
-_ENTRY = re.compile(r"^(\w+)\n((?: {4}.*\n)+)", re.MULTILINE)
+#: Makes a function a command: groups become their options.
+command = grouping.command
 
 _derived = partial(Option, rich_help_panel="Velocity and acceleration")
 _placed = partial(Option, rich_help_panel="Where it runs")
@@ -47,13 +45,6 @@ def _robots(typed: str) -> list[str]:
     package = Path(__file__).resolve().parents[1]
     shipped = [*package.glob("models/*/robot.*"), *package.parent.glob("models/*/robot.*")]
     return sorted({p.parent.name for p in shipped if p.parent.name.startswith(typed)})
-
-
-def _estimators(typed: str = "") -> list[str]:
-    """Return the registered estimators that begin so, a plugin's among them."""
-    from identifiability.estimation.estimate import ESTIMATORS  # noqa: PLC0415
-
-    return [name for name in ESTIMATORS if name.startswith(typed)]
 
 
 def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path]:
@@ -184,7 +175,7 @@ class Outputs:
 
 @dataclass(frozen=True)
 class Fitting:
-    """How parameters are estimated, and how logs become motion.
+    """How parameters are estimated.
 
     Attributes
     ----------
@@ -195,6 +186,24 @@ class Fitting:
         motion does not bias.
     cad_prior
         Weight of a log-det prior around the robot file's bodies.
+    """
+
+    method: Annotated[str, Option(metavar="NAME", autocompletion=estimators)] = "wls"
+    estimator: Literal["auto", "ls", "iv"] = "auto"
+    cad_prior: Annotated[float, Option(min=0)] = 0.0
+
+    def arguments(self) -> dict[str, Any]:
+        """Return what the library calls them."""
+        method, estimator, cad_weight = astuple(self)
+        return {"method": method, "estimator": estimator, "cad_weight": cad_weight}
+
+
+@dataclass(frozen=True)
+class Derived:
+    """How logs become motion.
+
+    Attributes
+    ----------
     derivatives
         Velocity and acceleration: the log's own or computed.
     cutoff
@@ -207,23 +216,17 @@ class Fitting:
         Parallel filter and keep every k-th sample.
     """
 
-    method: Annotated[str, Option(metavar="NAME", autocompletion=_estimators)] = "wls"
-    estimator: Literal["auto", "ls", "iv"] = "auto"
-    cad_prior: Annotated[float, Option(min=0)] = 0.0
     derivatives: Annotated[Literal["auto", "given", "butterworth", "fourier"], _derived()] = "auto"
     cutoff: Annotated[float | None, _derived(min=0)] = None
     period: Annotated[float | None, _derived(min=0)] = None
     harmonics: Annotated[int, _derived(min=1)] = 5
     decimate: Annotated[int | None, _derived(min=1)] = None
 
-    def arguments(self) -> dict[str, Any]:
-        """Return what the library calls them."""
+    def preparation(self) -> Preparation | None:
+        """Return what was asked for; None if nothing was."""
         from identifiability.logs.prepare import Preparation  # noqa: PLC0415
 
-        method, estimator, cad_weight, *derivation = astuple(self)
-        how = Preparation(*derivation)
-        fit = {"method": method, "estimator": estimator}
-        return {**fit, "cad_weight": cad_weight, "preparation": how}
+        return None if self == Derived() else Preparation(*astuple(self))
 
 
 @dataclass(frozen=True)
@@ -252,64 +255,6 @@ class Place:
         from identifiability.foundation.engines.local import choose_engine  # noqa: PLC0415
 
         return choose_engine(*astuple(self))
-
-
-def command(function: Callable[..., None]) -> Callable[..., None]:
-    """Return the function as a command: groups become their options, with help from docstrings.
-
-    What a docstring says of its parameters or attributes is the help of these options, and the
-    rest of the function's is the help of the command.
-    """
-    hints = get_type_hints(function)
-    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
-    own = {option.name: option for option in _options(function)}
-    flat = [
-        option
-        for name in signature(function).parameters
-        for option in (_options(groups[name]) if name in groups else [own[name]])
-    ]
-
-    @wraps(function)
-    def called(**options: Any) -> None:
-        whole = {
-            name: kind(**{field.name: options.pop(field.name) for field in fields(kind)})
-            for name, kind in groups.items()
-        }
-        function(**whole, **options)
-
-    called.__doc__ = _HELP.split(getdoc(function) or "")[0]
-    called.__signature__ = Signature(flat)  # type: ignore[attr-defined]
-    called.__annotations__ = {option.name: option.annotation for option in flat}
-    return called
-
-
-def _options(holder: Any) -> list[Parameter]:
-    """Return the parameters of a function or group as typer reads them, with help."""
-    told = _HELP.split(getdoc(holder) or "")[-1]
-    helps = {name: " ".join(text.split()) for name, text in _ENTRY.findall(f"{told}\n")}
-    kinds = get_type_hints(holder, include_extras=True)
-    found = []
-    for name, given in signature(holder).parameters.items():
-        kind, notes = kinds[name], getattr(kinds[name], "__metadata__", ())
-        if notes:
-            kind, note = get_args(kind)[0], copy(notes[0])
-        else:
-            note = Argument() if given.default is given.empty else Option()
-        if name in helps:
-            note.help = helps[name]
-        found.append(given.replace(kind=Parameter.KEYWORD_ONLY, annotation=Annotated[kind, note]))
-    return found
-
-
-class Command(typer.core.TyperCommand):
-    """A command whose help lists the estimators that are registered when it is asked for."""
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help."""
-        for parameter in self.params:
-            if parameter.name == "method":
-                parameter.metavar = "|".join(_estimators())
-        super().format_help(ctx, formatter)
 
 
 def split_names(text: str | None) -> list[str] | None:

@@ -22,6 +22,7 @@ def prune(
     logs: options.Logs,
     outputs: options.Outputs,
     fitting: options.Fitting,
+    derived: options.Derived,
     place: options.Place,
     validate: list[str] | None = None,
     ladder: str | None = None,
@@ -83,6 +84,7 @@ def prune(
             seed=seed,
             progress=say,
             engine=runner,
+            preparation=derived.preparation(),
             **fitting.arguments(),
         )
         written = outputs.write(result, say)

@@ -208,6 +208,7 @@ def open_logs(
     recordings: Recordings,
     prepare: Callable[[Recording], Prepared],
     done: str = "",
+    engine: Engine | None = None,
 ) -> Opening:
     """Prepare the logs and look for something to explain in them.
 
@@ -219,13 +220,16 @@ def open_logs(
     done : str
         What cannot be done, as a participle, with fitted logs that have nothing to explain;
         empty where that is an answer too: then nothing is held out either.
+    engine : Engine, optional
+        Where whole logs are prepared, each by itself; by default here, one after the other.
 
     Raises
     ------
     LogError
     """
-    train = tuple(map(prepare, recordings.fitted))
-    held = tuple(map(prepare, recordings.held))
+    each = map if engine is None else engine.map
+    train = tuple(each(prepare, recordings.fitted))
+    held = tuple(each(prepare, recordings.held))
     if done:
         require_signal(train, done)
     require_signal(held, "verified")

@@ -29,7 +29,7 @@ def run():
 def test_the_command_writes_the_named_tables_and_the_index(run, tmp_path):
     out = run("1", "slips", "--quick", "--workers", 1, "--out", tmp_path)
     assert out.exit_code == 0, out.output
-    assert out.output.strip().splitlines()[-1].endswith("index.html")
+    assert out.stdout.strip().splitlines()[-1].endswith("index.html")
     names = {p.name for p in tmp_path.glob("*.html")}
     assert names == {"table_1_base_parameters.html", "paper_slips.html", "index.html"}
 

@@ -165,10 +165,12 @@ def calibrate(
         part = result.rung.reduce(analysis.information)
         ranks = check_ranks(result, part, last, replicates=sbc, engine=runner, progress=ranking)
     if diagnoses:
+        asked = analysis.settings.get("preparation")
+        how = asked if isinstance(asked, Preparation) and asked != Preparation() else None
         try:
             named = measure_false_names(
                 analysis.robot, logs, model=analysis.effects, trials=diagnoses, seed=seed,
-                progress=progress, engine=runner,
+                preparation=how, progress=progress, engine=runner,
             )  # fmt: skip
         except LogError as error:  # too short a log has no part to verify names on
             unmeasured = f"How often a name is false was not measured: {error}"

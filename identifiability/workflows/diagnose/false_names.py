@@ -115,6 +115,7 @@ def measure_false_names(
     validate: Sequence[LogLike] | LogLike = (),
     *,
     model: Model | Sequence[str] | None = None,
+    preparation: Preparation | None = None,
     trials: int = 40,
     seed: int = 0,
     progress: Progress | None = None,
@@ -125,7 +126,7 @@ def measure_false_names(
     Parameters
     ----------
     robot : Robot
-    logs, validate, model
+    logs, validate, model, preparation
         As for `diagnose`.
     trials : int
     seed : int
@@ -136,8 +137,10 @@ def measure_false_names(
     say = progress or (lambda what, share: None)
     known = Conventions.of(robot)
     train, held = (in_memory(mend_logs(read_logs(x, known))[0], Log) for x in (logs, validate))
-    found = diagnose(robot, train, held, model=model, quick=True, seed=seed)
-    null = null_of(found, train, held)
+    found = diagnose(
+        robot, train, held, model=model, preparation=preparation, quick=True, seed=seed
+    )
+    null = null_of(found, train, held, preparation)
     items = [(seed + k, s) for k, s in enumerate(np.random.SeedSequence(seed).spawn(trials))]
     results = (engine or Serial()).map(
         null, items, progress=lambda done, total: say(f"repetition {done}", done / total)
@@ -165,6 +168,8 @@ class Null:
         How many of the logs are fitted; the others verify.
     series : tuple of ((p,), float)
         Autoregression and innovation of each joint's noise.
+    preparation : Preparation or None
+        How derivatives are made.
     """
 
     structure: Structure
@@ -172,6 +177,7 @@ class Null:
     logs: tuple[tuple[Log, np.ndarray, Array], ...]
     fitted: int
     series: tuple[tuple[Array, float], ...]
+    preparation: Preparation | None = None
 
     def make(self, rng: np.random.Generator) -> list[Log]:
         """Return new logs."""
@@ -190,20 +196,27 @@ class Null:
         train, held = fake[: self.fitted], fake[self.fitted :]
         names, model = bring(self.families), self.structure.model
         d = diagnose(
-            self.structure.robot, train, held, model=model, effects=names, quick=True, seed=seed
-        )
+            self.structure.robot, train, held, model=model, effects=names,
+            preparation=self.preparation, quick=True, seed=seed,
+        )  # fmt: skip
         name = "; ".join(f"{e.name} in {', '.join(e.joints)}" for e in d.effects)
         return name, dict(d.remainder.detectable)
 
 
-def null_of(found: Diagnosis, train: Sequence[Log], held: Sequence[Log]) -> Null:
+def null_of(
+    found: Diagnosis,
+    train: Sequence[Log],
+    held: Sequence[Log],
+    preparation: Preparation | None = None,
+) -> Null:
     """Return logs of the same motion with base torque and like noise.
 
     The torque is that of the base model as it is fitted beside the named effects; the noise is
     autoregressive with the covariance of what both leave.
     """
     robot, logs = found.robot, [*train, *held]
-    samples = [prepare_samples(robot, log, Preparation(decimate=1, keep_rest=True)) for log in logs]
+    whole = replace(preparation or Preparation(), decimate=1, keep_rest=True)
+    samples = [prepare_samples(robot, log, whole) for log in logs]
     W = [found.model.regressor(robot, s.motion) for s in samples]
     columns, tau = np.concatenate(W), np.concatenate([s.tau for s in samples])
     size = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-12)  # joints weigh by their torque
@@ -221,6 +234,7 @@ def null_of(found: Diagnosis, train: Sequence[Log], held: Sequence[Log]) -> Null
         ),
         fitted=len(train),
         series=tuple(durbin(_covariance(own)) for own in zip(*(r.T for r in left), strict=True)),
+        preparation=preparation,
     )
 
 

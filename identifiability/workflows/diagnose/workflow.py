@@ -10,6 +10,7 @@ import numpy as np
 
 from identifiability.effects import stated_effects
 from identifiability.estimation.estimate import find_estimator
+from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import Names, Seed, at_least, checked
 from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
@@ -62,6 +63,7 @@ def diagnose(
     quick: bool = False,
     forward: bool = True,
     progress: Progress | None = None,
+    engine: Engine | None = None,
 ) -> Diagnosis:
     """Find where model and data disagree, name what is missing, add it, verify.
 
@@ -94,6 +96,8 @@ def diagnose(
     forward : bool
         Also simulate the motion that verifies, before and after what was named (half a second).
     progress : callable(str, float), optional
+    engine : Engine, optional
+        Where logs are prepared; here by default. The result does not depend on it.
 
     Raises
     ------
@@ -113,6 +117,7 @@ def diagnose(
             Recordings(roles.fit, (*roles.choose, *roles.verify), given.hints),
             partial(prepare_rows, robot, how=how),
             "diagnosed",
+            engine,
         )
         fit, held = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
         choose, verify = held[: len(roles.choose)], held[len(roles.choose) :]

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
@@ -67,6 +68,7 @@ def excite(
     seed: Seed = 0,
     name: str = "excite",
     progress: Progress | None = None,
+    engine: Engine | None = None,
 ) -> Excitation:
     """Find a periodic motion within limits that determines parameters well.
 
@@ -110,6 +112,8 @@ def excite(
     name : str
         Of the trajectory in its file.
     progress : callable(str, float), optional
+    engine : Engine, optional
+        Where logs to start from are read, if they are long; here by default.
 
     Raises
     ------
@@ -134,7 +138,7 @@ def excite(
         given = read_logs(() if start_from is None else start_from, Conventions.of(robot))
         start, wrong = mend_logs(given)
         how = settle_cutoff(robot, start, preparation)
-        logs = [prepare_log(robot, log, how, engine=Serial()) for log in start]
+        logs = [prepare_log(robot, log, how, engine=engine or Serial()) for log in start]
         if start_from is not None and not logs:
             raise LogError("No log was given to start from; give at least one, or none at all.")
         known, series = gather_known(question, logs, samples), Series(bounds, duration, harmonics)

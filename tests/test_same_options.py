@@ -1,0 +1,113 @@
+"""The same preparation, engine and progress options in every verb; `--quick` overrides nothing."""
+
+import io
+from types import SimpleNamespace
+
+import pytest
+import typer
+from rich.console import Console
+
+from identifiability.cli import app, common, options
+
+#: Verbs that take logs, and options that mean the same in each.
+VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite")
+SHARED = ("derivatives", "cutoff", "period", "harmonics", "decimate", "engine", "workers", "map",
+          "scheduler", "resume", "time_unit", "seed", "lock", "sidecar", "plugin")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def commands():
+    return typer.main.get_command(app).commands
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_them(verb, commands):
+    known = {p.name: p for p in commands[verb].params}
+    usual = {p.name: p for p in commands["analyze"].params}
+    for name in set(SHARED) - ({"harmonics"} if verb == "excite" else set()):  # its motion's
+        assert known[name].help == usual[name].help
+        assert known[name].opts == usual[name].opts
+
+
+def arguments_of(verb, monkeypatch, *words):
+    """What the library is called with by a command line."""
+    import importlib
+
+    seen = {}
+
+    class StoppedError(Exception):
+        pass
+
+    def called(*_args, **options):
+        seen.update(options)
+        raise StoppedError
+
+    monkeypatch.setattr(options.Machine, "load", lambda *_: SimpleNamespace())
+    module, name = {
+        "analyze": ("identifiability.workflows.analyze", "analyze"),
+        "diagnose": ("identifiability.workflows.diagnose", "diagnose"),
+        "calibrate": ("identifiability.workflows.calibrate.calibration", "calibrate"),
+    }[verb]
+    if verb == "calibrate":
+        first = importlib.import_module("identifiability.workflows.analyze")
+        monkeypatch.setattr(first, "analyze", lambda *_a, **o: seen.update(analysis=o))
+    monkeypatch.setattr(importlib.import_module(module), name, called)
+    with pytest.raises(StoppedError):
+        typer.main.get_command(app)([verb, "two-link", "run.csv", *words], standalone_mode=False)
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("verb", "words", "name", "usual", "quick", "given"),
+    [
+        ("analyze", ["--posterior"], "posterior", True, False, True),
+        ("analyze", ["--no-posterior"], "posterior", True, False, False),
+        ("calibrate", ["--names", "20"], "diagnoses", 40, 4, 20),
+        ("calibrate", ["--trials", "50"], "trials", 60, 8, 50),
+    ],
+)
+def test_quick_overrides_no_explicit_option(monkeypatch, verb, words, name, usual, quick, given):
+    assert arguments_of(verb, monkeypatch)[name] == usual
+    assert arguments_of(verb, monkeypatch, "--quick")[name] == quick
+    assert arguments_of(verb, monkeypatch, "--quick", *words)[name] == given
+
+
+@pytest.mark.parametrize("verb", ["analyze", "diagnose", "calibrate"])
+def test_preparation_and_workers_reach_the_library(verb, monkeypatch):
+    seen = arguments_of(verb, monkeypatch, "--cutoff", "7", "--workers", "2")
+    how = seen.get("analysis", seen)["preparation"]
+    assert how.cutoff == 7.0
+    assert type(seen["engine"]).__name__ == "Processes"
+    assert arguments_of(verb, monkeypatch).get("preparation") is None
+
+
+def test_progress_is_plain_lines_where_there_is_no_terminal():
+    now, lines = [0.0], []
+    say = common.Lines(lines.append, lambda: now[0])
+    for at, text, share in (
+        (0.5, "reading logs", 0.0),  # what takes no second needs no line
+        (1.5, "fitting", 0.3),
+        (2.0, "fitting", 0.35),
+        (2.5, "judging", 0.9),
+        (16.0, "judging", 0.95),
+        (17.6, "judging", 0.97),
+    ):
+        now[0] = at
+        say(text, share)
+    assert lines == [" 30 %  fitting\n", " 90 %  judging\n", " 97 %  judging\n"]
+
+
+def test_a_pipe_gets_lines_and_a_terminal_a_bar(monkeypatch):
+    stream = io.StringIO()
+    monkeypatch.setattr("sys.stderr", stream)
+    monkeypatch.setattr(common, "QUIET", 0.0)
+    with common.progress() as say:
+        say("reading [logs]", 0.1)
+    assert stream.getvalue() == " 10 %  reading [logs]\n"
+    with common.progress(show=False) as say:
+        say("reading logs", 0.2)
+    assert "20 %" not in stream.getvalue()
+    console = Console(file=stream, force_terminal=True)
+    monkeypatch.setattr("rich.console.Console", lambda **_: console)
+    with common.progress() as say:
+        assert not isinstance(say, common.Lines)
