@@ -85,9 +85,10 @@ def test_progress_is_plain_lines_where_there_is_no_terminal():
     now, lines = [0.0], []
     say = common.Lines(lines.append, lambda: now[0])
     for at, text, share in (
-        (0.5, "reading logs", 0.0),  # what takes no second needs no line
-        (1.5, "fitting", 0.3),
-        (2.0, "fitting", 0.35),
+        (0.5, "reading logs", 0.0),
+        (1.5, "preparing", 0.2),  # what takes no seconds needs no line
+        (2.0, "fitting", 0.3),
+        (2.2, "fitting", 0.35),
         (2.5, "judging", 0.9),
         (16.0, "judging", 0.95),
         (17.6, "judging", 0.97),
@@ -102,10 +103,12 @@ def test_a_pipe_gets_lines_and_a_terminal_a_bar(monkeypatch):
     monkeypatch.setattr("sys.stderr", stream)
     monkeypatch.setattr(common, "QUIET", 0.0)
     with common.progress() as say:
-        say("reading [logs]", 0.1)
-    assert stream.getvalue() == " 10 %  reading [logs]\n"
+        say("reading logs", 0.0)  # refusals come here, and have one line
+        say("fitting [all]", 0.1)
+    assert stream.getvalue() == " 10 %  fitting [all]\n"
     with common.progress(show=False) as say:
-        say("reading logs", 0.2)
+        say("reading logs", 0.0)
+        say("fitting", 0.2)
     assert "20 %" not in stream.getvalue()
     console = Console(file=stream, force_terminal=True)
     monkeypatch.setattr("rich.console.Console", lambda **_: console)

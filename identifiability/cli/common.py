@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 #: No plain line of progress in the first seconds; one for the same stage after so many [s].
-QUIET, AGAIN = 1.0, 15.0
+QUIET, AGAIN = 2.0, 15.0
 
 
 @contextmanager
@@ -60,7 +60,9 @@ def percent(share: float, digits: int = 2) -> str:
 
 
 class Lines:
-    """Progress for who reads a file or a pipe: a line for every stage, none in the first second.
+    """Progress for who reads a file or a pipe: a line for every stage after the first seconds.
+
+    What is refused is refused while logs are read: of the first stage there is no line.
 
     Parameters
     ----------
@@ -73,12 +75,17 @@ class Lines:
     ) -> None:
         self._write, self._clock = write, clock
         self._start = self._told = clock()
-        self._text = ""
+        self._first, self._text = "", ""
 
     def __call__(self, text: str, share: float) -> None:
         """Say how far a stage is, if it is another one or long was silence."""
         now = self._clock()
-        if now - self._start < QUIET or (text == self._text and now - self._told < AGAIN):
+        self._first = self._first or text
+        if (
+            text == self._first
+            or now - self._start < QUIET
+            or (text == self._text and now - self._told < AGAIN)
+        ):
             return
         self._text, self._told = text, now
         self._write(f"{100 * min(max(share, 0.0), 1.0):3.0f} %  {text}\n")

@@ -90,7 +90,7 @@ class Numbers:
 
     def __init__(self, column: str, source: str) -> None:
         self.column, self.source = column, source
-        self.rows = self.bad = 0
+        self.rows = self.bad = self.empty = 0
         self._first: tuple[int, str] | None = None
         self._large: tuple[int, float] | None = None
 
@@ -116,8 +116,14 @@ class Numbers:
         if len(large) and self._large is None:
             self._large = (self.rows + int(large[0]), float(numbers[large[0]]))
         self.bad += len(bad)
+        self.empty += int(given.isna().sum()) if len(bad) else 0
         self.rows += len(numbers)
         return numbers
+
+    @property
+    def clean(self) -> bool:
+        """Whether every cell so far is empty or a finite number of a size that can be."""
+        return self.bad == self.empty and self._large is None
 
     @property
     def usable(self) -> bool:

@@ -87,7 +87,8 @@ class Log:
         """
         reading = Reading(str(path), conventions or Conventions())
         digest, _ = scan_file(Path(path), reading.add)
-        return build_log(Path(path).name, reading.naming, reading.finish(), digest)
+        values = reading.finish()
+        return build_log(Path(path).name, reading.naming, values, digest)
 
     @staticmethod
     def from_frame(
@@ -112,7 +113,8 @@ class Log:
         check_option("frame", frame, pd.DataFrame)
         reading = Reading(name, conventions or Conventions())
         reading.add(frame)
-        log = build_log(name, reading.naming, reading.finish(), "")
+        columns = reading.finish()
+        log = build_log(name, reading.naming, columns, "")
         values = log.to_frame()
         digest = hashlib.sha256(",".join(values.columns).encode())
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())

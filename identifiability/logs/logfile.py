@@ -12,11 +12,12 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs import source
 from identifiability.logs.checks import Clock, find_channels
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.log import Log, build_log
 from identifiability.logs.naming import Naming
-from identifiability.logs.source import Reading, is_long, scan_file
+from identifiability.logs.source import MixedRatesError, Reading, is_long, scan_file
 from identifiability.logs.spikes import Spike, mend_column
 from identifiability.logs.tables import Table, parsing
 from identifiability.logs.times import as_times
@@ -223,5 +224,9 @@ def open_log(path: str | Path, conventions: Conventions | None = None) -> Log | 
     LogError
     """
     if is_long(Path(path)):
-        return LogFile.read(path, conventions)
+        try:
+            return LogFile.read(path, conventions)
+        except MixedRatesError:
+            if is_long(Path(path), source.MOST):
+                raise
     return Log.read(path, conventions)

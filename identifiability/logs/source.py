@@ -16,6 +16,7 @@ from identifiability.logs.checks import Clock, Numbers
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.measured import call_currents, settle_torque
 from identifiability.logs.naming import Naming, name_columns
+from identifiability.logs.rates import LACKING, unify_rates
 from identifiability.logs.spikes import SpikeFinder
 from identifiability.logs.tables import Table, is_parquet, open_parquet, parsing, scan_table
 from identifiability.logs.times import as_times, settle_time
@@ -26,6 +27,13 @@ if TYPE_CHECKING:
 
 #: Tables with more values are read piece by piece; a value of a CSV takes about so many bytes.
 LONG, BYTES_PER_VALUE = 2_000_000, 12
+
+#: Tables with more values are never held in memory.
+MOST = 50_000_000
+
+
+class MixedRatesError(LogError):
+    """Columns come at rates of their own, which only a log in memory can be read with."""
 
 
 def settle_naming(
@@ -133,6 +141,13 @@ class Reading:
         LogError
             If a value cannot be, or the times are too few or do not increase.
         """
+        if self.keep:
+            self._unify()
+        elif self._is_mixed():
+            raise MixedRatesError(
+                f"{self.source} has columns at rates of their own and is too long to be held in "
+                "memory: give stretches of it, or a table with the same rows for all columns."
+            )
         gaps = [c for c, x in self.numbers.items() if c.endswith(".q_ref") and not x.usable]
         for column in gaps:  # before the first command there is none
             del self.numbers[column], self._kept[column]
@@ -142,6 +157,26 @@ class Reading:
             numbers.finish()
         self.clock.finish()
         return {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
+
+    def _is_mixed(self) -> bool:
+        """Whether cells are empty as between messages of different rates."""
+        clean = all(x.clean for x in self.numbers.values())
+        return clean and any(x.bad > LACKING * x.rows for x in self.numbers.values())
+
+    def _unify(self) -> None:
+        """Bring columns at rates of their own to the same times, if all that is wrong is that."""
+        if self.numbers["t"].bad or not all(x.clean for x in self.numbers.values()):
+            return
+        values = {c: np.concatenate(kept) for c, kept in self._kept.items()}
+        found, note = unify_rates(values)
+        if not note:
+            return
+        self.numbers = {c: Numbers(c, self.source) for c in found}
+        self._kept = {c: [x] for c, x in found.items()}
+        columns = tuple(c for c in self.naming.columns if c.name in found)
+        self.naming = replace(self.naming, columns=columns, notes=(*self.naming.notes, note))
+        self.clock = Clock(self.source)
+        self.clock.add(found["t"])
 
 
 def scan_file(path: Path, each: Callable[[pd.DataFrame], None]) -> tuple[str, Table | None]:
@@ -190,18 +225,25 @@ def read_table(path: str | Path) -> pd.DataFrame:
     return pd.concat(pieces, ignore_index=True)
 
 
-def is_long(path: Path) -> bool:
+def is_long(path: Path, limit: int | None = None) -> bool:
     """Whether a CSV or Parquet file has too many values to be held in memory without a thought.
+
+    Parameters
+    ----------
+    path : Path
+    limit : int, optional
+        How many that is; `LONG` by default.
 
     Raises
     ------
     LogError
         If it is no table.
     """
+    most = LONG if limit is None else limit
     with parsing(path):
         if is_bag(split_topic(path)[0]) or not path.is_file():
             return False
         if is_parquet(path):
             table = open_parquet(path)
-            return table.rows * len(table.columns) > LONG
-        return path.stat().st_size > LONG * BYTES_PER_VALUE
+            return table.rows * len(table.columns) > most
+        return path.stat().st_size > most * BYTES_PER_VALUE

@@ -68,7 +68,7 @@ def settle_time(naming: Naming, first: pd.DataFrame, source: str, known: Convent
         what = "are durations" if given.dtype.kind == "m" else f"are dates, from {day} on"
         note = f"the times {what}, and were read in seconds from the first"
         return _with(naming, replace(time, dates=start, factor=1.0), note)
-    t = to_floats(given)[:SHOWN]
+    t = to_floats(given)[:SHOWN] if given.dtype.kind not in "cb" else np.empty(0)
     if len(t) < 3 or not np.isfinite(t).all() or not np.median(np.diff(t)) > 0:
         return naming  # what is wrong with them is said by others
     unit, why = known.time_unit, "as was said"
@@ -166,8 +166,9 @@ def _find_unit(t: Array, naming: Naming, first: pd.DataFrame, source: str) -> tu
 def _channels(naming: Naming, first: pd.DataFrame, kind: str) -> list[Array]:
     """Return what the first rows have of a kind, (N,) each, joint by joint."""
     columns = {c.name: c for c in naming.columns}
-    found = [columns.get(f"{j}.{kind}") for j in naming.joints]
-    return [c.scale(to_floats(first[c.source]))[:SHOWN] for c in found if c is not None]
+    found = [c for j in naming.joints if (c := columns.get(f"{j}.{kind}")) is not None]
+    plain = [c for c in found if first[c.source].dtype.kind in "iuf"]
+    return [c.scale(to_floats(first[c.source]))[:SHOWN] for c in plain]
 
 
 def _top_speed(t: Array, naming: Naming, first: pd.DataFrame) -> float:
@@ -181,7 +182,7 @@ def _top_speed(t: Array, naming: Naming, first: pd.DataFrame) -> float:
 def _by_velocities(t: Array, naming: Naming, first: pd.DataFrame) -> str:
     """Return the unit in which positions change as fast as measured velocities say, or nothing."""
     q, dq = (_channels(naming, first, kind) for kind in ("q", "dq"))
-    if not q or len(q) != len(dq):
+    if not q or len(q) != len(dq) or not (np.diff(t) > 0).all():
         return ""
     slope = np.gradient(np.stack(q, 1), t, axis=0)
     rate = np.stack(dq, 1)
