@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.diagnose import Diagnosis, diagnose
     from identifiability.workflows.excite import Excitation, excite
     from identifiability.workflows.export import Exported, export
+    from identifiability.workflows.gains import Gains, identify_gains
     from identifiability.workflows.inspect import Inspection, inspect
     from identifiability.workflows.prune import Ladder, prune
 
@@ -63,6 +64,7 @@ _HOMES = {
         "workflows.diagnose": ("Diagnosis", "diagnose"),
         "workflows.excite": ("Excitation", "excite"),
         "workflows.export": ("Exported", "export"),
+        "workflows.gains": ("Gains", "identify_gains"),
         "workflows.inspect": ("Inspection", "inspect"),
         "workflows.prune": ("Ladder", "prune"),
     }.items()
@@ -77,6 +79,7 @@ __all__ = [
     "Estimate",
     "Excitation",
     "Exported",
+    "Gains",
     "IdentifiabilityError",
     "Information",
     "Inspection",
@@ -100,6 +103,7 @@ __all__ = [
     "export",
     "find_base_parameters",
     "gather_information",
+    "identify_gains",
     "inspect",
     "prepare_samples",
     "prune",

@@ -14,6 +14,7 @@ from identifiability.cli.demo import demo
 from identifiability.cli.diagnose import diagnose
 from identifiability.cli.excite import excite
 from identifiability.cli.export import export
+from identifiability.cli.gain import gain
 from identifiability.cli.grouping import Command
 from identifiability.cli.inspect import inspect
 from identifiability.cli.paper import paper
@@ -28,7 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-verbs = (demo, inspect, analyze, prune, diagnose, simulate, excite, export, calibrate, paper)
+verbs = (demo, inspect, analyze, prune, diagnose, simulate, excite, export, calibrate, gain, paper)
 for command in verbs:
     app.command(cls=Command)(command)
 
