@@ -51,7 +51,7 @@ def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> 
     log = joint_log(robot, StaleRule.of([log]).mend(log))
     if cutoff is None:
         size = np.zeros(1) if log.ddq is None else log.ddq.std(0)
-        level = np.zeros(1) if log.ddq is None else noise_level(log.ddq)
+        level = np.zeros(1) if log.ddq is None else noise_level(log.ddq, log.t)
         return float(np.max(level[size > 0] / size[size > 0], initial=0.0))
     plan = Plan(signals.sampling_step(log.t), cutoff, None, float(log.t[0]), None, 1, ())
     smooth, (noisy, _) = _draw(log, plan, np.random.default_rng(seed))
@@ -107,7 +107,7 @@ def _draw(log: Log, plan: Plan, rng: np.random.Generator) -> tuple[Log, tuple[Lo
         x = getattr(log, name)
         if x is None:
             continue
-        level, step = noise_level(x), resolution(x)
+        level, step = noise_level(x, log.t), resolution(x)
         assert plan.cutoff is not None
         smooth[name] = _smooth(x, np.maximum(level, step / np.sqrt(12)), plan.step, plan.cutoff)
         white = level * rng.standard_normal(x.shape)

@@ -29,6 +29,9 @@ from identifiability.robot import Motion, Robot, complete_motion
 #: Order of the differences that leave noise alone.
 ORDER = 8
 
+#: Steps longer than so many usual ones are gaps.
+GAP = 1.5
+
 #: Changes are whole multiples of a step up to this share of it.
 WHOLE = 1e-3
 
@@ -96,14 +99,27 @@ class SecondRecord:
         return replace(self, motion=series.motion(t), series=series)
 
 
-def noise_level(x: Array) -> Array:
-    """Return the standard deviation of white noise on smooth signals (N, n), (n,)."""
+def noise_level(x: Array, t: Array | None = None) -> Array:
+    """Return the standard deviation of white noise on smooth signals (N, n), (n,).
+
+    No difference reaches across a gap in the times t (N,) [s], if they are given.
+    """
     if len(x) <= ORDER:
         return np.zeros(x.shape[1])
-    level: Array = np.sqrt(
-        np.mean(np.diff(x, ORDER, axis=0) ** 2, axis=0) / binom(2 * ORDER, ORDER)
-    )
+    differences = np.diff(x, ORDER, axis=0)
+    if t is not None:
+        gaps = np.concatenate([[0], np.cumsum(has_gap(t))])
+        whole = gaps[ORDER:] == gaps[:-ORDER]
+        differences = differences[whole] if whole.any() and not whole.all() else differences
+    level: Array = np.sqrt(np.mean(differences**2, axis=0) / binom(2 * ORDER, ORDER))
     return level
+
+
+def has_gap(t: Array) -> np.ndarray:
+    """Return after which samples at times t (N,) others are missing, (N - 1,) bool."""
+    steps = np.diff(t)
+    found: np.ndarray = steps > GAP * np.median(steps)
+    return found
 
 
 def resolution(x: Array) -> Array:
@@ -171,7 +187,7 @@ def find_record(
     """Return a second record of the motion of a log on the joint side; None where there is none."""
     channels = _channels(log)
     # While a coarse encoder stands still, its noise does so too: differences do not see it.
-    noise = [np.maximum(noise_level(x), resolution(x) / np.sqrt(12)) for x in channels]
+    noise = [np.maximum(noise_level(x, log.t), resolution(x) / np.sqrt(12)) for x in channels]
     size = [x.std(0) for x in channels]
     worst = max(float(np.max(s / np.maximum(v, 1e-300), where=v > 0, initial=0.0))
                 for s, v in zip(noise, size, strict=True))  # fmt: skip
@@ -246,6 +262,8 @@ def _explained(rest: Array, x: Array, noise: Array) -> bool:
 
 def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> SecondRecord | None:
     """Return the low-passed motion; None where its band would hold much of the noise too."""
+    if has_gap(log.t).any():  # a filter does not reach across
+        return None
     dt = signals.sampling_step(log.t)
     cutoffs = tuple(_smoothing(x, level, dt) for x, level in zip(channels, noise, strict=True))
     if any(f * dt > SHARED for f in cutoffs if np.isfinite(f)):

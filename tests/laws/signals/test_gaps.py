@@ -13,12 +13,14 @@ from identifiability.logs import Log
 from identifiability.logs.gaps import Gaps, fill
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.prepare import Preparation, longsamples, prepare_samples
+from identifiability.logs.prepare.instruments import find_record, noise_level
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
+from identifiability.workflows.diagnose.forward import _starts
 
 #: Step [s], cut-off [Hz]: a quarter of its period is 12.9 steps.
 DT, CUTOFF = 0.002, 9.7
@@ -206,3 +208,33 @@ def test_a_cubic_is_filled_exactly():
         fill(x, at), np.column_stack([every**3 - 2.0 * every, every**2]), rtol=0, atol=1e-9
     )
     assert fill(x, np.arange(8)) is x
+
+
+def test_noise_is_not_that_of_jumps_across_gaps():
+    t = DT * without(3000, (999, 40), (1999, 400))
+    rng = np.random.default_rng(3)
+    x = np.sin(8 * t)[:, None] + 1e-3 * rng.standard_normal((len(t), 1))
+    assert noise_level(x, t) == pytest.approx(1e-3, rel=0.05)
+    assert noise_level(x)[0] > 4e-3  # as one stretch the jumps would be noise
+    assert noise_level(x[:1000], t[:1000]) == noise_level(x[:1000])
+
+
+def test_the_smoothed_motion_is_no_second_record_across_a_gap(two):
+    rng = np.random.default_rng(4)
+    for gaps, found in (((), True), (((1999, 300),), False)):
+        table = frame(without(6000, *gaps), derivatives=True)
+        for column in table.filter(regex="q$"):
+            size = 0.01 * table[column].std()
+            table[column] += size * rng.standard_normal(len(table))
+        table[["shoulder.q", "elbow.q"]] += 0.3 * np.sqrt(table["t"].to_numpy())[:, None]
+        log = Log.from_frame(table)
+        samples = prepare_samples(two, log, Preparation(keep_rest=True))
+        record = find_record(log, samples)
+        assert (record is not None and "smoothed" in record.note) == found
+
+
+def test_nothing_is_simulated_forward_along_a_bridged_gap(two):
+    s = prepared(two, without(2000, (700, 5)), decimate=1)
+    starts = [k for _, k in _starts([s], DT, 100, 10**6)]
+    assert len(starts) > 15
+    assert not any(k <= 700 < k + 100 for k in starts)
