@@ -126,9 +126,9 @@ class Reading:
                 self.clock.add(values)
             elif column.endswith(".tau"):
                 self.torque = self.torque or bool(values.any())
-            if self.keep:
+            if self.keep or not self._kept[column]:  # else the first rows tell how values come
                 self._kept[column].append(values)
-            elif column != "t":
+            if column in self.finders:
                 self.finders[column].add(values)
                 if column in self.turns:
                     self.turns[column].add(values)
@@ -159,9 +159,12 @@ class Reading:
         return {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
 
     def _is_mixed(self) -> bool:
-        """Whether cells are empty as between messages of different rates."""
-        clean = all(x.clean for x in self.numbers.values())
-        return clean and any(x.bad > LACKING * x.rows for x in self.numbers.values())
+        """Whether cells are empty, or values come again, as between messages of other rates."""
+        if not all(x.clean for x in self.numbers.values()):
+            return False
+        if any(x.bad > LACKING * x.rows for x in self.numbers.values()):
+            return True
+        return bool(unify_rates({c: kept[0] for c, kept in self._kept.items()})[1])
 
     def _unify(self) -> None:
         """Bring columns at rates of their own to the same times, if all that is wrong is that."""

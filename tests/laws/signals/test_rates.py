@@ -149,5 +149,9 @@ def test_a_long_file_of_several_rates_is_read_as_a_short_one(tmp_path, monkeypat
     monkeypatch.setattr(source, "MOST", 100)
     with pytest.raises(LogError, match=r"log.parquet has columns at rates of their own and is too"):
         open_log(path)
-    topic(q, "q").join(topic(q, "tau").drop(columns="t")).to_parquet(path)
+    same = topic(q, "q").join(topic(q, "tau").drop(columns="t"))
+    same.to_parquet(path)
     assert isinstance(open_log(path), LogFile)
+    monkeypatch.setattr(source, "MOST", 10**6)
+    same.iloc[(np.arange(4000) // 5) * 5].assign(t=q).to_parquet(path)
+    assert len(open_log(path)) == 800
