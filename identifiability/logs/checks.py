@@ -31,8 +31,16 @@ SHORTEST_STEP = 1e-7
 ODD = 0.4
 
 
-def find_joints(columns: list[str], source: str) -> list[str]:
+def find_joints(columns: list[str], source: str, of: Collection[str] = ()) -> list[str]:
     """Return the joints that a table has position and torque of.
+
+    Parameters
+    ----------
+    columns : list of str
+    source : str
+        What sentences call the table.
+    of : collection of str
+        Joints that are asked for; by default all.
 
     Raises
     ------
@@ -49,6 +57,7 @@ def find_joints(columns: list[str], source: str) -> list[str]:
     if repeated:
         raise LogError(f"{source} has the column '{repeated[0]}' more than once; keep one of them.")
     joints = [c.removesuffix(".q") for c in columns if c.endswith(".q")]
+    joints = [j for j in joints if j in of] if of else joints
     if not joints:
         raise LogError(
             f"{source} has no position column; expected '<joint>.q' and '<joint>.tau' for every "
@@ -56,12 +65,13 @@ def find_joints(columns: list[str], source: str) -> list[str]:
         )
     named = {c.removesuffix(".tau") for c in columns if c.endswith(".tau")}
     alone = [(j, "q", "torque", "tau") for j in joints if j not in named]
+    named = named.intersection(of) if of else named
     alone += [(j, "tau", "position", "q") for j in sorted(named) if j not in joints]
     if alone:
         joint, has, what, kind = alone[0]
         raise LogError(
             f"{source} has '{joint}.{has}' but no {what} column '{joint}.{kind}'"
-            f"{near_match(f'{joint}.{kind}', _loose(columns, joint))} "
+            f"{near_match(f'{joint}.{kind}', _loose(columns, joint, of))} "
             "Every actuated joint needs both."
         )
     return joints
@@ -72,10 +82,10 @@ def find_channels(joints: Sequence[str], columns: Collection[str]) -> tuple[str,
     return tuple(c for c in CHANNELS if all(f"{j}.{c}" in columns for j in joints))
 
 
-def _loose(columns: list[str], joint: str) -> list[str]:
+def _loose(columns: list[str], joint: str, of: Collection[str]) -> list[str]:
     """Return the columns that may be a misspelt one of a joint: those that belong nowhere else."""
     owners = [(c, *c.rpartition(".")[::2]) for c in columns]
-    paired = {joint, *(o for _, o, _ in owners if {f"{o}.q", f"{o}.tau"} <= set(columns))}
+    paired = {joint, *of, *(o for _, o, _ in owners if {f"{o}.q", f"{o}.tau"} <= set(columns))}
     return [c for c, owner, kind in owners if owner not in paired or kind not in CHANNELS]
 
 

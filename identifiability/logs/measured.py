@@ -54,9 +54,7 @@ def settle_torque(naming: Naming, known: Conventions, source: str) -> Naming:
     torque = known.torque
     given = {c.name.removesuffix(".tau"): c for c in naming.columns if c.name.endswith(".tau")}
     given = {joint: c for joint, c in given.items() if joint in naming.joints}
-    currents = [
-        j for j, c in given.items() if known.columns.apply(c.source.strip()).endswith(CURRENT)
-    ]
+    currents = [j for j, c in given.items() if c.current]
     unknown = [] if known.raw_torque else [j for j in currents if not torque.has_gain(j)]
     if unknown:
         raise LogError(

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import field, replace
 
-from identifiability.foundation.errors import listing
+from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
+from identifiability.logs.aliases import INDEX, KINDS, Guess, guess_column
 from identifiability.logs.checks import CHANNELS, find_joints
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.missing import refuse_missing, several
+from identifiability.logs.numbered import settle_numbers
+from identifiability.logs.stated_units import Unit, find_unit, split_unit
+
+#: A joint's name and a word for its channel.
+_CHANNEL_LAST = re.compile(r"(?P<joint>.+?)(?P<between>[._\- ]+)(?P<kind>[A-Za-z]+)")
 
 
 @frozen
@@ -27,6 +38,8 @@ class Column:
         What is taken from its values before.
     dates : int or None
         Of times that are dates, the first one [ns since 1970]; None for numbers.
+    current : bool
+        Whether it is the current of a motor, in the place of a torque.
     """
 
     name: str
@@ -34,6 +47,7 @@ class Column:
     factor: float = 1.0
     offset: float = 0.0
     dates: int | None = None
+    current: bool = False
 
     @property
     def is_time(self) -> bool:
@@ -57,14 +71,26 @@ class Naming:
     joints : tuple of str
     notes : tuple of str
         What is read otherwise than literally, half a sentence each.
+    labels : mapping of str to str
+        Columns of text that say which joint the others are about, with that text.
     """
 
     columns: tuple[Column, ...]
     joints: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    labels: Mapping[str, str] = field(default_factory=dict)
 
 
-def name_columns(found: Sequence[str], source: str, known: Conventions) -> Naming:
+def name_columns(
+    found: Sequence[str],
+    source: str,
+    known: Conventions,
+    units: Mapping[str, str] | None = None,
+    first: Mapping[str, str] | None = None,
+    *,
+    currents: Collection[str] = (),
+    proposed: bool = False,
+) -> Naming:
     """Return what a log takes from the columns of a table.
 
     Parameters
@@ -74,39 +100,160 @@ def name_columns(found: Sequence[str], source: str, known: Conventions) -> Namin
     source : str
         What sentences call the table.
     known : Conventions
+    units : mapping of str to str, optional
+        Units of the table's own row of them.
+    first : mapping of str to str, optional
+        Texts in the first row, by column.
+    currents : collection of str
+        Those of them that are motor currents in the place of torques.
+    proposed : bool
+        Whether this only tries if a log could be read with a rule that nobody gave.
 
     Raises
     ------
     LogError
-        If there is no time, or a column that is needed is missing or there twice.
+        If there is no time, a column that is needed is missing, there twice or ambiguous, or its
+        unit is none of its channel's.
     """
-    columns = [Column(_rename(name.strip(), known), name) for name in found]
-    names = [c.name for c in columns]
-    notes = []
-    renamed = [f"{c.source.strip()} is {c.name}" for c in columns if c.source.strip() != c.name]
-    if renamed:
-        notes.append(f"columns were renamed ({listing(renamed, 3)})")
-    kept = _needed(names, known)
+    names = {name: _rename(name.strip(), known) for name in found}
+    notes = _tell_renamed(names)
+    twice = [n for n, count in Counter(c.strip() for c in found).items() if count > 1]
+    if known.joints and not twice and not _needed(list(names.values()), known):
+        return _name_otherwise(names, source, known, notes, units or {}, first or {}, proposed)
+    columns = [
+        Column(_rename(name.strip(), known), name, current=name in currents) for name in found
+    ]
+    kept = _needed([c.name for c in columns], known)
     if kept:
         others = [c for c in columns if c.name != "t" and _owner(c.name) not in kept]
         columns = [c for c in columns if c not in others]
-        left = list(dict.fromkeys(_owner(c.name) for c in others if _is_channel(c.name)))
-        if left:
-            notes.append(
-                f"columns of {listing(left, 6)}, which the robot does not drive, were left out"
-            )
+        notes += _tell_left([_owner(c.name) for c in others if _is_channel(c.name)])
     joints = find_joints([c.name for c in columns], source)
     wanted = {"t", *(f"{j}.{kind}" for j in joints for kind in CHANNELS)}
-    return Naming(tuple(c for c in columns if c.name in wanted), tuple(joints), tuple(notes))
+    columns = [c for c in columns if c.name in wanted]
+    stated = {c.source: find_unit((units or {}).get(c.source, "")) for c in columns}
+    return _in_units(Naming(tuple(columns), tuple(joints), tuple(notes)), stated, source)
+
+
+def _name_otherwise(
+    names: Mapping[str, str],
+    source: str,
+    known: Conventions,
+    notes: list[str],
+    units: Mapping[str, str],
+    first: Mapping[str, str],
+    proposed: bool,
+) -> Naming:
+    """Return what columns usually are that are called otherwise than they should be."""
+    guesses = []
+    for column, name in names.items():
+        plain, unit = split_unit(name)
+        if plain == "t" or (_is_channel(plain) and _owner(plain) in (*known.motors, *known.joints)):
+            owner, _, kind = plain.rpartition(".")
+            guesses.append(Guess(column, kind, owner, -1, unit))
+        else:
+            guess = guess_column(column, name, (*known.motors, *known.joints))
+            guesses += [guess] if guess else []
+    if not any(g.kind == "tau" for g in guesses):
+        guesses = [
+            replace(g, kind="tau", current=g.kind == "current") if g.kind == "current" else g
+            for g in guesses
+        ]
+    times = [g for g in guesses if g.kind == "t"]
+    exact = [g for g in times if names[g.source] in ("t", "__time")]
+    if len(times) > 1 and len(exact) != 1:
+        raise LogError(several(source, "t", "the time", [g.source for g in times]))
+    time = (exact or times)[:1]
+    settled, labels, how = settle_numbers(guesses, source, known, names, first)
+    taken = _choose(settled, known, source)
+    wanted = _needed(["t", *taken], known)
+    if not time or not wanted:
+        refuse_missing(
+            names,
+            {g.source: "t" for g in time} | {g.source: name for name, g in taken.items()},
+            source,
+            known,
+            lambda rule: not proposed and _works(list(names), source, known, rule),
+        )
+    chosen = {
+        f"{j}.{c}": taken[f"{j}.{c}"] for j in wanted for c in CHANNELS if f"{j}.{c}" in taken
+    }
+    chosen = {"t": time[0], **chosen}
+    order = {column: k for k, column in enumerate(names)}
+    ordered = sorted(chosen.items(), key=lambda item: order[item[1].source])
+    columns = tuple(Column(name, g.source, current=g.current) for name, g in ordered)
+    called = [
+        f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}" for c in columns
+        if c.name not in (names[c.source], split_unit(names[c.source])[0])
+    ]  # fmt: skip
+    if called:
+        notes = [
+            *notes,
+            f"columns were taken for what their names usually mean: {listing(called, 4)}{how}",
+        ]
+    left = [_owner(n) for n in names.values() if _is_channel(n) and _owner(n) not in wanted]
+    left = [n for n in left if n not in (_owner(c.source.strip()) for c in columns)]
+    stated = {g.source: g.unit or find_unit(units.get(g.source, "")) for g in chosen.values()}
+    naming = Naming(columns, tuple(wanted), (*notes, *_tell_left(left)), labels)
+    return _in_units(naming, stated, source)
+
+
+def _choose(guesses: Sequence[Guess], known: Conventions, source: str) -> dict[str, Guess]:
+    """Return the one column of each channel of each joint."""
+    found: dict[str, list[Guess]] = {}
+    for guess in guesses:
+        if guess.joint and guess.kind in CHANNELS:
+            found.setdefault(f"{guess.joint}.{guess.kind}", []).append(guess)
+    out = {}
+    for name, those in found.items():
+        literal = [g for g in those if split_unit(g.source.strip())[0] == name]
+        if len(those) > 1 and len(literal) != 1:
+            if name.endswith((".q", ".tau")):
+                raise LogError(several(source, name, f"'{name}'", [g.source for g in those]))
+            continue  # velocities are computed then
+        out[name] = (literal or those)[0]
+    return out
+
+
+def _in_units(naming: Naming, stated: Mapping[str, Unit | None], source: str) -> Naming:
+    """Return the naming with the units that the log states."""
+    converted, columns = [], []
+    for column in naming.columns:
+        unit = stated.get(column.source)
+        if unit is not None:
+            kind = "t" if column.name == "t" else column.name.rpartition(".")[2]
+            kind = "current" if column.current else kind
+            unit.check(kind, column.source.strip(), source)
+            if unit.factor != 1.0:
+                converted.append(f"{column.name} from {unit.text}")
+                column = replace(column, factor=unit.factor)  # noqa: PLW2901
+        columns.append(column)
+    told = f"values were converted to SI units, as the log states them: {listing(converted, 4)}"
+    notes = (*naming.notes, told) if converted else naming.notes
+    return replace(naming, columns=tuple(columns), notes=notes)
 
 
 def _rename(name: str, known: Conventions) -> str:
     """Return a column by its new name, or by its joint's."""
     whole = known.columns.apply(name)
-    if whole != name or not _is_channel(name):
+    if whole != name or not known.columns:
         return whole
-    owner, _, kind = name.rpartition(".")
-    return f"{known.columns.apply(owner)}.{kind}"
+    plain, _ = split_unit(name)
+    parts = [known.columns.apply(part) for part in plain.split("/")]
+    cut = _CHANNEL_LAST.fullmatch(parts[-1])
+    if cut and cut["kind"].casefold() in KINDS:
+        parts[-1] = known.columns.apply(cut["joint"]) + cut["between"] + cut["kind"]
+    return "/".join(parts) + name[len(plain) :]
+
+
+def _works(found: Sequence[str], source: str, known: Conventions, rule: Mapping[str, str]) -> bool:
+    """Whether a log can be read with another rule for its names."""
+    columns = Renames.of(rule).before(known.columns)
+    try:
+        name_columns(found, source, replace(known, columns=columns), proposed=True)
+    except LogError:
+        return False
+    return True
 
 
 def _needed(names: Sequence[str], known: Conventions) -> tuple[str, ...]:
@@ -116,6 +263,18 @@ def _needed(names: Sequence[str], known: Conventions) -> tuple[str, ...]:
         if wanted and needed <= set(names):
             return wanted
     return ()
+
+
+def _tell_renamed(names: Mapping[str, str]) -> list[str]:
+    renamed = [f"{old.strip()} is {new}" for old, new in names.items() if old.strip() != new]
+    return [f"columns were renamed ({listing(renamed, 3)})"] if renamed else []
+
+
+def _tell_left(owners: Sequence[str]) -> list[str]:
+    left = list(dict.fromkeys(owners))
+    if not left:
+        return []
+    return [f"columns of {listing(left, 6)}, which the robot does not drive, were left out"]
 
 
 def _owner(name: str) -> str:

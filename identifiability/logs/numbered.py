@@ -1,0 +1,117 @@
+"""Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``, ``effort0``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from identifiability.foundation.errors import LogError, listing
+from identifiability.logs.aliases import Guess, words_of
+from identifiability.logs.checks import CHANNELS
+from identifiability.logs.conventions import Conventions
+
+#: Words of a column that holds names of joints.
+NAMES = ("name", "names")
+
+
+def settle_numbers(
+    guesses: Sequence[Guess],
+    source: str,
+    known: Conventions,
+    names: Mapping[str, str],
+    first: Mapping[str, str],
+) -> tuple[list[Guess], dict[str, str], str]:
+    """Return the guesses with joints instead of numbers, as far as that is certain.
+
+    Columns beside them may hold the joints' names (``name0``, as recorders of ROS write); else the
+    numbers count the robot's joints in its order, from 0 or from 1.
+
+    Parameters
+    ----------
+    guesses : sequence of Guess
+    source : str
+        What sentences call the table.
+    known : Conventions
+    names : mapping of str to str
+        Columns and what they are renamed to.
+    first : mapping of str to str
+        Texts in the first row.
+
+    Returns
+    -------
+    guesses : list of Guess
+    labels : dict of str to str
+        Columns with names of joints that were followed.
+    how : str
+        What a note says of it, to be added to a list of columns.
+
+    Raises
+    ------
+    LogError
+        If there are other numbers than joints, or the joints' own numbers have another order.
+    """
+    loose = [g for g in guesses if not g.joint and g.kind in CHANNELS]
+    told = [g for g in guesses if g.joint or g.kind == "t"]
+    named = {g.joint for g in told if g.kind in ("q", "tau")}
+    if not loose or named.issuperset(known.joints):
+        return told, {}, ""
+    labels = _labels(names, first)
+    if labels:
+        owners = {number: known.columns.apply(text) for number, (_, text) in labels.items()}
+        out = [replace(g, joint=owners[g.number]) for g in loose if g.number in owners]
+        followed = dict(labels.values())
+        return [*told, *out], followed, " (the names that stand in the log say which joint it is)"
+    if len(known.joints) == 1 and all(g.number < 0 for g in loose):
+        return [*told, *(replace(g, joint=known.joints[0]) for g in loose)], {}, ""
+    return [*told, *_in_order(loose, source, known)], {}, " (in the robot's order)"
+
+
+def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, tuple[str, str]]:
+    """Return column and text of the names of joints, by their number."""
+    found = {}
+    for column, name in names.items():
+        words = words_of(name)
+        if column in first and len(words) > 1 and words[-2] in NAMES and words[-1].isdecimal():
+            found[int(words[-1])] = (column, first[column].strip())
+    return found
+
+
+def _in_order(loose: Sequence[Guess], source: str, known: Conventions) -> list[Guess]:
+    """Return the guesses with the joints of the robot's order."""
+    numbers = {kind: {g.number for g in loose if g.kind == kind} for kind in CHANNELS}
+    count = len(known.joints)
+    needed = [kind for kind in ("q", "tau") if numbers[kind]]
+    if not needed or -1 in numbers["q"] | numbers["tau"]:
+        return []
+    start = min(numbers[needed[0]])
+    all_of_them = set(range(start, start + count))
+    if start not in (0, 1) or any(numbers[kind] != all_of_them for kind in needed):
+        columns = [g.source for g in loose if g.kind in needed]
+        raise LogError(
+            f"{source} numbers its joints otherwise than the robot has them ({listing(columns)}; "
+            f"the robot has {count}: {listing(known.joints)}); say which is which, as in "
+            f"--map '{_regular(columns[0])}={known.joints[0]}.{needed[0]}'."
+        )
+    own = [_number(joint) for joint in known.joints]
+    if None not in own and len({*own}) == count and own != sorted(own, key=lambda n: n or 0):
+        columns = [g.source for g in loose if g.kind == "q"]
+        raise LogError(
+            f"{source} numbers its joints ({listing(columns)}), and the robot's order, "
+            f"{listing(known.joints)}, is not that of its own numbers; say which is which, as in "
+            f"--map '{_regular(columns[0])}={known.joints[0]}.q'."
+        )
+    return [
+        replace(g, joint=known.joints[g.number - start])
+        for g in loose
+        if numbers[g.kind] == all_of_them
+    ]
+
+
+def _regular(column: str) -> str:
+    return column.strip()
+
+
+def _number(joint: str) -> int | None:
+    found = re.findall(r"\d+", joint)
+    return int(found[-1]) if found else None

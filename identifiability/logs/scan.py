@@ -1,0 +1,150 @@
+"""Read a table once from its first row to its last, and hash what is read."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from identifiability.foundation.errors import LogError
+from identifiability.logs.bags import hash_files
+from identifiability.logs.cut import judge_end
+from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form
+from identifiability.logs.tables import Table, is_parquet, open_parquet, opened
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Bytes of a piece of CSV.
+PIECE_BYTES = 2_000_000
+
+#: Bytes of a Parquet file that is read at once.
+WHOLE = 16_000_000
+
+#: Bytes in which the form of a text is decided.
+BEGINNING = 1 << 18
+
+#: Lines that show whether the last one is whole.
+LOOKED_AT = 1000
+
+#: A line of a CSV is shorter than so many pieces.
+MOST_PIECES = 8
+
+
+def scan_table(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table]:
+    """Call a function with every piece in order, at least once; return hash and table.
+
+    What is hashed is what is read, also where the file is written anew meanwhile.
+    """
+    if not is_parquet(path):
+        return _scan_csv(path, each)
+    whole = path.read_bytes() if path.stat().st_size <= WHOLE else None
+    digest = hash_files(path) if whole is None else hashlib.sha256(whole).hexdigest()
+    table = open_parquet(path, whole)
+    if not table.rows:
+        with opened(path, whole) as file:
+            each(file.read().to_pandas(), PLAIN)
+    for batch in table.parts(0, table.rows, whole=whole):
+        each(batch.to_pandas(), PLAIN)
+    return digest, table
+
+
+def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table]:
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+
+        def read() -> bytes:
+            more = file.read(PIECE_BYTES)
+            digest.update(more)
+            return more
+
+        start = read()
+        table, rest = _begin(path, start)
+        lines = table.form.plain_text(rest).decode(errors="replace").splitlines()[:-1][:LOOKED_AT]
+        row, byte, ended = 0, len(start) - len(rest), False
+        pieces = [(row, byte)]
+        while not ended:
+            more = read()
+            rest, ended = rest + more, not more
+            too_long = len(rest) > MOST_PIECES * PIECE_BYTES
+            cut = len(rest) if ended else _last_line(rest, table.form) or len(rest) * too_long
+            if ended:
+                table, cut = _leave_half_line(table, rest, lines, row)
+            if cut or (ended and (len(pieces) == 1 or rest)):
+                frame = table.parse(rest[:cut], row)
+                each(frame, table.form)
+                row, byte, rest = row + len(frame), byte + cut, rest[cut:]
+                pieces.append((row, byte))
+    return digest.hexdigest(), replace(table, pieces=tuple(pieces))
+
+
+def _begin(path: Path, start: bytes) -> tuple[Table, bytes]:
+    """Return a CSV without its rows, and what follows its header."""
+    encoding = find_encoding(start)
+    text = start[:BEGINNING].decode(encoding, errors="replace")
+    form = find_form(text, encoding)
+    if form.plain:
+        header, rest = _split_header(start)
+        names = header.decode("utf-8-sig").strip()
+        columns = tuple(next(csv.reader([names], skipinitialspace=True), []))
+        return Table(path, columns, (), header, replace(form, columns=columns)), rest
+    mark = {" ": "\t"}.get(form.separator, form.separator)
+    line = mark.join(f'"{name.replace(chr(34), chr(34) * 2)}"' for name in form.columns) + "\n"
+    ends = [m.end() for m in LINE_END.finditer(text)][: form.lines]
+    at = len(text[: ends[-1] if form.lines else 0].encode(encoding))
+    return Table(path, form.columns, (), line.encode(), form), start[at:]
+
+
+def _leave_half_line(
+    table: Table, rest: bytes, lines: Sequence[str], row: int
+) -> tuple[Table, int]:
+    """Return how much of the end of a file is whole, with a note if the last line is left out.
+
+    Raises
+    ------
+    LogError
+        If the last line was cut.
+    """
+    end_of_file = table.form.plain_text(rest)
+    at = max(end_of_file.rfind(b"\n"), end_of_file.rfind(b"\r")) + 1
+    last = end_of_file[at:].decode(errors="replace")
+    if not last.strip() or not lines:
+        return table, len(rest)
+    others = [line for line in lines if line.strip()]
+    judged = judge_end(last, others, table.form) if others else "whole"
+    if judged == "whole":
+        return table, len(rest)
+    kept = len(rest) - len(last.encode(table.form.encoding))
+    if judged == "cut":
+        number = row + len(table.parse(rest[:kept], row)) + 1
+        raise LogError(
+            f"{table.path} ends in the middle of data row {number} ('{last[-40:].strip()}'): the "
+            "file was cut; copy it again, or remove its last line."
+        )
+    note = "its last line has no end and was left out, for it may have been cut"
+    form = replace(table.form, notes=(*table.form.notes, note))
+    return replace(table, form=form), kept
+
+
+def _split_header(start: bytes) -> tuple[bytes, bytes]:
+    """Return the first line that is not blank with all before it, and the rest."""
+    match = re.match(rb"(?:\xef\xbb\xbf)?\s*[^\r\n]*(?:\r\n|\r|\n|$)", start)
+    at = match.end() if match else 0
+    return start[:at], start[at:]
+
+
+def _last_line(piece: bytes, form: Form) -> int:
+    """Return where the last line ends that is whole, as far as quotes can tell."""
+    if form.encoding != "utf-8":
+        letters = piece[: len(piece) - len(piece) % 2].decode(form.encoding, errors="replace")
+        end = max(letters.rfind("\n"), letters.rfind("\r") if "\n" not in letters else -1) + 1
+        return len(letters[:end].encode(form.encoding))
+    mark = b"\n" if b"\n" in piece else b"\r"
+    cut = piece.rfind(mark) + 1
+    if piece.count(b'"', 0, cut) % 2:  # a line break between quotes: cut before it
+        cut = piece.rfind(mark, 0, piece.rfind(b'"', 0, cut)) + 1 or cut
+    return cut

@@ -1,0 +1,177 @@
+"""Tables that were written otherwise than the documentation says: read, and said; or refused."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability.foundation.errors import LogError
+from identifiability.logs import Log, source
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.logfile import LogFile
+from identifiability.robot import Robot
+
+
+@pytest.fixture
+def known():
+    return Conventions.of(Robot.load("two-link"))
+
+
+@pytest.fixture
+def bare(bare):
+    """Values with few digits, some of them whole."""
+    return bare.round(6)
+
+
+def text_of(frame, separator=",", decimal=".", end="\n", units=()):
+    head = [separator.join(frame.columns)] + [separator.join(units)] * bool(units)
+    rows = [separator.join(repr(float(x)) for x in row) for row in frame.to_numpy()]
+    return end.join([*head, *(row.replace(".", decimal) for row in rows), ""])
+
+
+def read_both(path, known):
+    """The log read at once and piece by piece; they are the same."""
+    whole, file = Log.read(path, known), LogFile.read(path, known)
+    part = file.rows(0, len(file))
+    assert whole.notes == file.notes
+    assert (whole.sha256, whole.joints) == (file.sha256, file.joints)
+    for channel in ("t", "q", "tau"):
+        np.testing.assert_array_equal(getattr(whole, channel), getattr(part, channel))
+    return whole
+
+
+def check(log, frame, rtol=1e-13):
+    np.testing.assert_allclose(log.t, frame["t"], rtol=rtol, atol=1e-15)
+    for kind in ("q", "tau"):
+        ours = frame[[f"{j}.{kind}" for j in ("shoulder", "elbow")]]
+        np.testing.assert_allclose(getattr(log, kind), ours, rtol=rtol, atol=1e-15)
+
+
+FORMS = {
+    "semicolons": ({"separator": ";"}, "", "separated by semicolons"),
+    "decimal commas": ({"separator": ";", "decimal": ","}, "", "decimal commas"),
+    "tabs": ({"separator": "\t"}, "", "separated by tabs"),
+    "tabs and commas": ({"separator": "\t", "decimal": ","}, "", "decimal commas"),
+    "bars": ({"separator": "|", "end": "\r\n"}, "", "separated by '|'"),
+    "blanks": ({"separator": "  "}, "", "separated by spaces"),
+    "units": ({"units": ("s", "[rad]", "rad", "N·m", "Nm")}, "", "states units"),
+    "comments": ({}, "# run 3, cold\n# of Monday\n\n", "begin with '#' were passed over"),
+    "title": (
+        {"separator": ";"},
+        "Recorded on Monday\nof week 3\n\n",
+        "2 line(s) above its header",
+    ),
+}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be"])
+@pytest.mark.parametrize("form", FORMS)
+def test_other_forms_are_read_and_said_short_and_long_alike(
+    form, encoding, bare, known, write, monkeypatch
+):
+    monkeypatch.setattr("identifiability.logs.scan.PIECE_BYTES", 5000)
+    options, before, note = FORMS[form]
+    path = write("log.txt", (before + text_of(bare, **options)).encode(encoding))
+    log = read_both(path, known)
+    check(log, bare)
+    assert note in "; ".join(log.notes)
+    assert ("UTF-16" in "; ".join(log.notes)) == encoding.startswith("utf-16")
+
+
+def test_the_documented_form_needs_no_note(bare, known, write):
+    for content in (text_of(bare), text_of(bare, end="\r\n"), "\ufeff" + text_of(bare)):
+        assert read_both(write("log.csv", content), known).notes == ()
+
+
+def test_a_header_in_a_comment_is_a_header(bare, known, write):
+    log = read_both(write("log.txt", "# run 3\n# " + text_of(bare, separator=" ")), known)
+    check(log, bare)
+
+
+def test_stated_units_are_converted_and_others_refused(bare, known, write):
+    angles = bare[["shoulder.q", "elbow.q"]]
+    given = bare.assign(t=1e3 * bare["t"], **{c: np.degrees(angles[c]) for c in angles})
+    in_row = text_of(given, ";", ",", units=("ms", "deg", "°", "Nm", "N*m"))
+    names = dict(zip(bare, ("t [ms]", "shoulder.q (deg)", "elbow.q [°]", "shoulder.tau [Nm]",
+                            "elbow.tau"), strict=True))  # fmt: skip
+    for content in (in_row, text_of(given.rename(columns=names))):
+        log = read_both(write("log.csv", content), known)
+        check(log, bare, rtol=1e-9)
+        assert log.notes[-1] == (
+            "values were converted to SI units, as the log states them: t from ms, shoulder.q from "
+            "deg, elbow.q from °"
+        )
+    for units, sentence in {
+        ("s", "rad", "N", "Nm", "Nm"): r"'elbow.q' is a position, .* its unit is 'N'",
+        ("rad", "rad", "rad", "Nm", "Nm"): r"'t' is a time, .* its unit is 'rad'",
+        ("s", "rad", "rad", "A", "Nm"): r"'shoulder.tau' is a torque or force, .* unit is 'A'",
+        ("s", "rad", "furlong", "Nm", "Nm"): r"column 't' is not a finite number .* row 1 \('s'\)",
+    }.items():
+        with pytest.raises(LogError, match=sentence):
+            Log.read(write("log.csv", text_of(bare, units=units)), known)
+
+
+def test_a_file_cut_anywhere_is_refused_or_loses_its_last_line_with_a_note(bare, known, write):
+    """No cut is taken for a number; the others are those behind a line's last digit."""
+    content = text_of(bare)
+    whole = Log.read(write("log.csv", content), known)
+    for cut in range(1, 250):
+        path = write("log.csv", content[:-cut])
+        try:
+            log = Log.read(path, known)
+        except LogError as error:
+            assert "ends in the middle of data row " in str(error)  # noqa: PT017
+            assert "copy it again" in str(error)  # noqa: PT017
+            continue
+        assert (log.tau == whole.tau[: len(log)]).all()
+        ended = content[:-cut].endswith("\n")
+        assert bool(log.notes) != ended
+        assert len(log) == 200 - content[-cut:].count("\n") + (ended and 0)
+
+
+def test_a_last_line_of_fixed_digits_needs_no_end(bare, known, write):
+    content = bare.to_csv(index=False, float_format="%.6f")
+    log = read_both(write("log.csv", content[:-1]), known)
+    assert (len(log), log.notes) == (200, ())
+    for cut in (2, 5, 8, 20):
+        with pytest.raises(LogError, match="ends in the middle of data row 200 "):
+            Log.read(write("log.csv", content[:-cut]), known)
+    powers = bare.to_csv(index=False, float_format="%.5e")
+    assert len(read_both(write("log.csv", powers[:-1]), known)) == 200
+    for cut in (2, 4, 5, 6):
+        with pytest.raises(LogError, match="ends in the middle of data row 200 "):
+            LogFile.read(write("log.csv", powers[:-cut]), known)
+
+
+def test_what_is_hashed_is_what_is_read(bare, known, write, monkeypatch):
+    """A file that is written anew between hash and reading has the hash of what was read."""
+    import hashlib
+
+    path = write("log.csv", text_of(bare))
+    old = path.read_bytes()
+    real = source.Reading.add
+
+    def add(self, frame, form):
+        path.write_bytes(b"other")
+        return real(self, frame, form)
+
+    monkeypatch.setattr(source.Reading, "add", add)
+    log = Log.read(path, known)
+    check(log, bare)
+    assert log.sha256 == hashlib.sha256(old).hexdigest()
+    path = path.with_suffix(".parquet")
+    bare.to_parquet(path)
+    old = path.read_bytes()
+    assert Log.read(path, known).sha256 == hashlib.sha256(old).hexdigest()
+    assert path.read_bytes() == b"other"
+
+
+def test_time_as_index_is_taken_and_said(bare, known, tmp_path):
+    for name in ("time", None):
+        frame = bare.set_index(pd.Index(bare["t"].to_numpy(), name=name)).drop(columns="t")
+        path = tmp_path / "log.parquet"
+        frame.to_parquet(path)
+        for log in (Log.from_frame(frame, "log", known), read_both(path, known)):
+            check(log, bare)
+            assert "as t" in log.notes[0]
+    with pytest.raises(LogError, match="no column 't'"):
+        Log.from_frame(bare.drop(columns="t"), "log", known)

@@ -1,0 +1,148 @@
+"""What columns of other names are taken for, and the rule that a refusal proposes."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.renames import Renames
+from identifiability.logs import Log
+from identifiability.logs.aliases import words_of
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.stated_units import find_unit
+
+ARM = tuple(f"panda_joint{k}" for k in (1, 2, 3))
+UR = ("shoulder_pan_joint", "elbow_joint", "wrist_3_joint")
+PAIR = ("shoulder", "elbow")
+
+
+def each(form, names, kinds):
+    return [form.format(j=j, k=k) for k in kinds for j in names]
+
+
+def read(columns, joints, rules=None):
+    """The log of a table whose value in each column is the column's place."""
+    t = 0.01 * np.arange(30)
+    table = {c: t if k == 0 else np.full(30, float(k)) for k, c in enumerate(columns)}
+    known = Conventions(joints=joints, columns=rules or Renames())
+    return Log.from_frame(pd.DataFrame(table), "log", known)
+
+
+UNDERSTOOD = {
+    "words": (["time", *each("{j}_{k}", ARM, ("position", "effort"))], ARM, [1, 2, 3], [4, 5, 6]),
+    "kind first": (["Time", *each("{k}.{j}", UR, ("pos", "torque"))], UR, [1, 2, 3], [4, 5, 6]),
+    "PlotJuggler": (
+        ["__time", "/joint_states/header/stamp",
+         *each("/joint_states/{j}/{k}", (*ARM, "finger"), ("position", "velocity", "effort"))],
+        ARM, [2, 3, 4], [10, 11, 12],
+    ),
+    "numbers": (["t", *each("{k}{j}", (1, 2, 3), ("q", "tau"))], UR, [1, 2, 3], [4, 5, 6]),
+    "from zero": (
+        ["timestamp",
+         *each("{k}[{j}]", (0, 1, 2), ("q", "q_d", "dq", "tau_J", "tau_J_d", "dtau_J"))],
+        ARM, [1, 2, 3], [10, 11, 12],
+    ),
+    "actual and target": (
+        ["timestamp", *each("{k}_{j}", (0, 1, 2), ("target_q", "actual_q", "actual_moment"))],
+        UR, [4, 5, 6], [7, 8, 9],
+    ),
+    "numbered joints": (["t", *each("joint{j}.{k}", (2, 1), ("q", "tau"))], PAIR, [2, 1], [4, 3]),
+    "capitals": (["T", *each("{j}.{k}", ("ELBOW", "Shoulder"), ("Q", "Tau"))], PAIR,
+                 [2, 1], [4, 3]),
+    "humps": (["t", *each("{k}{j}", ("Elbow", "Shoulder"), ("position", "torque"))], PAIR,
+              [2, 1], [4, 3]),
+    "one joint": (["t", "angle", "torque"], ("hinge",), [1], [2]),
+    "levels": (["t", *each("('{j}', '{k}')", PAIR, ("q", "tau"))], PAIR, [1, 2], [3, 4]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", UNDERSTOOD)
+def test_usual_names_are_understood_and_said(case):
+    columns, joints, q, tau = UNDERSTOOD[case]
+    log = read(columns, joints)
+    assert log.joints == joints
+    assert log.q[0].tolist() == q
+    assert log.tau[0].tolist() == tau
+    assert "taken for what their names usually mean" in log.notes[0]
+    numbered = case in ("numbers", "from zero", "actual and target", "numbered joints")
+    assert log.notes[0].endswith("(in the robot's order)") == numbered
+
+
+REFUSED = {
+    "two torques": (["t", *each("{j}_{k}", PAIR, ("pos", "torque", "effort"))], PAIR,
+                    r"several columns that may be 'shoulder\.tau'.*--map 'shoulder_torque="),
+    "two times": (["time", "timestamp", *each("{j}_{k}", PAIR, ("pos", "torque"))], PAIR,
+                  r"several columns that may be the time: time, timestamp; .*--map 'time=t'"),
+    "more numbers": (["t", *each("{k}{j}", (1, 2, 3), ("q", "tau"))], PAIR,
+                     r"numbers its joints otherwise .* the robot has 2: .*--map 'q1=shoulder\.q'"),
+    "other order": (["t", *each("{k}{j}", (1, 2), ("q", "tau"))], ("j2", "j1"),
+                    r"order, j2, j1, is not that of its own numbers"),
+    "commands": (["t", *each("{k}_{j}", (0, 1), ("actual_q", "target_moment"))], PAIR,
+                 r"no torque column 'shoulder.tau'; target_moment_0, .* what was commanded"),
+    "one joint short": (["t", "shoulder_pos", "shoulder_torque"], PAIR,
+                        r"no columns for the actuated joint elbow; every"),
+    "an error is no position": (["t", *each("{j}_{k}", PAIR, ("position_error", "torque"))], PAIR,
+                                r"has no position column; expected"),
+    "nothing": (["a", "b"], PAIR, r"has no column 't'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_not_certain_is_refused_with_the_remedy(case):
+    columns, joints, sentence = REFUSED[case]
+    with pytest.raises(LogError, match=sentence):
+        read(columns, joints)
+
+
+@pytest.mark.parametrize("form", ["{j}.{k}", "{j}_{k}", "/joint_states/{j}/{k}"])
+def test_the_rule_that_is_proposed_is_the_one_that_helps(form):
+    fer = [f"fer_joint{k}" for k in (1, 2, 3)]
+    kinds = ("q", "tau") if form == "{j}.{k}" else ("position", "effort")
+    columns = ["t", *each(form, (*fer, "fer_finger_joint1"), kinds)]
+    with pytest.raises(LogError) as refusal:
+        read(columns, ARM)
+    rule = str(refusal.value).rpartition("--map '")[2].removesuffix("'.")
+    assert rule == r"fer_joint(\d)=panda_joint\1"
+    known = Renames.of(dict([rule.split("=")]))
+    log = read(columns, ARM, known)
+    assert log.q[0].tolist() == [1, 2, 3]
+    assert log.tau[0].tolist() == [5, 6, 7]
+
+
+def test_what_stands_before_all_names_is_found():
+    columns = ["t", *each("kuka_{k}{j}", (1, 2), ("q", "tau"))]
+    with pytest.raises(LogError, match=r"begin with 'kuka_'.* --map 'kuka_\(\.\*\)=\\1'"):
+        read(columns, PAIR)
+    known = Renames.of({"kuka_(.*)": r"\1"})
+    assert read(columns, PAIR, known).tau[0].tolist() == [3, 4]
+
+
+def test_names_that_stand_in_the_log_decide_and_must_not_change():
+    """As ``rostopic echo -p`` writes joint states: in the order of the message."""
+    frame = pd.DataFrame({"%time": 0.01 * np.arange(30), "field.name0": "elbow",
+                          "field.name1": "shoulder", "field.position0": 1.0, "field.position1": 2.0,
+                          "field.effort0": 3.0, "field.effort1": 4.0})  # fmt: skip
+    log = Log.from_frame(frame, "log", Conventions(joints=PAIR)).select(PAIR)
+    assert (log.q[0].tolist(), log.tau[0].tolist()) == ([2, 1], [4, 3])
+    frame.loc[7, "field.name0"] = "finger"
+    with pytest.raises(LogError, match="names the joint 'elbow' first and later 'finger'"):
+        Log.from_frame(frame, "log", Conventions(joints=PAIR))
+
+
+def test_the_documented_names_need_no_note_and_win():
+    columns = ["t", *each("{j}.{k}", PAIR, ("q", "tau")), "time", "q1", "q2", "elbow_position"]
+    log = read(columns, PAIR)
+    assert log.notes == ()
+    assert (log.q[0].tolist(), log.tau[0].tolist()) == ([1, 2], [3, 4])
+
+
+def test_words_and_units():
+    assert words_of("/joint_states/pandaJoint10.position[2]") == [
+        "joint", "states", "panda", "joint", "10", "position", "2",
+    ]  # fmt: skip
+    known = {"N·m": 1, "[mN m]": 1e-3, "rad/s^2": 1, "(deg/s)": np.pi / 180, "rad s⁻¹": None,
+             "°": np.pi / 180, "rpm": np.pi / 30, "MNm": None, "furlong": None,
+             "": None}  # fmt: skip
+    for text, factor in known.items():
+        unit = find_unit(text)
+        assert (unit and unit.factor) == factor, text
