@@ -32,7 +32,7 @@ lowest: .venv-lowest/run
 	  { echo "the lowest versions are those for Python 3.11; say where it is: make lowest PYTHON=python3.11"; exit 1; }
 	$(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip --disable-pip-version-check install --quiet \
-	  --constraint .ci/lowest.txt --editable '.[test,arviz,ros,docs,browser,distributed]'
+	  --constraint .ci/lowest.txt --editable '.[test,arviz,ros,excel,docs,browser,distributed]'
 	@touch $@
 
 bench: $(VENV)/dev
@@ -83,5 +83,5 @@ $(VENV)/run: pyproject.toml .ci/constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/dev: pyproject.toml .ci/constraints.txt | $(BIN)/python
-	$(PIP) --editable '.[test,lint,arviz,distributed,ros,docs,browser]'
+	$(PIP) --editable '.[test,lint,arviz,distributed,ros,excel,docs,browser]'
 	@touch $@ $(VENV)/run

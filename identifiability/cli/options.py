@@ -62,8 +62,8 @@ Logs = Annotated[
     list[str],
     Argument(
         help="Logs to fit: CSV or Parquet with `t`, `<joint>.q`, `<joint>.tau` and, if measured, "
-        "`<joint>.dq`, `<joint>.ddq`, or commanded, `<joint>.q_ref`, in SI units; or bags of ROS, "
-        "as `run.mcap:/joint_states`."
+        "`<joint>.dq`, `<joint>.ddq`, or commanded, `<joint>.q_ref`, in SI units; arrays of these "
+        "in .npz or .mat, sheets in .xlsx; or bags of ROS, as `run.mcap:/joint_states`."
     ),
 ]
 _LADDER = "TOML ladder of models; default: the one beside the robot."

@@ -11,7 +11,7 @@ passive and left out.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -62,8 +62,23 @@ def hash_files(path: Path) -> str:
     return digest.hexdigest()
 
 
+class MixedJointsError(LogError):
+    """Messages of one topic tell of different joints.
+
+    Attributes
+    ----------
+    joints : set of str
+        All of them.
+    """
+
+    joints: set[str]
+
+
 def read_bag(
-    path: str | Path, topic: str | None = None, joints: Sequence[str] | None = None
+    path: str | Path,
+    topic: str | None = None,
+    joints: Sequence[str] | None = None,
+    rename: Callable[[str], str] = str,
 ) -> pd.DataFrame:
     """Read the joint states of a bag as a table with the columns of a log.
 
@@ -76,6 +91,8 @@ def read_bag(
     joints : sequence of str, optional
         Which joints, for topics that also tell of others (grippers); messages that lack one of
         them are passed over. By default all, and every message must hold the same.
+    rename : callable(str) -> str
+        From the bag's names of joints to those that are wanted.
 
     Returns
     -------
@@ -91,7 +108,7 @@ def read_bag(
     try:
         with _opened(bag) as reader:
             name = _choose_topic(bag, reader, topic or named)
-            return _collect(bag, name, _messages(reader, name), joints)
+            return _collect(bag, name, _messages(reader, name), joints, rename)
     except LogError:
         raise
     except MemoryError:  # mostly a length that was spoilt
@@ -150,22 +167,29 @@ def _messages(reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
 
 
 def _collect(
-    path: Path, topic: str, messages: Iterable[tuple[int, Any]], joints: Sequence[str] | None
+    path: Path,
+    topic: str,
+    messages: Iterable[tuple[int, Any]],
+    joints: Sequence[str] | None,
+    rename: Callable[[str], str],
 ) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
     wanted = () if joints is None else tuple(joints)
-    clocks, rows = [], []
+    clocks, rows, all_names = [], [], dict[tuple[str, ...], None]()
     for recorded, message in messages:
-        names = tuple(message.name)
+        names = tuple(map(rename, message.name))
         if joints is None:
             wanted = wanted or names
-            _check_same(path, topic, wanted, names)
+            all_names[names] = None
+            if sorted(names) != sorted(wanted) or len(set(names)) < len(names):
+                continue
         if wanted and set(wanted) <= set(names):
             order = [names.index(j) for j in wanted]
             rows.append({c: _pick(getattr(message, f), names, order) for c, f in FIELDS.items()})
             measured = message.header.stamp
             clocks.append((measured.sec * 10**9 + measured.nanosec, recorded))
+    _check_same(path, topic, list(all_names))
     if not rows:
         together = f" that tell of {listing(joints)} together" if joints else ""
         raise LogError(f"{path} has no joint states on {topic}{together}.")
@@ -194,12 +218,22 @@ def _joined(rows: Sequence[Array | None], joints: int) -> Array:
     return np.array(known) if len(known) == len(rows) else np.full((len(rows), joints), np.nan)
 
 
-def _check_same(path: Path, topic: str, first: Sequence[str], names: Sequence[str]) -> None:
-    if sorted(first) != sorted(names) or len(set(names)) < len(names):
-        raise LogError(
-            f"{path}: messages on {topic} tell of different joints ({listing(first)}; then "
-            f"{listing(names)}); read it with read_bag(path, joints=[…]) in Python."
-        )
+def _check_same(path: Path, topic: str, groups: Sequence[Sequence[str]]) -> None:
+    """Refuse messages that tell of different joints.
+
+    Raises
+    ------
+    MixedJointsError
+    """
+    for names in groups:
+        if sorted(names) != sorted(groups[0]) or len(set(names)) < len(names):
+            error = MixedJointsError(
+                f"{path}: messages on {topic} tell of different joints ({listing(groups[0])}; then "
+                f"{listing(names)}), and no message of all joints that are needed; if they are "
+                "called otherwise, add --map 'OLD=NEW', or in Python read_bag(path, joints=[…])."
+            )
+            error.joints = {name for group in groups for name in group}
+            raise error
 
 
 def _pick(values: Any, names: Sequence[str], order: Sequence[int]) -> Array | None:

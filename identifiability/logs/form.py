@@ -132,7 +132,7 @@ def _try(form: Form, lines: Sequence[str], plain: Sequence[int]) -> Form | None:
     first = next((k for k, row in rows.items() if len(row) == width and _is_data(form, row)), None)
     if width < 2 or first is None:
         return None
-    above = [k for k in plain if k < first and len(rows[k]) == width]
+    above = [k for k in plain if k < first and len(rows[k]) == width and _is_full(rows[k])]
     units: tuple[str, ...] = ()
     if len(above) > 1 and _are_units(rows[above[-1]]):
         units = tuple(field.strip() for field in rows[above.pop()])
@@ -154,6 +154,11 @@ def _try(form: Form, lines: Sequence[str], plain: Sequence[int]) -> Form | None:
 def _is_data(form: Form, row: Sequence[str]) -> bool:
     """Whether a row is one of numbers, some text or empty fields among them."""
     return sum(form.is_number(field) for field in row) >= max(2, len(row) // 2)
+
+
+def _is_full(row: Sequence[str]) -> bool:
+    """Whether a row is more than a title in its first field."""
+    return 2 * sum(bool(field.strip()) for field in row) > len(row)
 
 
 def _are_units(row: Sequence[str]) -> bool:

@@ -11,17 +11,18 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import FilePath, check_option, checked
+from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
 from identifiability.foundation.output import write_bytes, write_text
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
+from identifiability.logs.containers import numbered, stack_arrays
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.naming import Naming
 from identifiability.logs.source import Reading, scan_file
@@ -29,6 +30,10 @@ from identifiability.logs.tables import is_parquet
 
 if TYPE_CHECKING:
     import pandas as pd
+
+Numbers = Annotated[
+    Any, Expected("an array of numbers", lambda x: np.asarray(x).dtype.kind in "fiu")
+]
 
 
 @frozen
@@ -71,7 +76,7 @@ class Log:
     @staticmethod
     @checked
     def read(path: FilePath, conventions: Conventions | None = None) -> Log:
-        """Read a CSV or Parquet file, or a bag of ROS (``run.mcap:/joint_states``).
+        """Read a table (CSV, Parquet, .npz, .mat, .xlsx) or bag (``run.mcap:/joint_states``).
 
         Parameters
         ----------
@@ -86,7 +91,7 @@ class Log:
             If the file is missing, is no table, lacks columns or holds values that cannot be.
         """
         reading = Reading(str(path), conventions or Conventions())
-        digest, _ = scan_file(Path(path), reading.add)
+        digest, _ = scan_file(Path(path), reading.add, reading.known)
         values = reading.finish()
         return build_log(Path(path).name, reading.naming, values, digest)
 
@@ -119,6 +124,47 @@ class Log:
         digest = hashlib.sha256(",".join(values.columns).encode())
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
         return replace(log, sha256=digest.hexdigest())
+
+    @staticmethod
+    @checked
+    def from_arrays(
+        t: Numbers,
+        q: Numbers,
+        tau: Numbers,
+        dq: Numbers | None = None,
+        ddq: Numbers | None = None,
+        *,
+        joints: Names | None = None,
+        name: str = "arrays",
+    ) -> Log:
+        """Return the log in arrays.
+
+        Parameters
+        ----------
+        t : (N,) [s]
+        q, tau : (N, n) or, of one joint, (N,) [rad or m; N·m or N]
+        dq, ddq : (N, n), optional
+            Velocity and acceleration, where they were measured.
+        joints : sequence of str, optional
+            Which joint each column is about; by default the robot's actuated joints in its order.
+        name : str
+            What reports call it.
+
+        Raises
+        ------
+        LogError
+            If the arrays do not fit each other, or hold what no log can.
+
+        Example
+        -------
+        >>> t = np.linspace(0, 1, 100)
+        >>> q = np.stack([np.sin(t), np.cos(t)], 1)
+        >>> Log.from_arrays(t, q, 2 * q, joints=["shoulder", "elbow"]).joints
+        ('shoulder', 'elbow')
+        """
+        channels = {"q": q, "dq": dq, "ddq": ddq, "tau": tau}
+        given = {kind: x for kind, x in channels.items() if x is not None}
+        return Log.from_frame(stack_arrays(t, given, joints, name), name)
 
     def rows(self, start: int, stop: int) -> Log:
         """Return the samples [start, stop) as a log of the same name."""
@@ -199,6 +245,8 @@ class Log:
             If the log lacks a joint.
         """
         known = (*joints, *motors)
+        if self.joints == numbered(len(joints)):  # arrays, in the robot's order
+            return replace(self, joints=tuple(joints))
         wanted = motors if motors and all(m in self.joints for m in motors) else joints
         missing = [j for j in wanted if j not in self.joints]
         for name in self.joints if missing else ():

@@ -106,7 +106,7 @@ class LogFile:
         with parsing(path):
             stamp = _stamp(path)
         reading = Reading(str(path), conventions or Conventions(), keep=False)
-        digest, table = scan_file(path, reading.add)
+        digest, table = scan_file(path, reading.add, reading.known)
         reading.finish()
         assert table is not None  # a bag is no file of rows
         if _stamp(path) != stamp:

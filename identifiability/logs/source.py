@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +13,9 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.logs.aliases import INDEX, guess_column
-from identifiability.logs.bags import hash_files, is_bag, read_bag, split_topic
+from identifiability.logs.bags import MixedJointsError, hash_files, is_bag, read_bag, split_topic
 from identifiability.logs.checks import Clock, Numbers
+from identifiability.logs.containers import CONTAINERS, check_suffix, read_container
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.measured import call_currents, settle_torque
@@ -231,21 +233,25 @@ class Reading:
         self.clock.add(found["t"])
 
 
-def scan_file(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[str, Table | None]:
+def scan_file(
+    path: Path, each: Callable[[pd.DataFrame, Form], None], known: Conventions | None = None
+) -> tuple[str, Table | None]:
     """Read a file once from its first row to its last.
 
     Parameters
     ----------
     path : Path
-        A CSV or Parquet file, or a bag (``bag:/topic``).
+        A CSV or Parquet file, a container of arrays, or a bag (``bag:/topic``).
     each : callable(DataFrame, Form)
         Called with every piece, at least once, and how it was written.
+    known : Conventions, optional
+        Which joints are asked for where messages of a bag tell of different ones.
 
     Returns
     -------
     sha256 : str
     table : Table or None
-        None for a bag, which is no file of rows.
+        None for a bag or a container of arrays, which are no files of rows.
 
     Raises
     ------
@@ -254,15 +260,36 @@ def scan_file(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
     """
     bag = split_topic(path)[0]
     if is_bag(bag):
-        digest, frame = hash_files(bag) if bag.exists() else "", read_bag(path)
+        digest = hash_files(bag) if bag.exists() else ""
+        frame, form = _read_joints(path, known)
         if hash_files(bag) != digest:
             raise LogError(f"{bag} changed while it was read; wait until it is complete.")
-        each(frame, PLAIN)
+        each(frame, form)
         return digest, None
     with parsing(path):
         if not path.is_file():
             raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")
+        check_suffix(path)
+        if path.suffix.lower() in CONTAINERS:
+            content = path.read_bytes()
+            each(*read_container(path, content))
+            return hashlib.sha256(content).hexdigest(), None
         return scan_table(path, each)
+
+
+def _read_joints(path: Path, known: Conventions | None) -> tuple[pd.DataFrame, Form]:
+    """Return the joint states of a bag; where messages differ, those of the robot's joints."""
+    known = known or Conventions()
+    rename = known.columns.apply
+    try:
+        return read_bag(path, rename=rename), PLAIN
+    except MixedJointsError as mixed:
+        for joints in (known.motors, known.joints):
+            if joints and set(joints) <= mixed.joints:
+                note = "messages that do not tell of the robot's joints were passed over"
+                frame = read_bag(path, joints=joints, rename=rename)
+                return frame, replace(PLAIN, notes=(note,))
+        raise
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
@@ -296,7 +323,8 @@ def is_long(path: Path, limit: int | None = None) -> bool:
     """
     most = LONG if limit is None else limit
     with parsing(path):
-        if is_bag(split_topic(path)[0]) or not path.is_file():
+        kind = path.suffix.lower()
+        if kind in CONTAINERS or is_bag(split_topic(path)[0]) or not path.is_file():
             return False
         if is_parquet(path):
             table = open_parquet(path)

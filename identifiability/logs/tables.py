@@ -18,6 +18,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
+from identifiability.logs.containers import CONTAINERS
 from identifiability.logs.form import PLAIN, Form
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def parsing(path: Path) -> Iterator[None]:
     except LogError:
         raise
     except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
-        form = "Parquet" if is_parquet(path) else "CSV"
+        form = "Parquet" if is_parquet(path) else CONTAINERS.get(path.suffix.lower(), "CSV")
         reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
         raise LogError(f"{path} cannot be read as {form}: {reason}.") from None
 

@@ -5,12 +5,12 @@ refuses those that have nothing to explain; `running` and `share` say where that
 it is.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import pandas as pd
 
@@ -20,6 +20,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.containers import frame_of
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.mend import mend_logs
@@ -34,10 +35,10 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.oddities import Evidence, find_mixed, find_oddities
 
-LogLike = Log | LogFile | str | Path | pd.DataFrame
+LogLike = Log | LogFile | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
     Sequence[LogLike] | LogLike,
-    Expected("a log (the path of a file, a DataFrame or a Log) or a list of logs"),
+    Expected("a log (the path of a file, a DataFrame, arrays by name or a Log) or a list of logs"),
 ]
 Progress = Annotated[
     Callable[[str, float], None], Expected("a function that takes a text and the share done")
@@ -113,10 +114,12 @@ def read_logs(logs: Logs, known: Conventions) -> list[Log | LogFile]:
 
     What is known of logs of the robot holds for those that are read here.
     """
-    one = isinstance(logs, (Log, LogFile, str, Path, pd.DataFrame))
+    one = isinstance(logs, (Log, LogFile, str, Path, pd.DataFrame, Mapping))
     several: list[LogLike] = [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
     out: list[Log | LogFile] = []
     for k, item in enumerate(several):
+        if isinstance(item, Mapping):
+            item = frame_of(item, f"log {k + 1}")  # noqa: PLW2901 - the same in another form
         if isinstance(item, pd.DataFrame):
             out.append(Log.from_frame(item, f"log {k + 1}", known))
         else:

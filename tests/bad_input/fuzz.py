@@ -29,6 +29,7 @@ import numpy as np
 import pandas as pd
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from scipy.io import savemat
 from spoil import (
     BAG,
     JSON,
@@ -48,6 +49,7 @@ from spoil import (
 
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.reduction import (
     build_ladder,
@@ -176,8 +178,10 @@ def readers() -> dict[str, Reader]:
     motions = (locate_robot("two-link").parent / "trajectories.json").read_bytes()
     mjcf, urdf = (locate_robot(r).read_bytes() for r in ("five-bar", "six-dof-arm"))
 
+    known = Conventions.of(two)
+
     def log(path: Path) -> object:
-        return prepare_samples(two, Log.read(path))
+        return prepare_samples(two, Log.read(path, known))
 
     def ladder(path: Path) -> object:
         entry = read_ladder(path)
@@ -199,11 +203,18 @@ def readers() -> dict[str, Reader]:
     def table(suffix: str, good: bytes, tokens: list[bytes], whole: Spoilt) -> Reader:
         return Reader(suffix, good, st.one_of(spoil_bytes(good, tokens), whole), log)
 
+    arrays = {kind: frame[[f"{j}.{kind}" for j in two.joints]] for kind in ("q", "tau")}
+    held = {"t": frame["t"].to_numpy(), **{kind: x.to_numpy() for kind, x in arrays.items()}}
+    zipped, matlab = io.BytesIO(), io.BytesIO()
+    np.savez(zipped, **held)
+    savemat(matlab, {"run": held})
     text = frame.to_csv(index=False).encode()
     packed = parquet.getvalue()
     return bag_reader(frame, log) | {
         "csv": table(".csv", text, TABLE, spoil_csv(frame)),
         "parquet": table(".parquet", packed, [b"PAR1", b"\0" * 8], spoil_parquet(frame)),
+        "npz": Reader(".npz", zipped.getvalue(), spoil_bytes(zipped.getvalue(), [b"PK"]), log),
+        "mat": Reader(".mat", matlab.getvalue(), spoil_bytes(matlab.getvalue(), [b"miM"]), log),
         "ladder": document(".toml", LADDER.encode(), TOML, ladder),
         "sidecar": document(".toml", sidecar, TOML, lambda p: Robot.load("five-bar", p)),
         "result": document(

@@ -17,7 +17,7 @@ def test_spoilt_files_give_our_sentences_and_neither_crash_nor_hang():
     out = subprocess.run(words, check=False, capture_output=True, text=True, timeout=120)
     assert out.returncode == 0, out.stdout[-500:] + out.stderr[-4000:]
     tallies = {t["reader"]: t for t in map(json.loads, out.stdout.splitlines()[1:])}
-    readers = {"csv", "parquet", "ladder", "sidecar", "trajectories", "mjcf", "urdf"}
+    readers = {"csv", "parquet", "npz", "mat", "ladder", "sidecar", "trajectories", "mjcf", "urdf"}
     readers |= {"result"} | ({"bag"} if find_spec("rosbags") else set())
     assert set(tallies) == readers
     for tally in tallies.values():

@@ -10,8 +10,11 @@ from typer.testing import CliRunner
 from identifiability import analyze
 from identifiability.cli import app
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.renames import Renames
 from identifiability.logs import Log
 from identifiability.logs.bags import hash_files, read_bag
+from identifiability.logs.conventions import Conventions
+from identifiability.robot import Robot
 
 pytest.importorskip("rosbags", reason="needs the extra 'ros'")
 
@@ -81,8 +84,17 @@ def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(frame, state
     bag = write_bag({"/joint_states": [m for pair in zip(arm, finger, strict=True) for m in pair]})
     assert refused(bag) == (
         f"{bag}: messages on /joint_states tell of different joints (shoulder, elbow; then "
-        "finger); read it with read_bag(path, joints=[…]) in Python."
+        "finger), and no message of all joints that are needed; if they are called otherwise, add "
+        "--map 'OLD=NEW', or in Python read_bag(path, joints=[…])."
     )
+    known = Conventions.of(Robot.load("two-link"))
+    log = Log.read(bag, known)
+    pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
+    assert log.notes == ("messages that do not tell of the robot's joints were passed over",)
+    other = Conventions(joints=("a", "b"), columns=Renames.of({"shoulder": "a", "elbow": "b"}))
+    np.testing.assert_array_equal(Log.read(bag, other).q, log.q)
+    with pytest.raises(LogError, match="and no message of all joints that are needed"):
+        Log.read(bag, Conventions(joints=("a", "b")))
     log = Log.from_frame(read_bag(bag, joints=JOINTS))
     pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
     assert refused(bag, joints=["elbow", "finger"]) == (

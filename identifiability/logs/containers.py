@@ -1,0 +1,267 @@
+"""Containers of arrays, and sheets: .mat, .npz and .xlsx, read at once into one table.
+
+Arrays of one value a sample are columns of their name; of (N, n) arrays column ``k`` is
+``<name>[k]``, or ``<joint>.<name>`` where the names of the joints stand beside them.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError, listing
+from identifiability.logs.aliases import guess_column
+from identifiability.logs.form import PLAIN, Form, find_form
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Files that hold arrays or sheets, and what sentences call them.
+CONTAINERS = {".npz": "NumPy", ".mat": "MATLAB", ".xlsx": "Excel", ".xlsm": "Excel"}
+
+#: Files that are logs for others, and what to do with them.
+REFUSED = {
+    ".xls": "an old sheet of Excel; save it as .xlsx or CSV",
+    ".ods": "a sheet of LibreOffice; save it as .xlsx or CSV",
+    ".h5": "HDF5; write its arrays as .npz, CSV or Parquet",
+    ".hdf5": "HDF5; write its arrays as .npz, CSV or Parquet",
+    ".npy": "one array without names; write t, q and tau together as .npz",
+    ".json": "JSON; write its values as CSV or Parquet",
+    ".pkl": "a pickle, which can run any program when it is read; write CSV or Parquet",
+    ".pickle": "a pickle, which can run any program when it is read; write CSV or Parquet",
+    ".tdms": "TDMS; export it as CSV",
+    ".zip": "an archive; unpack it",
+    ".gz": "compressed; unpack it",
+}
+
+#: Names of an array of the names of joints.
+NAMES = ("joints", "joint_names", "names", "name")
+
+#: How MATLAB's files since 7.3 begin.
+_NEWER = b"MATLAB 7.3 MAT-file"
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a kind of file that is no log, by name.
+
+    Raises
+    ------
+    LogError
+    """
+    what = REFUSED.get(path.suffix.lower())
+    if what:
+        raise LogError(f"{path} is {what}.")
+
+
+def read_container(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:
+    """Return the table in a file of arrays or sheets, and how it was written.
+
+    Raises
+    ------
+    LogError
+        If it holds no table.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        if not content.startswith(b"PK"):
+            raise LogError(f"{path} is no archive of arrays, as numpy.savez writes it.")
+        try:
+            with np.load(BytesIO(content), allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+        except ValueError as error:
+            if "pickle" not in str(error):  # whose advice would be to load it all the same
+                raise
+            raise LogError(
+                f"{path} holds something else than arrays of numbers and text; leave it out."
+            ) from None
+        return frame_of(arrays, str(path)), PLAIN
+    if suffix == ".mat":
+        return frame_of(_read_mat(path, content), str(path)), PLAIN
+    return _read_sheet(path, content)
+
+
+def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
+    """Return arrays of one number of samples as a table.
+
+    Parameters
+    ----------
+    arrays : mapping of str to array
+        (N,) or (N, n); (n, N) where only that fits the others. Mappings among them are looked
+        into.
+    source : str
+        What sentences call them.
+
+    Raises
+    ------
+    LogError
+        If there is no time, or no array beside it is as long.
+    """
+    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
+    flat = _shortened(_flatten(arrays))
+    names = _joint_names(flat)
+    numbers = {k: x for k, x in flat.items() if x.dtype.kind in "fiumM"}
+    shaped = {k: np.atleast_1d(x.squeeze()) for k, x in numbers.items()}
+    times = [k for k, x in shaped.items() if x.ndim == 1 and _is_time(k)]
+    if not times:
+        raise LogError(
+            f"{source} has no array 't' of times [s]; it holds {listing(sorted(flat)) or 'none'}."
+        )
+    length = max(len(shaped[k]) for k in times)
+    columns: dict[str, Any] = {}
+    lost: list[str] = []
+    for name, given in shaped.items():
+        array = given
+        if array.ndim == 2 and len(array) != length and array.shape[1] == length:
+            array = array.T
+        if array.ndim > 2 or len(array) != length:
+            lost.append(name)
+        elif array.ndim == 1:
+            columns[name] = array
+        elif len(names) == array.shape[1]:
+            columns |= {f"{j}.{name}": array[:, k] for k, j in enumerate(names)}
+        else:
+            columns |= {f"{name}[{k}]": array[:, k] for k in range(array.shape[1])}
+    kinds = {g.kind for k in columns if (g := guess_column(k, k, names))}
+    if not {"q", "tau"} <= kinds and lost:
+        shapes = [f"{k} {_shape(flat[k])}" for k in lost]
+        raise LogError(
+            f"{source}: of {length} times there are no positions and torques; other sizes have "
+            f"{listing(shapes)}. Give (N, n) arrays with a row a sample."
+        )
+    return pd.DataFrame(columns)
+
+
+def numbered(count: int) -> tuple[str, ...]:
+    """Return what joints are called of which only the order is known."""
+    return tuple(str(k + 1) for k in range(count))
+
+
+def stack_arrays(
+    t: Any, channels: Mapping[str, Any], joints: Sequence[str] | None, source: str
+) -> pd.DataFrame:
+    """Return the arrays of a log, each (N, n), as a table.
+
+    Parameters
+    ----------
+    t : (N,)
+    channels : mapping of str to (N, n) or (N,)
+    joints : sequence of str or None
+        Which joint each column is about.
+    source : str
+
+    Raises
+    ------
+    LogError
+        If they do not fit each other.
+    """
+    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
+    times = np.asarray(t, float)
+    if times.ndim != 1:
+        raise LogError(f"{source}: t must be (N,), not {_shape(times)}.")
+    arrays = {kind: np.asarray(x, float) for kind, x in channels.items()}
+    arrays = {kind: x[:, None] if x.ndim == 1 else x for kind, x in arrays.items()}
+    shapes = {x.shape for x in arrays.values()}
+    if len(shapes) > 1 or any(x.ndim != 2 for x in arrays.values()):
+        told = ", ".join(f"{kind} is {_shape(x)}" for kind, x in arrays.items())
+        raise LogError(f"{source}: {told}; give each as (N, n), a row a sample, a column a joint.")
+    rows, count = next(iter(shapes))
+    if rows != len(times):
+        kind, array = next(iter(arrays.items()))
+        raise LogError(f"{source}: {kind} is {_shape(array)}, but there are {len(times)} times.")
+    names = numbered(count) if joints is None else tuple(joints)
+    if len(names) != count:
+        raise LogError(f"{source}: joints names {len(names)} of {count} columns.")
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise LogError(f"{source}: joints names '{twice[0]}' more than once.")
+    columns = {f"{j}.{kind}": x[:, k] for kind, x in arrays.items() for k, j in enumerate(names)}
+    return pd.DataFrame({"t": times, **columns})
+
+
+def _shape(array: np.ndarray) -> str:
+    return "×".join(map(str, array.shape)) or "a number"
+
+
+def _is_time(name: str) -> bool:
+    guess = guess_column(name, name, ())
+    return guess is not None and guess.kind == "t"
+
+
+def _flatten(arrays: Mapping[str, Any], above: str = "") -> dict[str, np.ndarray]:
+    """Return all arrays by their names, those in mappings with the mapping's before them."""
+    out: dict[str, np.ndarray] = {}
+    for name, value in arrays.items():
+        if isinstance(value, Mapping):
+            out |= _flatten(value, f"{above}{name}.")
+        elif not str(name).startswith("__"):
+            out[f"{above}{name}"] = np.asarray(value)
+    return out
+
+
+def _shortened(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return arrays by the last part of their names, where that says which."""
+    last = [name.rpartition(".")[2] for name in arrays]
+    if len(set(last)) < len(last):
+        return dict(arrays)
+    return dict(zip(last, arrays.values(), strict=True))
+
+
+def _joint_names(arrays: Mapping[str, np.ndarray]) -> list[str]:
+    """Return the names of the joints, if an array holds them."""
+    for key, array in arrays.items():
+        if key.rpartition(".")[2].casefold() in NAMES and array.dtype.kind in "UO":
+            texts = [str(x).strip() for x in np.ravel(array)]
+            if texts and all(texts):
+                return texts
+    return []
+
+
+def _read_mat(path: Path, content: bytes) -> Mapping[str, Any]:
+    """Return the variables of a MATLAB file."""
+    from scipy.io import loadmat  # noqa: PLC0415 - only who has such a file pays for it
+
+    if content.startswith(_NEWER):
+        raise LogError(
+            f"{path} is a MATLAB file of version 7.3 (HDF5), which is not read; save it in MATLAB "
+            f"with save('{path.name}', 't', 'q', 'tau', '-v7'), or write CSV."
+        )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
+        found: Mapping[str, Any] = loadmat(BytesIO(content), simplify_cells=True)
+    return found
+
+
+def _read_sheet(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:
+    """Return the first sheet of a workbook that holds anything."""
+    import pandas as pd  # noqa: PLC0415
+
+    try:
+        sheets = pd.read_excel(
+            BytesIO(content), sheet_name=None, header=None, dtype=object, engine="openpyxl"
+        )
+    except ImportError:
+        raise LogError(
+            f"{path} is a sheet of Excel, which needs the extra 'excel': pip install "
+            "'identifiability[excel]'; or save it as CSV."
+        ) from None
+    cut = {str(k): x.dropna(how="all").dropna(axis=1, how="all") for k, x in sheets.items()}
+    filled = {name: sheet for name, sheet in cut.items() if not sheet.empty}
+    if not filled:
+        raise LogError(f"{path} has no sheet that holds anything.")
+    name, sheet = next(iter(filled.items()))
+    lines = sheet.map(lambda cell: " ".join(cell.split()) if isinstance(cell, str) else cell)
+    text = lines.to_csv(index=False, header=False, lineterminator="\n")
+    form = find_form(text, "utf-8")
+    rows = sheet.iloc[form.lines :].reset_index(drop=True).set_axis(list(form.columns), axis=1)
+    others = [other for other in filled if other != name]
+    notes = form.notes
+    if others:
+        notes = (*notes, f"only its sheet '{name}' was read, not {listing(others, 4)}")
+    return rows.infer_objects(), Form(columns=form.columns, units=form.units, notes=notes)

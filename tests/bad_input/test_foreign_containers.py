@@ -1,0 +1,146 @@
+"""Logs in containers, sheets and arrays: read as tables are, or refused by name."""
+
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import savemat
+
+from identifiability import analyze
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.options import OptionError
+from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.logfile import open_log
+from identifiability.robot import Robot
+from identifiability.workflows.opening import read_recordings
+
+JOINTS = ("shoulder", "elbow")
+
+
+@pytest.fixture
+def known():
+    return Conventions.of(Robot.load("two-link"))
+
+
+@pytest.fixture
+def arrays(bare):
+    """The log as arrays, a column a joint."""
+    both = {k: bare[[f"{j}.{k}" for j in JOINTS]].to_numpy() for k in ("q", "tau")}
+    return {"t": bare["t"].to_numpy(), **both}
+
+
+def same(log, arrays):
+    log = log.select(JOINTS)
+    for name, values in arrays.items():
+        np.testing.assert_allclose(getattr(log, name), values, rtol=1e-14)
+
+
+def test_arrays_are_a_log_in_the_robots_order(arrays, bare):
+    log = Log.from_arrays(**arrays)
+    same(log, arrays)
+    same(Log.from_arrays(**arrays, joints=JOINTS), arrays)
+    turned = {k: v[:, ::-1] if v.ndim == 2 else v for k, v in arrays.items()}
+    same(Log.from_arrays(**turned, joints=JOINTS[::-1]), arrays)
+    assert Log.from_arrays(**arrays, dq=arrays["q"]).channels == ("q", "dq", "tau")
+    plain = analyze("two-link", bare, replicates=0)
+    for given in (log, arrays):
+        found = analyze("two-link", given, replicates=0)
+        assert (found.models[0].estimate.value == plain.models[0].estimate.value).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"tau": np.zeros((200, 3))}, r"q is 200×2, tau is 200×3; .* \(N, n\)"),
+        ({"t": np.zeros((2, 3))}, r"t must be \(N,\), not 2×3"),
+        ({"q": np.zeros((7, 2))}, r"q is 7×2, tau is 200×2"),
+        ({"joints": ("a",)}, r"joints names 1 of 2 columns"),
+        ({"joints": ("a", "a")}, r"joints names 'a' more than once"),
+        ({"t": np.zeros(7)}, r"q is 200×2, but there are 7 times"),
+        ({"q": "abc"}, r"q must be an array of numbers"),
+    ],
+)
+def test_arrays_of_other_shapes_are_refused(change, sentence, arrays):
+    with pytest.raises((LogError, OptionError), match=sentence):
+        Log.from_arrays(**{**arrays, **change})
+
+
+def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
+    turned = {k: v.T for k, v in arrays.items()}
+    path = tmp_path / "log"
+    for content in (arrays, turned, {"run": {"t": arrays["t"], "q": arrays["q"]}, **arrays}):
+        savemat(path.with_suffix(".mat"), content)
+        flat = {k: v for k, v in content.items() if k != "run"}
+        np.savez(path.with_suffix(".npz"), **flat)
+        for suffix in (
+            ".npz",
+            *((".mat",) if content is not turned and "run" not in content else ()),
+        ):
+            log = open_log(path.with_suffix(suffix), known)
+            same(log, arrays)
+            assert log.notes[0].endswith("(in the robot's order)")
+    for content in ({"run3": turned}, {"log": {"state": turned, "cmd": {"q": 0 * arrays["q"]}}}):
+        savemat(path.with_suffix(".mat"), content)
+        same(Log.read(path.with_suffix(".mat"), known), arrays)
+    named = {**{k: v[:, ::-1] if v.ndim == 2 else v for k, v in arrays.items()},
+             "joints": np.array(JOINTS[::-1])}  # fmt: skip
+    np.savez(path.with_suffix(".npz"), **named)
+    log = Log.read(path.with_suffix(".npz"), known)
+    same(log, arrays)
+    assert log.notes == ()
+    out = refused("analyze", "two-link", path.with_suffix(".npz"), "--map", "shoulder=x")
+    assert "no columns for the actuated joint" in out
+
+
+def test_containers_without_a_log_are_refused_by_name(arrays, known, tmp_path):
+    path = tmp_path / "log"
+    np.savez(path.with_suffix(".npz"), a=arrays["q"])
+    with pytest.raises(LogError, match=r"has no array 't' of times \[s\]; it holds a"):
+        Log.read(path.with_suffix(".npz"), known)
+    np.savez(path.with_suffix(".npz"), t=arrays["t"], q=arrays["q"][:50], tau=arrays["tau"])
+    with pytest.raises(LogError, match=r"of 200 times .* other sizes have q 50×2"):
+        Log.read(path.with_suffix(".npz"), known)
+    np.savez(path.with_suffix(".npz"), t=np.array([{}], object))
+    with pytest.raises(LogError, match=r"holds something else than arrays of numbers and text"):
+        Log.read(path.with_suffix(".npz"), known)
+    path.with_suffix(".mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform" + bytes(600))
+    with pytest.raises(LogError, match=r"version 7\.3 \(HDF5\), .*'-v7'\), or write CSV"):
+        Log.read(path.with_suffix(".mat"), known)
+    path.with_suffix(".npz").write_bytes(b"nothing")
+    with pytest.raises(LogError, match=r"is no archive of arrays, as numpy\.savez writes it"):
+        Log.read(path.with_suffix(".npz"), known)
+    path.with_suffix(".mat").write_bytes(b"nothing")
+    with pytest.raises(LogError, match=r"cannot be read as MATLAB: "):
+        Log.read(path.with_suffix(".mat"), known)
+    for suffix, sentence in {".xls": "old sheet", ".pkl": "any program", ".h5": "HDF5"}.items():
+        path.with_suffix(suffix).write_bytes(b"x")
+        with pytest.raises(LogError, match=sentence):
+            Log.read(path.with_suffix(suffix), known)
+
+
+def test_sheets_are_read_with_titles_and_units(bare, arrays, known, tmp_path, monkeypatch):
+    pytest.importorskip("openpyxl")
+    path = tmp_path / "log.xlsx"
+    given = bare.assign(t=1e3 * bare["t"])
+    rows = [["Run 3", *[None] * 4], list(bare), ["ms", "rad", "rad", "Nm", "Nm"]]
+    table = pd.DataFrame([*rows, *given.to_numpy().tolist()])
+    with pd.ExcelWriter(path, engine="openpyxl") as book:
+        table.to_excel(book, sheet_name="run", header=False, index=False)
+        pd.DataFrame({"a": [1]}).to_excel(book, sheet_name="other")
+    log = Log.read(path, known)
+    np.testing.assert_allclose(log.t, arrays["t"], rtol=1e-14)
+    same(log, {k: v for k, v in arrays.items() if k != "t"})
+    assert "only its sheet 'run' was read, not other" in log.notes
+    assert "t from ms" in log.notes[-1]
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(LogError, match=r"needs the extra 'excel': pip install 'identifiability\["):
+        Log.read(path, known)
+
+
+def test_a_dictionary_of_arrays_is_a_log(arrays, known):
+    fitted, held = ({k: v[part] for k, v in arrays.items()} for part in np.split(range(200), [120]))
+    recordings = read_recordings([fitted], held, known)
+    assert [len(x) for x in (*recordings.fitted, *recordings.held)] == [120, 80]
+    assert "(in the robot's order)" in recordings.hints[0]
