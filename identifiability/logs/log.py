@@ -24,6 +24,7 @@ from identifiability.logs import signals
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
 from identifiability.logs.containers import numbered, stack_arrays
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.missing import propose_locks
 from identifiability.logs.naming import Naming
 from identifiability.logs.source import Reading, scan_file
 from identifiability.logs.tables import is_parquet
@@ -259,22 +260,12 @@ class Log:
             raise LogError(
                 f"{self.name} has no columns for the actuated joint"
                 f"{'s' if len(missing) > 1 else ''} {listing(missing)}; every actuated joint needs "
-                f"'<joint>.q' and '<joint>.tau'{_propose_locks(missing, wanted)}."
+                f"'<joint>.q' and '<joint>.tau'{propose_locks(missing, wanted)}."
             )
         if tuple(wanted) == self.joints:
             return self
         order = [self.joints.index(j) for j in wanted]
         return self.each(lambda x: x[:, order], joints=tuple(wanted))
-
-
-def _propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
-    """Return what to write where joints that a log does not have stand still, or nothing."""
-    if len(missing) == len(wanted):  # foreign names are likelier
-        return ""
-    they, line = ("it does", "it") if len(missing) == 1 else ("they do", "them")
-    options = " ".join(f"--lock {name}" for name in missing)
-    names = ", ".join(f'"{name}"' for name in missing)
-    return f". If {they} not move, lock {line}: {options}, or locked = [{names}] in the sidecar"
 
 
 def join_logs(logs: Sequence[Log]) -> Log:

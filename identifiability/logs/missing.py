@@ -76,10 +76,11 @@ def refuse_missing(
                 "so on."
             )
         find_joints(own, source, known.joints)
+    locks = propose_locks(missing, known.joints)
     raise LogError(
         f"{source} has no columns for the actuated joint{'s' if len(missing) > 1 else ''} "
-        f"{listing(missing)}; every actuated joint needs '<joint>.q' and '<joint>.tau'. It has the "
-        f"columns {listing(list(names))}."
+        f"{listing(missing)}; every actuated joint needs '<joint>.q' and '<joint>.tau'"
+        f"{locks or f'. It has the columns {listing(list(names))}'}."
     )
 
 
@@ -114,7 +115,7 @@ def _refuse_strangers(
     missing: Sequence[str], strange: Sequence[str], source: str, known: Conventions
 ) -> NoReturn:
     """Refuse a log that calls joints otherwise, and propose which is which."""
-    rule = _pattern(missing, strange)
+    rule, others = _pattern(missing, strange)
     near = [(s, n) for s in strange if (n := near_match(s, missing)[:-1]).endswith("'")]
     of = "joint" if len(missing) == 1 else "joints"
     tells = (
@@ -122,7 +123,9 @@ def _refuse_strangers(
         f"{listing(strange)}, which the robot does not have"
     )
     if rule:
-        raise LogError(f"{tells}; if these are they, add --map '{rule}'.")
+        rest = " ".join(f"--lock {name}" for name in others)
+        locks = f", and if {listing(others)} does not move, {rest}" if others else ""
+        raise LogError(f"{tells}; if these are they, add --map '{rule}'{locks}.")
     if near and len(missing) == 1:
         name, match = near[0]
         raise LogError(
@@ -138,29 +141,52 @@ def _refuse_strangers(
     )
 
 
-def _pattern(missing: Sequence[str], strange: Sequence[str]) -> str:
-    """Return the rule by which other names differ from the robot's in what surrounds a number."""
+def _pattern(missing: Sequence[str], strange: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the rule by which other names differ from the robot's in what surrounds a number.
 
-    def shape(name: str) -> tuple[str, str, str] | None:
-        cut = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
-        return (cut[1], cut[2], cut[3]) if cut else None
-
-    shapes = [shape(n) for n in missing]
-    if len(missing) < 2 or None in shapes or len({(s[0], s[2]) for s in shapes if s}) > 1:
-        return ""
-    numbers = {s[1] for s in shapes if s}
-    by_shape: dict[tuple[str, str], set[str]] = {}
-    for s in map(shape, strange):
-        if s is not None:
-            by_shape.setdefault((s[0], s[2]), set()).add(s[1])
-    fitting = [around for around, has in by_shape.items() if numbers <= has]
-    if len(fitting) != 1:
-        return ""
-    (before, after), ours = fitting[0], shapes[0]
-    assert ours is not None
+    Returns
+    -------
+    rule : str
+        Empty if there is none, or several.
+    others : list of str
+        Joints that it does not find.
+    """
+    ours, theirs = _by_shape(missing), _by_shape(strange)
+    pairs = [
+        (len(numbers), around, other)
+        for around, numbers in ours.items()
+        for other, has in theirs.items()
+        if len(numbers) > 1 and numbers <= has
+    ]
+    most = [pair for pair in pairs if pair[0] == max(pairs)[0]]
+    if len(most) != 1:
+        return "", []
+    _, (before, after), (was_before, was_after) = most[0]
+    numbers = ours[before, after]
     digits = r"(\d)" if all(len(n) == 1 for n in numbers) else r"(\d+)"
-    return f"{re.escape(before)}{digits}{re.escape(after)}={ours[0]}\\1{ours[2]}"
+    rule = f"{re.escape(was_before)}{digits}{re.escape(was_after)}={before}\\1{after}"
+    return rule, [n for n in missing if n not in {f"{before}{k}{after}" for k in numbers}]
+
+
+def _by_shape(names: Sequence[str]) -> dict[tuple[str, str], set[str]]:
+    """Return the last number of each name, by what stands before and behind it."""
+    found: dict[tuple[str, str], set[str]] = {}
+    for name in names:
+        cut = re.fullmatch(r"(.*?)(\d+)(\D*)", name)
+        if cut:
+            found.setdefault((cut[1], cut[3]), set()).add(cut[2])
+    return found
 
 
 def _owner(name: str) -> str:
     return name.rpartition(".")[0]
+
+
+def propose_locks(missing: Sequence[str], wanted: Sequence[str]) -> str:
+    """Return what to write where joints that a log does not have stand still, or nothing."""
+    if len(missing) == len(wanted):  # foreign names are likelier
+        return ""
+    they, line = ("it does", "it") if len(missing) == 1 else ("they do", "them")
+    options = " ".join(f"--lock {name}" for name in missing)
+    names = ", ".join(f'"{name}"' for name in missing)
+    return f". If {they} not move, lock {line}: {options}, or locked = [{names}] in the sidecar"

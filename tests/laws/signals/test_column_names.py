@@ -109,6 +109,19 @@ def test_the_rule_that_is_proposed_is_the_one_that_helps(form):
     assert log.tau[0].tolist() == [5, 6, 7]
 
 
+def test_joints_that_the_log_does_not_have_are_proposed_for_locking():
+    hand = (*ARM, "panda_finger_joint1")
+    columns = ["t", *each("fer_joint{j}.{k}", (1, 2, 3), ("q", "tau"))]
+    with pytest.raises(LogError) as refusal:
+        read(columns, hand)
+    assert str(refusal.value).endswith(
+        r"add --map 'fer_joint(\d)=panda_joint\1', and if panda_finger_joint1 does not move, "
+        "--lock panda_finger_joint1."
+    )
+    with pytest.raises(LogError, match=r"joint panda_finger_joint1; every .* --lock panda_finger_"):
+        read(columns, hand, Renames.of({r"fer_joint(\d)": r"panda_joint\1"}))
+
+
 def test_what_stands_before_all_names_is_found():
     columns = ["t", *each("kuka_{k}{j}", (1, 2), ("q", "tau"))]
     with pytest.raises(LogError, match=r"begin with 'kuka_'.* --map 'kuka_\(\.\*\)=\\1'"):
