@@ -26,7 +26,8 @@ from identifiability.logs.containers import numbered, stack_arrays
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.missing import propose_locks
 from identifiability.logs.naming import Naming
-from identifiability.logs.source import Reading, scan_file
+from identifiability.logs.reading import Reading
+from identifiability.logs.source import scan_file
 from identifiability.logs.tables import is_parquet
 
 if TYPE_CHECKING:
@@ -206,7 +207,20 @@ class Log:
             If samples are missing. A step is a gap when it stands out from the jitter.
         """
         windows = [self.rows(a, b) for a, b in signals.spread_windows(len(self))]
-        return even_step(self.clock, windows)
+        steps = np.concatenate([np.diff(w.t) for w in windows])
+        dt = float(np.median(steps))
+        usual = float(np.quantile(np.abs(steps / dt - 1), 0.95))
+        worst = max(self.clock.longest, self.clock.shortest, key=lambda s: abs(s.length / dt - 1))
+        jitter = abs(worst.length / dt - 1)
+        if jitter > min(max(0.5, 5 * usual), 3.0):
+            raise LogError(
+                f"{self.name} has a gap of {worst.length:.3g} s after t = {worst.t:.6g} s "
+                f"(data row {worst.row + 1}) at a sampling step of {dt:.3g} s; velocity and "
+                "acceleration cannot be computed across it: split the log there."
+            )
+        if jitter <= 0.01:  # a clock's rounding
+            return dt, ""
+        return dt, f" (time stamps jitter by {100 * jitter:.0f} % of a step; taken as even)"
 
     def to_frame(self) -> pd.DataFrame:
         """Return the log as a DataFrame that `from_frame` accepts."""
@@ -273,37 +287,6 @@ def join_logs(logs: Sequence[Log]) -> Log:
     kinds = ("t", *logs[0].channels)
     joined: dict[str, Any] = {k: np.concatenate([getattr(x, k) for x in logs]) for k in kinds}
     return replace(logs[0], **joined)
-
-
-def even_step(clock: Clock, windows: Sequence[Log]) -> tuple[float, str]:
-    """Return the sampling step [s] of a log and a remark on its jitter.
-
-    Parameters
-    ----------
-    clock : Clock
-        Its longest and its shortest step.
-    windows : sequence of Log
-        Where the usual step and the usual jitter are measured.
-
-    Raises
-    ------
-    LogError
-        If samples are missing. A step is a gap when it stands out from the jitter.
-    """
-    steps = np.concatenate([np.diff(w.t) for w in windows])
-    dt = float(np.median(steps))
-    usual = float(np.quantile(np.abs(steps / dt - 1), 0.95))
-    worst = max(clock.longest, clock.shortest, key=lambda s: abs(s.length / dt - 1))
-    jitter = abs(worst.length / dt - 1)
-    if jitter > min(max(0.5, 5 * usual), 3.0):
-        raise LogError(
-            f"{windows[0].name} has a gap of {worst.length:.3g} s after t = {worst.t:.6g} s "
-            f"(data row {worst.row + 1}) at a sampling step of {dt:.3g} s; velocity and "
-            "acceleration cannot be computed across it: split the log there."
-        )
-    if jitter <= 0.01:  # a clock's rounding
-        return dt, ""
-    return dt, f" (time stamps jitter by {100 * jitter:.0f} % of a step; taken as even)"
 
 
 def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: str) -> Log:

@@ -17,7 +17,8 @@ from identifiability.logs.checks import Clock, find_channels
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.log import Log, build_log
 from identifiability.logs.naming import Naming
-from identifiability.logs.source import MixedRatesError, Reading, is_long, scan_file
+from identifiability.logs.reading import MixedRatesError, Reading
+from identifiability.logs.source import is_long, scan_file
 from identifiability.logs.spikes import Spike, mend_column
 from identifiability.logs.tables import Table, parsing
 from identifiability.logs.times import as_times

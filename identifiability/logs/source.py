@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.names import Array
-from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.bags import MixedJointsError, hash_files, is_bag, read_bag, split_topic
-from identifiability.logs.checks import Clock, Numbers
 from identifiability.logs.containers import CONTAINERS, check_suffix, read_container
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.measured import call_currents, settle_torque
-from identifiability.logs.naming import Naming, name_columns
-from identifiability.logs.rates import LACKING, unify_rates
+from identifiability.logs.reading import with_index
 from identifiability.logs.scan import scan_table
-from identifiability.logs.spikes import SpikeFinder
 from identifiability.logs.tables import Table, is_parquet, open_parquet, parsing
-from identifiability.logs.times import as_times, settle_time
-from identifiability.logs.wraps import WrapFinder
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,202 +25,6 @@ LONG, BYTES_PER_VALUE = 2_000_000, 12
 
 #: Tables with more values are never held in memory.
 MOST = 50_000_000
-
-
-class MixedRatesError(LogError):
-    """Columns come at rates of their own, which only a log in memory can be read with."""
-
-
-def settle_naming(
-    naming: Naming, sources: Mapping[str, str], first: pd.DataFrame, source: str, known: Conventions
-) -> Naming:
-    """Return what a log takes from a table, in seconds and in N·m or N at the joints.
-
-    Parameters
-    ----------
-    naming : Naming
-    sources : mapping of str to str
-        What the table calls the columns that were named.
-    first : DataFrame
-        Its first rows.
-    source : str
-    known : Conventions
-
-    Raises
-    ------
-    LogError
-    """
-    columns = tuple(replace(c, source=sources[c.source]) for c in naming.columns)
-    naming = settle_torque(replace(naming, columns=columns), known, source)
-    return settle_time(naming, first, source, known)
-
-
-def with_index(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with its index as a column where it may be the time."""
-    index = frame.index
-    name = INDEX if index.name is None else str(index.name)
-    timed = index.nlevels == 1 and (index.dtype.kind in "fmM" or index.name is not None)
-    if not timed or name in frame.columns or guess_column(name, name, ()) is None:
-        return frame
-    return frame.reset_index(names=name)
-
-
-class Reading:
-    """What the first reading of a table finds, piece by piece.
-
-    Parameters
-    ----------
-    source : str
-        What sentences call the table.
-    known : Conventions
-        What is known of it before.
-    keep : bool
-        Keep the values; else look for wrong ones in passing.
-
-    Attributes
-    ----------
-    numbers : dict of str to Numbers
-        The columns that a log is made of; in the end without commands that have gaps.
-    finders : dict of str to SpikeFinder
-        Of the columns that are not kept.
-    turns : dict of str to WrapFinder
-        Of the positions that are not kept.
-    clock : Clock
-    torque : bool
-        Whether any torque is not zero.
-    """
-
-    def __init__(self, source: str, known: Conventions, *, keep: bool = True) -> None:
-        self.source, self.known, self.keep = source, known, keep
-        self._naming, self._form = Naming((), ()), PLAIN
-        self.numbers: dict[str, Numbers] = {}
-        self.finders: dict[str, SpikeFinder] = {}
-        self.turns: dict[str, WrapFinder] = {}
-        self.clock, self.torque = Clock(source), False
-        self._kept: dict[str, list[Array]] = {}
-
-    def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
-        """Check the next rows.
-
-        Parameters
-        ----------
-        frame : DataFrame
-        form : Form
-            How the table was written.
-
-        Raises
-        ------
-        LogError
-            If a column is missing, there twice, or of another kind altogether.
-        """
-        frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
-        self._form = form
-        if not self._naming.columns:
-            self._begin(frame)
-        self._follow_labels(frame)
-        for known in self._naming.columns:
-            column, numbers = known.name, self.numbers[known.name]
-            given = frame[known.source]
-            if column == "t":
-                values = numbers.add(as_times(given, known))
-            else:
-                values = known.scale(numbers.add(given))
-            if column == "t" and not numbers.bad:
-                self.clock.add(values)
-            elif column.endswith(".tau"):
-                self.torque = self.torque or bool(values.any())
-            if self.keep or not self._kept[column]:  # else the first rows tell how values come
-                self._kept[column].append(values)
-            if column in self.finders:
-                self.finders[column].add(values)
-                if column in self.turns:
-                    self.turns[column].add(values)
-
-    @property
-    def naming(self) -> Naming:
-        """Which columns are which; empty before the first rows."""
-        return replace(self._naming, notes=(*self._form.notes, *self._naming.notes))
-
-    def _begin(self, frame: pd.DataFrame) -> None:
-        """Decide which columns are which, by the first rows."""
-        texts = [k for k, dtype in enumerate(frame.dtypes) if dtype.kind not in "biufcmM"]
-        first = {frame.columns[k]: str(frame.iat[0, k]) for k in texts if len(frame)}
-        called = call_currents(list(frame.columns), self.known)
-        sources = dict(zip(called, frame.columns, strict=True))
-        units = dict(zip(called, self._form.units, strict=False))
-        currents = {name for name, column in sources.items() if name != column}
-        naming = name_columns(called, self.source, self.known, units, first, currents=currents)
-        naming = settle_naming(naming, sources, frame, self.source, self.known)
-        self._naming = naming
-        names = [c.name for c in naming.columns]
-        self.numbers = {c: Numbers(c, self.source) for c in names}
-        self._kept = {c: [] for c in names}
-        self.finders = {} if self.keep else {c: SpikeFinder() for c in names if c != "t"}
-        self.turns = {c: WrapFinder() for c in self.finders if c.endswith(".q")}
-
-    def _follow_labels(self, frame: pd.DataFrame) -> None:
-        """Refuse rows that are about other joints than the first.
-
-        Raises
-        ------
-        LogError
-        """
-        for column, text in self._naming.labels.items():
-            other = frame[column].astype(str).str.strip() != text
-            if other.any():
-                raise LogError(
-                    f"{self.source}: the column '{column.strip()}' names the joint '{text}' first "
-                    f"and later '{frame[column][other].iloc[0]}'; sort the joints, or give the "
-                    "rows of one kind."
-                )
-
-    def finish(self) -> dict[str, Array]:
-        """Return the columns, each (N,), as far as they were kept.
-
-        Raises
-        ------
-        LogError
-            If a value cannot be, or the times are too few or do not increase.
-        """
-        if self.keep:
-            self._unify()
-        elif self._is_mixed():
-            raise MixedRatesError(
-                f"{self.source} has columns at rates of their own and is too long to be held in "
-                "memory: give stretches of it, or a table with the same rows for all columns."
-            )
-        gaps = [c for c, x in self.numbers.items() if c.endswith(".q_ref") and not x.usable]
-        for column in gaps:  # before the first command there is none
-            del self.numbers[column], self._kept[column]
-        columns = tuple(c for c in self._naming.columns if c.name not in gaps)
-        self._naming = replace(self._naming, columns=columns)
-        for numbers in self.numbers.values():
-            numbers.finish()
-        self.clock.finish()
-        return {c: np.concatenate(kept) for c, kept in self._kept.items() if kept}
-
-    def _is_mixed(self) -> bool:
-        """Whether cells are empty, or values come again, as between messages of other rates."""
-        if not all(x.clean for x in self.numbers.values()):
-            return False
-        if any(x.bad > LACKING * x.rows for x in self.numbers.values()):
-            return True
-        return bool(unify_rates({c: kept[0] for c, kept in self._kept.items()})[1])
-
-    def _unify(self) -> None:
-        """Bring columns at rates of their own to the same times, if all that is wrong is that."""
-        if self.numbers["t"].bad or not all(x.clean for x in self.numbers.values()):
-            return
-        values = {c: np.concatenate(kept) for c, kept in self._kept.items()}
-        found, note = unify_rates(values)
-        if not note:
-            return
-        self.numbers = {c: Numbers(c, self.source) for c in found}
-        self._kept = {c: [x] for c, x in found.items()}
-        columns = tuple(c for c in self._naming.columns if c.name in found)
-        self._naming = replace(self._naming, columns=columns, notes=(*self._naming.notes, note))
-        self.clock = Clock(self.source)
-        self.clock.add(found["t"])
 
 
 def scan_file(

@@ -81,7 +81,8 @@ class Unit:
         LogError
         """
         if self.dimension not in DIMENSIONS[kind]:
-            word = {"t": "time", "q": "position", "dq": "velocity", "ddq": "acceleration"}
+            word = {"t": "time", "q": "position", "dq": "velocity", "ddq": "acceleration",
+                    "current": "current"}  # fmt: skip
             raise LogError(
                 f"{source}: column '{column}' is a {word.get(kind, 'torque or force')}, but the "
                 f"log says that its unit is '{self.text}'; check which column is which, and "

@@ -71,3 +71,16 @@ def test_a_rule_that_is_none_is_refused_where_it_stands(write, refused):
 def test_a_needed_column_that_is_missing_is_refused_though_others_are_there(foreign):
     with pytest.raises(LogError, match=r"has 'elbow.q' but no torque column 'elbow.tau'"):
         Log.from_frame(foreign.drop(columns="fer_elbow.tau"), "log", known(columns=MAP))
+
+
+def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write):
+    side = write("side.toml", "[torque]\ngain = {shoulder = 2.0, elbow = 4.0}\n")
+    names = ("t", "q1", "q2", "actual_current_1 [mA]", "actual_current_2 [mA]")
+    given = bare.set_axis(list(names), axis=1)
+    with pytest.raises(LogError, match=r"has currents and no torques of shoulder, elbow; say in"):
+        Log.from_frame(given, "log", known())
+    log = Log.from_frame(given, "log", known(sidecar=side))
+    scaled = bare[["shoulder.tau", "elbow.tau"]] * [2e-3, 4e-3]
+    np.testing.assert_allclose(log.tau, scaled, rtol=1e-12)
+    with pytest.raises(LogError, match=r"is a current, but .* its unit is 'Nm'"):
+        Log.from_frame(given.rename(columns=lambda c: c.replace("mA", "Nm")), "log", known())

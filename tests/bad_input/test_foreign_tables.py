@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.foundation.errors import LogError
-from identifiability.logs import Log, source
+from identifiability.logs import Log, reading
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile
 from identifiability.robot import Robot
@@ -148,13 +148,13 @@ def test_what_is_hashed_is_what_is_read(bare, known, write, monkeypatch):
 
     path = write("log.csv", text_of(bare))
     old = path.read_bytes()
-    real = source.Reading.add
+    real = reading.Reading.add
 
     def add(self, frame, form):
         path.write_bytes(b"other")
         return real(self, frame, form)
 
-    monkeypatch.setattr(source.Reading, "add", add)
+    monkeypatch.setattr(reading.Reading, "add", add)
     log = Log.read(path, known)
     check(log, bare)
     assert log.sha256 == hashlib.sha256(old).hexdigest()
