@@ -11,7 +11,7 @@ passive and left out.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -75,10 +75,7 @@ class MixedJointsError(LogError):
 
 
 def read_bag(
-    path: str | Path,
-    topic: str | None = None,
-    joints: Sequence[str] | None = None,
-    rename: Callable[[str], str] = str,
+    path: str | Path, topic: str | None = None, joints: Sequence[str] | None = None
 ) -> pd.DataFrame:
     """Read the joint states of a bag as a table with the columns of a log.
 
@@ -91,8 +88,6 @@ def read_bag(
     joints : sequence of str, optional
         Which joints, for topics that also tell of others (grippers); messages that lack one of
         them are passed over. By default all, and every message must hold the same.
-    rename : callable(str) -> str
-        From the bag's names of joints to those that are wanted.
 
     Returns
     -------
@@ -108,7 +103,7 @@ def read_bag(
     try:
         with _opened(bag) as reader:
             name = _choose_topic(bag, reader, topic or named)
-            return _collect(bag, name, _messages(reader, name), joints, rename)
+            return _collect(bag, name, _messages(reader, name), joints)
     except LogError:
         raise
     except MemoryError:  # mostly a length that was spoilt
@@ -167,18 +162,14 @@ def _messages(reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
 
 
 def _collect(
-    path: Path,
-    topic: str,
-    messages: Iterable[tuple[int, Any]],
-    joints: Sequence[str] | None,
-    rename: Callable[[str], str],
+    path: Path, topic: str, messages: Iterable[tuple[int, Any]], joints: Sequence[str] | None
 ) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
     wanted = () if joints is None else tuple(joints)
     clocks, rows, all_names = [], [], dict[tuple[str, ...], None]()
     for recorded, message in messages:
-        names = tuple(map(rename, message.name))
+        names = tuple(message.name)
         if joints is None:
             wanted = wanted or names
             all_names[names] = None

@@ -74,14 +74,14 @@ def scan_file(
 def _read_joints(path: Path, known: Conventions | None) -> tuple[pd.DataFrame, Form]:
     """Return the joint states of a bag; where messages differ, those of the robot's joints."""
     known = known or Conventions()
-    rename = known.columns.apply
     try:
-        return read_bag(path, rename=rename), PLAIN
+        return read_bag(path), PLAIN
     except MixedJointsError as mixed:
+        called = {known.columns.apply(name): name for name in sorted(mixed.joints)}
         for joints in (known.motors, known.joints):
-            if joints and set(joints) <= mixed.joints:
+            if joints and set(joints) <= set(called):
                 note = "messages that do not tell of the robot's joints were passed over"
-                frame = read_bag(path, joints=joints, rename=rename)
+                frame = read_bag(path, joints=[called[j] for j in joints])
                 return frame, replace(PLAIN, notes=(note,))
         raise
 

@@ -92,7 +92,10 @@ def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(frame, state
     pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
     assert log.notes == ("messages that do not tell of the robot's joints were passed over",)
     other = Conventions(joints=("a", "b"), columns=Renames.of({"shoulder": "a", "elbow": "b"}))
-    np.testing.assert_array_equal(Log.read(bag, other).q, log.q)
+    renamed = Log.read(bag, other)
+    np.testing.assert_array_equal(renamed.q, log.q)
+    assert renamed.joints == ("a", "b")
+    assert renamed.notes[1].startswith("columns were renamed (shoulder.q is a.q")
     with pytest.raises(LogError, match="and no message of all joints that are needed"):
         Log.read(bag, Conventions(joints=("a", "b")))
     log = Log.from_frame(read_bag(bag, joints=JOINTS))
