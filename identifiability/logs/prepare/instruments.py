@@ -321,11 +321,14 @@ def _complete(robot: Robot, measured: Motion, record: SecondRecord) -> Motion | 
 
 
 def _thrown(robot: Robot, measured: Motion, other: Motion) -> np.ndarray:
-    """Return the few samples at which passive joints of two records are far apart, (F,) int."""
-    far = np.zeros(len(measured), bool)
+    """Return the few samples at which passive joints alone are far apart, (F,) int."""
+    passive = np.isin(np.arange(robot.nv), robot.dependent)
+    far = np.zeros((2, len(measured)), bool)
     for x, y in ((measured.v, other.v), (measured.a, other.a)):
-        apart = np.abs(x - y)[:, robot.dependent]
-        far |= np.any(apart > THROWN * np.median(apart, axis=0), axis=1)
+        apart = np.abs(x - y)
+        beyond = apart > THROWN * np.median(apart, axis=0)
+        far |= beyond[:, ~passive].any(1), beyond[:, passive].any(1)
+    far = far[1] & ~far[0]  # where actuated joints are far too, one of the records is wrong
     return np.flatnonzero(far) if far.mean() < OPEN else np.empty(0, int)
 
 

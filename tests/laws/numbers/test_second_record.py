@@ -213,6 +213,9 @@ def test_where_noise_throws_a_mechanism_off_the_second_record_stands_for_it(rps,
     np.testing.assert_array_equal(mended.motion.a[40], mended.instrument.a[40])
     np.testing.assert_array_equal(mended.motion.a[41:], found.motion.a[41:])
     assert "at 2 of 750 samples noise throws" in mended.notes[-1]
+    wild[40, rps.actuated] = 1e4  # the sensors themselves say so: no fault of the mechanism
+    told = add_instrument(rps, noisy_log, replace(samples, motion=replace(samples.motion, a=wild)))
+    np.testing.assert_array_equal(told.motion.a[40], wild[40])
 
 
 @pytest.mark.parametrize("read", [Log.read, LogFile.read])
