@@ -110,11 +110,11 @@ def _print_logs(result: Inspection) -> None:
         joints += [
             (
                 j.joint,
-                f"{_number(j.low)} … {_number(j.high)}",
+                f"{j.low:.2g} … {j.high:.2g}",
                 _number(j.speed),
                 _number(j.bandwidth),
                 _number(j.step) if j.step else "fine",
-                f"{_number(j.torque_low)} … {_number(j.torque_high)}",
+                _number(max(abs(j.torque_low), abs(j.torque_high))),
                 _number(j.scale),
             )
             for j in r.joints

@@ -138,6 +138,12 @@ class Description:
         return bool(root.tag == "mujoco")
 
     @property
+    def identity(self) -> dict[str, Any]:
+        """What results say of it in JSON: name, title, and what is locked if anything is."""
+        said = {"name": self.name, "title": self.title}
+        return {**said, "locked": dict(self.locked)} if self.locked else said
+
+    @property
     def closed(self) -> bool:
         """Whether the robot has loops or coupled joints."""
         return len(self.dependent) > 0

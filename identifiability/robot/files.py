@@ -119,6 +119,13 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     follow = {n: j.find("mimic") for n, j in joints.items() if n not in fixed}
     mimics = [_read_mimic(n, mimic, fixed) for n, mimic in follow.items() if mimic is not None]
     couplings = add_couplings(mimics, extra.couplings)
+    for c in couplings:
+        if c in mimics and c.of is not None and c.of not in joints:
+            raise RobotError(
+                f"{path}: the joint '{c.joint}' follows '{c.of}', which is not there"
+                f"{near_match(c.of, joints)} Correct the file, or state it in the sidecar: "
+                f'[[couplings]] joint = "{c.joint}", of = "…".'
+            )
     # What follows a fixed joint stands still as well, and what is fixed need not be locked.
     wanted: dict[str, float | None] = {c.joint: None for c in mimics if c.of is None}
     wanted |= {n: at for n, at in read_locks(extra.locked).items() if at or n not in fixed}

@@ -30,6 +30,7 @@ class RobotEntry(_Entry):
     """What the result is about."""
 
     name: str
+    locked: dict[str, float] = {}
 
 
 class PhysicalEntry(_Entry):
@@ -223,6 +224,12 @@ def export(robot: RobotLike, result: FilePath, out: FilePath) -> Exported:
 
 def _check(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
     given = content.physical.parameters
+    if content.robot.locked.keys() != robot.locked.keys():
+        was = ", ".join(f"{n} = {at:g}" for n, at in content.robot.locked.items()) or "nothing"
+        raise IdentifiabilityError(
+            f"{path} was made with {was} locked, and now {listing(robot.locked) or 'nothing'} is; "
+            "lock the same joints (--lock, or 'locked' in the sidecar)."
+        )
     for name in given:
         if name not in known:
             raise IdentifiabilityError(

@@ -8,13 +8,14 @@ import pytest
 from made_robots import CLOSURES, arm, parallelogram
 from typer.testing import CliRunner
 
+from identifiability import analyze, export
 from identifiability.cli import app
-from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.errors import IdentifiabilityError, LogError, RobotError
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs import Log
 from identifiability.logs.prepare.longsamples import prepare_samples
 from identifiability.robot import Robot, complete_motion
-from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
 from identifiability.simulation.forward import ForwardRobot
 from identifiability.workflows.export import write_parameters
 
@@ -254,3 +255,22 @@ def test_joints_that_a_log_lacks_are_proposed_for_locking_with_what_to_write(loa
     locked = Robot.load(robot.path, lock=["f1"])
     assert prepare_samples(locked, Log.read(log)).tau.shape[1] == 1
     assert locked.sha256 != robot.sha256
+
+
+def test_a_result_is_exported_under_the_locks_it_was_made_with(load_text, tmp_path):
+    robot = load_text(fingers(), "urdf", lock=["f1=0.02"])
+    path = random_trajectory(robot, np.random.default_rng(0))
+    log = simulate(robot, PrescribedMotion.of(path, 600))
+    result = analyze(robot, log, replicates=0).to_json(tmp_path / "result.json")
+    out = tmp_path / "fitted.urdf"
+    with pytest.raises(IdentifiabilityError, match=r"made with f1 = 0\.02, f2 = .*\(--lock"):
+        export(Robot.load(robot.path), result, out)
+    export(robot, result, out)
+    assert Robot.load(out).locked == pytest.approx(robot.locked)
+
+
+def test_a_joint_that_follows_none_is_told_with_what_to_write(load_text):
+    with pytest.raises(RobotError, match=r"'f2' follows 'g1', which is not there.*\[\[couplings"):
+        load_text(fingers().replace('mimic joint="f1"', 'mimic joint="g1"'), "urdf")
+    stated = '[[couplings]]\njoint = "f2"\nof = "f1"'
+    assert load_text(fingers().replace('mimic joint="f1"', 'mimic joint="g1"'), "urdf", stated)

@@ -145,7 +145,7 @@ class Analysis(Result, Opening):
         """Return the result in the documented JSON schema."""
         return {
             "schema": self.schema,
-            "robot": {"name": self.robot.name, "title": self.robot.title},
+            "robot": self.robot.identity,
             "samples": self.information.samples,
             "statement": self.statement,
             "nothing": self.nothing or None,

@@ -107,7 +107,7 @@ class Diagnosis(Result, Findings):
         hidden = {"effect": "family", "joint": "place", "hidden_behind": "behind"}
         return {
             "schema": self.schema,
-            "robot": pick(self.robot, "name", "title"),
+            "robot": self.robot.identity,
             "model": list(self.base),
             **pick(self, "fixed", "statement", "hints", "seed", "physical"),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),

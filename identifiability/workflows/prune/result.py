@@ -138,7 +138,7 @@ class Ladder(Result, Opening, Measured):
         """Return the result as plain values."""
         return {
             "schema": self.schema,
-            "robot": {"name": self.robot.name, "title": self.robot.title},
+            "robot": self.robot.identity,
             "samples": self.information.samples,
             "statement": self.statement,
             "hints": list(self.hints),
