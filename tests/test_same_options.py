@@ -10,7 +10,7 @@ from rich.console import Console
 from identifiability.cli import app, common, options
 
 #: Verbs that take logs, and options that mean the same in each.
-VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite")
+VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite", "inspect")
 SHARED = ("derivatives", "cutoff", "period", "harmonics", "decimate", "engine", "workers", "map",
           "scheduler", "resume", "time_unit", "seed", "lock", "sidecar", "plugin")  # fmt: skip
 
@@ -24,7 +24,8 @@ def commands():
 def test_every_verb_has_them(verb, commands):
     known = {p.name: p for p in commands[verb].params}
     usual = {p.name: p for p in commands["analyze"].params}
-    for name in set(SHARED) - ({"harmonics"} if verb == "excite" else set()):  # its motion's
+    own = {"excite": {"harmonics"}, "inspect": {"seed"}}  # its motion's; nothing is random
+    for name in set(SHARED) - own.get(verb, set()):
         assert known[name].help == usual[name].help
         assert known[name].opts == usual[name].opts
 

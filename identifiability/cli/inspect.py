@@ -21,6 +21,7 @@ def inspect(
     machine: options.Machine,
     recorded: options.Recorded,
     outputs: options.Outputs,
+    derived: options.Derived,
     place: options.Place,
     logs: Annotated[list[str] | None, Argument()] = None,
     template: Path | None = None,
@@ -55,6 +56,7 @@ def inspect(
             machine.load(recorded),
             given,
             model=options.split_model(model),
+            preparation=derived.preparation(),
             progress=say,
             engine=runner if any(astuple(place)) else None,
         )

@@ -80,7 +80,7 @@ def test_columns_of_a_template_are_those_that_a_log_is_read_by(tmp_path, gripper
     found = inspect(gripper)
     path = found.write_template(tmp_path / "log.csv")
     row = pd.read_csv(path)
-    frame = pd.concat([row] * 30, ignore_index=True).assign(t=np.arange(30.0))
+    frame = pd.concat([row] * 30, ignore_index=True).assign(t=0.01 * np.arange(30.0))
     log = Log.from_frame(frame)
     assert log.joints == found.robot.joints
     assert log.q[0] == pytest.approx(found.robot.actuated_positions(found.robot.home[None])[0])
