@@ -105,8 +105,9 @@ class Machine:
         """Return the robot, with what was said of its logs."""
         from identifiability.robot import Robot  # noqa: PLC0415
 
-        columns, unit = (recorded.columns, recorded.time_unit) if recorded else (None, None)
-        return Robot.load(self.robot, self.sidecar, columns, self.lock, unit)
+        said = (recorded.columns, recorded.time_unit, recorded.angles) if recorded else (None,) * 3
+        columns, unit, angles = said
+        return Robot.load(self.robot, self.sidecar, columns, self.lock, unit, angles)
 
 
 @dataclass(frozen=True)
@@ -120,10 +121,14 @@ class Recorded:
         by a regular expression, as in 'fer_joint(\d)=panda_joint\1'; may be given several times.
     time_unit
         Unit of the times in the logs, where they do not tell it themselves.
+    angles
+        Unit of their angles, and of angular rates; by default rad, and what looks like degrees
+        is refused.
     """
 
     map: Annotated[list[str] | None, Option(metavar="OLD=NEW")] = None
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
+    angles: Literal["rad", "deg"] | None = None
 
     @property
     def columns(self) -> dict[str, str]:

@@ -30,6 +30,8 @@ class Conventions:
         What its torque columns hold: ``[torque]``.
     raw_torque : bool
         Read torque columns, and currents in their place, as they are: their gain is looked for.
+    degrees : tuple of str
+        Joints and motors whose angles and rates are in degrees: ``angles`` and ``--angles``.
     """
 
     joints: tuple[str, ...] = ()
@@ -38,10 +40,16 @@ class Conventions:
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
     raw_torque: bool = False
+    degrees: tuple[str, ...] = ()
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
         """Return what a robot's sidecar, and what was said when it was loaded, tell of its logs."""
         gear = robot.transmission
         motors = gear.motors if gear else ()
-        return Conventions(robot.joints, motors, robot.columns, robot.time_unit, robot.torque)
+        turns = [j for j, k in zip(robot.joints, robot.actuated, strict=True)
+                 if not robot.is_prismatic(int(k))]  # fmt: skip
+        degrees = (*turns, *motors) if robot.angles == "deg" else ()
+        return Conventions(
+            robot.joints, motors, robot.columns, robot.time_unit, robot.torque, degrees=degrees
+        )

@@ -14,6 +14,7 @@ from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.checks import Clock, Numbers
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
+from identifiability.logs.angles import settle_angles
 from identifiability.logs.measured import call_currents, settle_torque
 from identifiability.logs.naming import Naming, name_columns
 from identifiability.logs.rates import LACKING, unify_rates
@@ -49,7 +50,8 @@ def settle_naming(
     LogError
     """
     columns = tuple(replace(c, source=sources[c.source]) for c in naming.columns)
-    naming = settle_torque(replace(naming, columns=columns), known, source)
+    naming = settle_angles(replace(naming, columns=columns), known)
+    naming = settle_torque(naming, known, source)
     return settle_time(naming, first, source, known)
 
 

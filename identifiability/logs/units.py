@@ -14,8 +14,7 @@ from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.robot import Robot
 
-#: Units that people give instead of SI, and how many make one of SI.
-_ANGLES = {"degrees": 180 / np.pi}
+#: Units of length that people give instead of SI, and how many make one of SI.
 _LENGTHS = {"mm": 1e3, "cm": 1e2}
 
 #: Share of the motion's variance that a given derivative may leave unexplained.
@@ -45,27 +44,60 @@ def check_units(robot: Robot, windows: Sequence[Log]) -> None:
     LogError
     """
     log = windows[0]
+    if robot.angles is None:
+        _check_angles(robot, windows)
     for k, joint in enumerate(log.joints):
-        q = np.concatenate([w.q[:, k] for w in windows])
-        prismatic = robot.is_prismatic(int(robot.actuated[k]))
-        unit, others = ("m", _LENGTHS) if prismatic else ("rad", _ANGLES)
-        low, high = robot.limits[k]
-        if np.isfinite(high - low) and np.mean((q < low) | (q > high)) > 0.5:
-            fits = [
-                u for u, f in others.items() if np.mean((q >= low * f) & (q <= high * f)) > 0.99
-            ]
-            if not fits and not prismatic and np.ptp(q) > 8 * np.pi:
-                fits = ["degrees"]
+        if robot.is_prismatic(int(robot.actuated[k])):
+            q = np.concatenate([w.q[:, k] for w in windows])
+            low, high = robot.limits[k]
+            fits = [u for u, f in _LENGTHS.items() if _fits(q, low, high, f)]
             if fits:
                 raise LogError(
-                    f"{log.name}: '{joint}.q' spans {q.min():.4g} … {q.max():.4g}, which does not "
-                    f"fit the joint's limits {low:.4g} … {high:.4g} {unit}; it looks like "
-                    f"{fits[0]}: convert it to {unit}."
+                    f"{log.name}: {_span(joint, q)}, which does not fit the joint's limits "
+                    f"{low:.4g} … {high:.4g} m; it looks like {fits[0]}: convert it to m."
                 )
         if log.dq is not None:
             _check_rate(windows, k, "q", "dq")
         if log.dq is not None and log.ddq is not None:
             _check_rate(windows, k, "dq", "ddq")
+
+
+def looks_like_degrees(q: Array, low: float, high: float) -> bool:
+    """Return whether positions (N,) fit limits [rad] in degrees, and not in rad by whole turns."""
+    middle = round((float(np.median(q)) - 0.5 * (low + high)) / (2 * np.pi)) * 2 * np.pi
+    if not np.isfinite(middle) or np.mean((q - middle < low) | (q - middle > high)) < 0.01:
+        return False
+    return _fits(q, low, high, 180 / np.pi)
+
+
+def _fits(q: Array, low: float, high: float, factor: float) -> bool:
+    """Return whether positions (N,) do not fit limits as they are, but divided by a factor do."""
+    if not np.isfinite(high - low) or np.mean((q < low) | (q > high)) <= 0.5:
+        return False
+    return bool(np.mean((q >= low * factor) & (q <= high * factor)) > 0.99)
+
+
+def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
+    """Refuse degrees where most joints that turn, and have limits, show them."""
+    bounded = [
+        k
+        for k, dof in enumerate(robot.actuated)
+        if not robot.is_prismatic(int(dof)) and np.isfinite(np.ptp(robot.limits[k]))
+    ]
+    columns = {k: np.concatenate([w.q[:, k] for w in windows]) for k in bounded}
+    odd = [k for k in bounded if looks_like_degrees(columns[k], *robot.limits[k])]
+    if 2 * len(odd) > len(bounded):
+        k, log = odd[0], windows[0]
+        low, high = robot.limits[k]
+        raise LogError(
+            f"{log.name}: {_span(log.joints[k], columns[k])}, which does not fit the joint's "
+            f"limits {low:.4g} … {high:.4g} rad; it looks like degrees: say --angles deg (or "
+            'angles = "deg" in the sidecar), or --angles rad if they are rad.'
+        )
+
+
+def _span(joint: str, q: Array) -> str:
+    return f"'{joint}.q' spans {q.min():.4g} … {q.max():.4g}"
 
 
 def _check_rate(windows: Sequence[Log], joint: int, kind: str, rate_kind: str) -> None:

@@ -65,6 +65,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         columns=Renames.of(extra.columns),
         time_unit=extra.time.unit or "",
         torque=_measured_torque(extra),
+        angles=extra.angles,
         locked=dict(stated.locked),
         welded=dict(stated.welded),
     )

@@ -72,6 +72,8 @@ class Description:
         Unit of the times in its logs; empty if nobody said.
     torque : MeasuredTorque
         What the torque columns of its logs hold.
+    angles : {"rad", "deg"} or None
+        Unit of the angles in its logs; None where nothing was said: rad, unless they cannot be.
     locked : mapping
         Locked joint to the position at which it is held [rad or m]; it is none of the tree's.
     welded : mapping
@@ -112,6 +114,7 @@ class Description:
     columns: Renames = Renames()
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
+    angles: str | None = None
     locked: Mapping[str, float] = field(default_factory=dict)
     welded: Mapping[str, Array] = field(default_factory=dict)
     lock_option: tuple[str, ...] = ()

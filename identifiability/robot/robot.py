@@ -18,6 +18,10 @@ from identifiability.robot.locking import LockOption
 RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
 
 
+#: Unit of the angles in logs.
+AnglesOption = Literal["rad", "deg"]
+
+
 @frozen
 class Robot(Description):
     """A robot read from a standard file; make one with `Robot.load`."""
@@ -30,6 +34,7 @@ class Robot(Description):
         columns: Mapping[str, str] | None = None,
         lock: LockOption | None = None,
         time_unit: Literal["s", "ms", "us", "ns"] | None = None,
+        angles: AnglesOption | None = None,
     ) -> Robot:
         r"""Read a robot from an MJCF or URDF file, or by the name of a shipped one.
 
@@ -50,6 +55,9 @@ class Robot(Description):
         time_unit : {"s", "ms", "us", "ns"}, optional
             Of the times in its logs, before what the sidecar's ``[time]`` says; without any, times
             that can only be in one of these units are taken in it.
+        angles : {"rad", "deg"}, optional
+            Unit of the angles (and their rates) in its logs, before the sidecar's ``angles``.
+            Where neither says it, it is rad, and what looks like degrees is refused.
 
         Raises
         ------
@@ -63,8 +71,8 @@ class Robot(Description):
             raise RobotError(f"{error}.") from None
         known = read_robot(source, sidecar, lock)
         stated = {f.name: getattr(known, f.name) for f in fields(known)}
-        stated |= {"columns": given.before(known.columns)}
-        return Robot(**{**stated, "time_unit": time_unit or known.time_unit})
+        own = {"columns": given.before(known.columns), "angles": angles or known.angles}
+        return Robot(**{**stated, **own, "time_unit": time_unit or known.time_unit})
 
 
 #: A robot, or where it is read from.

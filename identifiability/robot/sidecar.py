@@ -6,6 +6,8 @@ Every key is optional::
     prior_relative = 1.0                 # width of the other priors (default: 1, the size itself)
     actuated = ["joint1", "joint2"]      # which joints have a motor (default: <actuator>, or all)
     locked = ["finger"]                  # joints that do not move (or a table: finger = 0.02)
+    angles = "deg"                       # unit of angles in the logs: rad or deg (default: rad,
+                                         # and what looks like degrees is refused)
     inertia_parts = ["Jr", "Js"]         # what an actuator's inertia is made of (default: Ia)
 
     [home]                               # joint = position; selects the assembly of a closed chain
@@ -204,6 +206,7 @@ class Sidecar(_Strict):
     description: str = ""
     actuated: list[str] | None = None
     locked: Names | dict[str, float | None] = []
+    angles: Literal["rad", "deg"] | None = None
     inertia_parts: Names = Field(default=["Ia"], min_length=1)
     home: dict[str, float] = {}
     loops: list[LoopEntry] | None = None

@@ -33,7 +33,7 @@ from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
-from identifiability.workflows.oddities import Evidence, find_mixed, find_oddities
+from identifiability.workflows.oddities import Evidence, find_oddities
 
 LogLike = Log | LogFile | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
@@ -73,15 +73,15 @@ class Opening(OfStructure):
         Logs that are fitted, and that are held out.
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check.
-    mixed : bool
-        Whether the first of them is about exchanged torque columns, which explain the others.
+    explained : bool
+        Whether the first of them explains whatever else contradicts.
     """
 
     structure: Structure
     samples: tuple[Prepared, ...]
     validation: tuple[Prepared, ...]
     hints: tuple[str, ...]
-    mixed: bool = False
+    explained: bool = False
 
     @cached_property
     def regression(self) -> Regression:
@@ -244,11 +244,8 @@ def open_logs(
     opening = Opening(structure=structure, samples=train, validation=held, hints=hints)
     if opening.silence:
         return replace(opening, validation=())
-    evidence = Evidence(structure, recordings.fitted, train)
-    mixed = find_mixed(evidence)
-    first = (mixed,) if mixed else ()
-    hints = (*first, *find_oddities(evidence, mixed), *hints)
-    return replace(opening, hints=hints, mixed=bool(mixed))
+    odd = find_oddities(Evidence(structure, recordings.fitted, train))
+    return replace(opening, hints=(*odd.hints, *hints), explained=odd.decisive)
 
 
 def require_signal(samples: Sequence[Prepared], done: str) -> None:

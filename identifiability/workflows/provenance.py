@@ -40,6 +40,8 @@ def state_provenance(
         out["time unit"] = robot.time_unit
     if robot.torque.text:
         out["torque"] = robot.torque.text
+    if robot.angles is not None:
+        out["angles"] = robot.angles
     if robot.locked:
         out["locked"] = ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items())
     if source is not None:

@@ -194,7 +194,7 @@ def test_degrees_for_radians_are_refused(simulated, refuses):
     sentence = refuses("six-dof-arm", frame)
     assert "'joint_1.q' spans " in sentence
     assert "does not fit the joint's limits -2.5 … 2.5 rad" in sentence
-    assert "it looks like degrees: convert it to rad." in sentence
+    assert "it looks like degrees: say --angles deg" in sentence
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "mm"), (1e2, "cm")])

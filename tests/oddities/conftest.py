@@ -10,7 +10,7 @@ from identifiability.regression.model import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.oddities import Evidence, find_mixed, find_oddities
+from identifiability.workflows.oddities import Evidence, find_oddities
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -30,7 +30,7 @@ def say():
 
     def look(structure, log):
         evidence = Evidence(structure, (log,), (prepare_samples(structure.robot, log),))
-        return find_oddities(evidence, find_mixed(evidence))
+        return find_oddities(evidence).hints
 
     return look
 

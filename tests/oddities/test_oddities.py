@@ -95,3 +95,37 @@ def test_an_effort_that_is_no_force(say, six_axis):
 def test_a_short_log_is_no_reason_to_speak(say, six_axis):
     structure, log = six_axis
     assert say(structure, log.rows(0, 2 * FEWEST)) == ()
+
+
+def exchanged(x):
+    return x[:, [0, 2, 1, 3, 4, 5]]
+
+
+def test_exchanged_joints_and_positions(say, six_axis):
+    structure, log = six_axis
+    hint = say(structure, replace(log, q=exchanged(log.q)))[0]
+    assert "The positions of joint_2 and joint_3 seem to be exchanged" in hint
+    (hint,) = say(structure, replace(log, q=exchanged(log.q), tau=exchanged(log.tau)))
+    assert "The joints joint_2 and joint_3 seem to be exchanged" in hint
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"), [(-1.0, "wrong sign"), (180 / np.pi, "joint_2 seem to be degrees")]
+)
+def test_positions_of_one_joint_in_another_way(say, six_axis, factor, text):
+    structure, log = six_axis
+    scale = np.where(np.arange(6) == 1, factor, 1.0)
+    hints = say(structure, replace(log, q=scale * log.q))
+    assert text in hints[0]
+    if factor > 1:
+        assert "'joint_2.q' spans" in hints[1]
+        assert "in degrees it would not" in hints[1]
+
+
+def test_whole_turns_are_no_other_zero(say, six_axis):
+    structure, log = six_axis
+    turns = 2 * np.pi * np.array([0, 0, 0, 1, -3, 2])
+    assert say(structure, replace(log, q=log.q + turns)) == ()
+    (hint,) = say(structure, replace(log, q=log.q + np.array([0, 0, 1.5, 0, 0, 0])))
+    assert "'joint_3.q' spans" in hint
+    assert "Check the zero" in hint

@@ -153,8 +153,8 @@ def analyze(
             "cad_weight": cad_weight,
         }
         weak = state_weak(results[at])
-        # Exchanged columns explain whatever else is odd.
-        after = () if opening.mixed else (weak, several.hint, results[at].warning)
+        # Exchanged columns, a wrong unit or late torque explain whatever else is odd.
+        after = () if opening.explained else (weak, several.hint, results[at].warning)
         return Analysis(
             structure=structure,
             samples=opening.samples,

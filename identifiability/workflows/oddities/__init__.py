@@ -7,36 +7,56 @@ said there: wrong samples (`logs.mend`), wrapped angles (`logs.wraps`), repeated
 
 from __future__ import annotations
 
+from identifiability.foundation.values import frozen
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.workflows.oddities.effort import find_weightless
 from identifiability.workflows.oddities.evidence import Evidence
-from identifiability.workflows.oddities.frozen import find_frozen
+from identifiability.workflows.oddities.exchanged import find_exchanged
+from identifiability.workflows.oddities.hung import find_hung
 from identifiability.workflows.oddities.late import find_late
+from identifiability.workflows.oddities.limits import find_beyond_limits
+from identifiability.workflows.oddities.rates import find_wrong_rates
 from identifiability.workflows.oddities.saturation import find_saturation
 from identifiability.workflows.oddities.time_scale import find_time_scale
 from identifiability.workflows.oddities.torque_scale import find_torque_scale
 
-__all__ = ["Evidence", "find_mixed", "find_oddities"]
+__all__ = ["Evidence", "Oddities", "find_oddities"]
 
 
-def find_mixed(evidence: Evidence) -> str:
-    """Return one sentence on torque columns that are exchanged or of the wrong sign, or nothing."""
+@frozen
+class Oddities:
+    """What is odd about logs.
+
+    Attributes
+    ----------
+    hints : tuple of str
+    decisive : bool
+        Whether the first of them explains whatever else contradicts.
+    """
+
+    hints: tuple[str, ...] = ()
+    decisive: bool = False
+
+
+#: What contradicts physics, in the order in which one explains the others.
+EXPLAIN = (
+    find_wrong_rates,
+    find_exchanged,
+    lambda evidence: tuple(filter(None, [_find_mix_up(evidence)])),
+    find_time_scale,
+    find_torque_scale,
+    find_weightless,
+    find_late,
+)
+
+
+def _find_mix_up(evidence: Evidence) -> str:
     structure = evidence.structure
     return find_mix_up(structure.regression(evidence.samples), structure.base.nonnegative)
 
 
-def find_oddities(evidence: Evidence, mixed: str = "") -> tuple[str, ...]:
-    """Return what is odd about logs, a sentence each.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    mixed : str
-        What `find_mixed` said: exchanged columns explain whatever contradicts physics.
-    """
-    raw = (*find_frozen(evidence), *find_saturation(evidence))
-    if mixed:
-        return raw
-    # The first that contradicts physics explains the others.
-    finders = (find_time_scale, find_torque_scale, find_weightless, find_late)
-    return (*raw, *next(filter(None, (find(evidence) for find in finders)), ()))
+def find_oddities(evidence: Evidence) -> Oddities:
+    """Return what is odd about logs, a sentence each; one explanation is enough."""
+    raw = (*find_beyond_limits(evidence), *find_hung(evidence), *find_saturation(evidence))
+    first: tuple[str, ...] = next(filter(None, (find(evidence) for find in EXPLAIN)), ())
+    return Oddities((*first, *raw), bool(first))

@@ -16,6 +16,14 @@ from identifiability.workflows.oddities.evidence import Evidence, without
 #: A file's masses are hardly wrong by such a factor.
 FACTOR = 5.0
 
+#: Nor do factors of two joints differ by more than this.
+APART = 8.0
+
+#: What is to be done about gains.
+REMEDY = (
+    "state the gain of each joint in the sidecar ([torque]), or correct the masses of the file."
+)
+
 #: Share of the predicted torque that must not look like friction, rotor inertia and offset.
 DISTINCT = 0.3
 
@@ -46,7 +54,7 @@ def find_torque_scale(evidence: Evidence) -> tuple[str, ...]:
     known = np.isfinite(factors)
     odd = known & ((factors > FACTOR) | (factors < 1 / FACTOR))
     if not odd.any():
-        return ()
+        return _tell_apart(evidence, factors[known])
     joints, share = evidence.joints, factors[odd]
     middle = float(np.exp(np.median(np.log(share))))
     alike = bool((np.abs(np.log(share / middle)) < np.log(ALIKE)).all())
@@ -62,8 +70,7 @@ def find_torque_scale(evidence: Evidence) -> tuple[str, ...]:
         return (
             f"The measured torque is {sizes} what the masses of the robot file ask for, by another "
             "factor at each joint: it looks like motor currents, percent, or torque before the "
-            "gears; state the gain of each joint in the sidecar ([torque]), or correct the file's "
-            "masses.",
+            f"gears; {REMEDY}",
         )
     which = listing([joints[k] for k in np.flatnonzero(odd)], 6)
     return (
@@ -71,6 +78,16 @@ def find_torque_scale(evidence: Evidence) -> tuple[str, ...]:
         f"{'not so at the other joints' if known.sum() > odd.sum() else 'the only one that shows'}"
         ": check unit and gain of the column (current, percent, before the gear?), or the file's "
         "masses.",
+    )
+
+
+def _tell_apart(evidence: Evidence, factors: Array) -> tuple[str, ...]:
+    """Return one sentence on factors that are possible each, but not beside each other."""
+    if len(factors) < 2 or factors.max() < APART * factors.min():
+        return ()
+    return (
+        f"The measured torque is {_multiple(factors)} what the masses of the robot file ask for, "
+        f"by another factor at each joint: it looks like motor currents or percent; {REMEDY}",
     )
 
 

@@ -234,20 +234,23 @@ def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
 @pytest.mark.parametrize(
     ("joint", "unit", "factor", "kind"),
     [
-        ("hinge", "degrees", 180 / np.pi, "rad"),
-        ("slide", "mm", 1e3, "m"),
-        ("slide", "cm", 1e2, "m"),
+        ("hinge", "degrees", 180 / np.pi, "say --angles deg"),
+        ("slide", "mm", 1e3, "convert it to m"),
+        ("slide", "cm", 1e2, "convert it to m"),
     ],
 )
 def test_positions_in_another_unit_are_named_by_the_limits(joint, unit, factor, kind):
     from types import SimpleNamespace
 
     robot = SimpleNamespace(
-        actuated=[0], is_prismatic=lambda k: joint == "slide", limits=np.array([[0.2, 0.9]])
+        actuated=[0],
+        is_prismatic=lambda k: joint == "slide",
+        limits=np.array([[0.2, 0.9]]),
+        angles=None,
     )
     q = np.linspace(0.25, 0.85, 200)[:, None]
     log = Log("log", (joint,), 0.01 * np.arange(200), q * factor, q, None, None, "")
-    with pytest.raises(LogError, match=f"looks like {unit}: convert it to {kind}"):
+    with pytest.raises(LogError, match=f"looks like {unit}: {kind}"):
         check_units(robot, [log])
     check_units(robot, [replace(log, q=q)])
 

@@ -1,0 +1,63 @@
+"""Degrees are read where it is said, refused where it must be said; rad is taken at its word."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.foundation.errors import LogError
+from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare import prepare_samples
+from identifiability.robot import Robot
+
+DEGREES = 180 / np.pi
+
+
+@pytest.fixture
+def degrees(simulated, tmp_path):
+    """A log of the arm in degrees, and the same in rad."""
+    log = simulated("six-dof-arm", "a")
+    path = replace(log, **{c: DEGREES * getattr(log, c) for c in ("q", "dq", "ddq")}).write(
+        tmp_path / "degrees.csv"
+    )
+    return path, log
+
+
+@pytest.mark.parametrize("how", ["option", "sidecar"])
+@pytest.mark.parametrize("reader", [Log, LogFile])
+def test_degrees_are_read_where_it_is_said(degrees, how, reader, tmp_path):
+    path, log = degrees
+    robot = Robot.load("six-dof-arm", angles="deg")
+    if how == "sidecar":
+        shipped = Robot.load("six-dof-arm")
+        own = tmp_path / "own.toml"
+        own.write_text('angles = "deg"\n' + shipped.sidecar.read_text())
+        robot = Robot.load("six-dof-arm", own)
+    read = reader.read(path, Conventions.of(robot))
+    assert "angles were read as degrees" in read.notes
+    assert np.allclose(read.rows(0, len(log)).q, log.q, rtol=1e-12)
+    assert np.allclose(read.rows(0, len(log)).dq, log.dq, rtol=1e-12)
+    assert np.allclose(read.rows(0, len(log)).tau, log.tau, rtol=0, atol=0)
+
+
+def test_sliding_joints_are_in_metres_whatever_angles_are(simulated):
+    log = simulated("3-rps", "601")
+    known = Conventions.of(Robot.load("3-rps", angles="deg"))
+    assert np.array_equal(Log.from_frame(log.to_frame(), conventions=known).q, log.q)
+
+
+def test_degrees_must_be_said_and_rad_may_be(degrees):
+    path, _ = degrees
+    with pytest.raises(LogError, match="it looks like degrees: say --angles deg"):
+        prepare_samples(Robot.load("six-dof-arm"), Log.read(path))
+    robot = Robot.load("six-dof-arm", angles="rad")
+    assert len(prepare_samples(robot, Log.read(path)).tau)
+
+
+@pytest.mark.parametrize("turns", [1, -3, 10])
+def test_encoders_that_count_turns_are_never_refused(simulated, turns):
+    log = simulated("six-dof-arm", "a")
+    more = replace(log, q=log.q + 2 * np.pi * turns)
+    assert len(prepare_samples(Robot.load("six-dof-arm"), more).tau)
