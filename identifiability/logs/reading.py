@@ -11,10 +11,10 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.logs.aliases import INDEX, guess_column
+from identifiability.logs.angles import settle_angles
 from identifiability.logs.checks import Clock, Numbers
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.angles import settle_angles
 from identifiability.logs.measured import call_currents, settle_torque
 from identifiability.logs.naming import Naming, name_columns
 from identifiability.logs.rates import LACKING, unify_rates

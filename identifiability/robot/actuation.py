@@ -47,6 +47,11 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     index = np.array([_driven_dof(robot, n) for n in names], int)
     if not names and robot.locked:
         raise RobotError(f"{robot.path}: every actuated joint is locked; leave one that moves.")
+    if not names and extra.actuated is None:
+        raise RobotError(
+            f"{robot.path} has no joint that turns or slides by itself; there is nothing to "
+            "identify. A base that floats is not supported: make its joint 'fixed'."
+        )
     if len(set(names)) != len(names) or not names:
         raise RobotError(f"{robot.path}: the actuated joints are {names}; name each one once.")
     dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)

@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
@@ -101,7 +101,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     reason = ""
     with _printed_errors() as printed:
         try:
-            model = pin.buildModelFromXML(_with_angles(root))
+            model = pin.buildModelFromXML(_with_angles(root, path.stem))
         except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
             reason = _one_line(error)
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
@@ -117,7 +117,13 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
     follow = {n: j.find("mimic") for n, j in joints.items() if n not in fixed}
-    mimics = [_read_mimic(n, mimic, fixed) for n, mimic in follow.items() if mimic is not None]
+    instead = {c.joint for c in extra.couplings} | set(read_locks(extra.locked))
+    mimics = [
+        _read_mimic(n, mimic, fixed)
+        for n, mimic in follow.items()
+        if mimic is not None and (n not in instead or mimic.get("joint") in joints)
+    ]
+    _check_mimics(path, mimics, joints)
     couplings = add_couplings(mimics, extra.couplings)
     for c in couplings:
         if c in mimics and c.of is not None and c.of not in joints:
@@ -148,22 +154,46 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     )
 
 
-def _with_angles(root: ET.Element) -> str:
+#: How files write a limit that is none.
+ENDLESS = ("inf", "+inf", "-inf", "infinity", "-infinity", ".inf", "-.inf")
+
+
+def _with_angles(root: ET.Element, name: str) -> str:
     """Return a URDF whose continuous joints are revolute ones, as far as they like.
 
     Pinocchio holds a continuous joint as cosine and sine, from which nobody can tell how often it
-    has turned; mimic joints follow that.
+    has turned; mimic joints follow that. What its reader demands and identification does not need
+    (a name, limits, an effort) is added.
     """
     plain = copy.deepcopy(root)
+    plain.set("name", root.get("name") or name)
     for joint in plain.findall("joint"):
-        if joint.get("type") == "continuous":
+        kind, limit = joint.get("type"), joint.find("limit")
+        if kind not in ("continuous", "revolute", "prismatic"):
+            continue
+        endless = kind == "continuous" or limit is None
+        limit = ET.SubElement(joint, "limit") if limit is None else limit
+        for key in ("effort", "velocity"):
+            limit.attrib.setdefault(key, "0")
+            if limit.get(key, "").strip().lower() in ENDLESS:
+                limit.set(key, "0")
+        for key, far in (("lower", "-1e9"), ("upper", "1e9")):
+            if endless or limit.get(key, "").strip().lower() in ENDLESS:
+                limit.set(key, far)
+        if kind == "continuous":
             joint.set("type", "revolute")
-            limit = joint.find("limit")
-            limit = ET.SubElement(joint, "limit") if limit is None else limit
-            for key, value in (("effort", "0"), ("velocity", "0")):
-                limit.attrib.setdefault(key, value)
-            limit.attrib.update(lower="-1e9", upper="1e9")
     return ET.tostring(plain, encoding="unicode")
+
+
+def _check_mimics(path: Path, mimics: Sequence[Coupling], joints: Collection[str]) -> None:
+    """Refuse a joint that follows one which is not there."""
+    for c in mimics:
+        if c.of is not None and c.of not in joints:
+            raise RobotError(
+                f"{path}: joint '{c.joint}' mimics '{c.of}', which is not there"
+                f"{near_match(c.of, joints)} Correct the file, or say in the sidecar what it "
+                f'follows ([[couplings]]) or that it stands still (locked = ["{c.joint}"]).'
+            )
 
 
 def _read_mimic(name: str, mimic: Any, fixed: set[str]) -> Coupling:

@@ -143,8 +143,28 @@ def _check_mjcf(path: Path, root: ET.Element) -> None:
                 )
 
 
+def _check_expanded(path: Path, root: ET.Element) -> None:
+    """Refuse what xacro has not gone through: the parts that it stands for would be lost."""
+    for element in root.iter():
+        space, _, tag = element.tag.rpartition("}")
+        left = "xacro" in space and tag not in ("property", "arg")
+        named = [text for text in element.attrib.values() if "${" in text or "$(" in text]
+        if left or named:
+            what = f"<xacro:{tag}>" if left else f"'{named[0]}'"
+            raise RobotError(
+                f"{path} is a xacro file that was not expanded ({what} is left in it); run "
+                f"'xacro {path.name} > robot.urdf' and give robot.urdf."
+            )
+
+
 def _check_urdf(path: Path, root: ET.Element) -> None:
+    _check_expanded(path, root)
     links = [e.get("name", "") for e in root.findall("link")]
+    if not links:
+        raise RobotError(
+            f"{path} has no <link>; it may only define parts that xacro puts into other files: "
+            "give the file of the whole robot."
+        )
     children = set()
     for joint in root.findall("joint"):
         kind = joint.get("type")

@@ -19,7 +19,7 @@ from identifiability.logs.spectrum import Spectrum
 from identifiability.logs.stale import StaleRule
 from identifiability.robot import Robot
 from identifiability.workflows.oddities.evidence import Evidence
-from identifiability.workflows.oddities.frozen import find_stretches
+from identifiability.workflows.oddities.hung import find_stretches
 from identifiability.workflows.oddities.saturation import flat_share
 from identifiability.workflows.oddities.torque_scale import measure_factors
 

@@ -1,0 +1,122 @@
+"""URDFs as people have them: what is not needed may be missing, what would be lost is refused."""
+
+from importlib.metadata import PackageNotFoundError, distribution
+
+import numpy as np
+import pytest
+
+from identifiability.foundation.errors import RobotError
+from identifiability.robot import Robot
+
+LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="2"/>'
+
+URDF = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<link name="ground"/>
+<link name="arm"><inertial><mass value="2"/><origin xyz="0.1 0 0"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual><geometry><mesh filename="package://somewhere/arm.stl"/></geometry></visual></link>
+<joint name="elbow" type="revolute"><parent link="ground"/><child link="arm"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="5" velocity="2"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    """A function (old text, new text, sidecar) -> the robot of the changed file."""
+
+    def change(old="", new="", sidecar=""):
+        path = tmp_path / "arm.urdf"
+        assert old in URDF
+        path.write_text(URDF.replace(old, new, 1))
+        if sidecar:
+            path.with_suffix(".toml").write_text(sidecar)
+        return Robot.load(path)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (LIMIT, ""),
+        (LIMIT, '<limit lower="-inf" upper="inf" effort="inf" velocity="2"/>'),
+        ("revolute", "continuous"),
+    ],
+)
+def test_a_joint_without_limits_is_free(load, old, new):
+    assert np.isinf(load(old, new).limits).all()
+
+
+def test_limits_without_effort_and_speed_are_limits(load):
+    assert load(' effort="5" velocity="2"', "").limits.tolist() == [[-1.0, 1.0]]
+
+
+def test_a_robot_without_a_name_is_called_by_its_file(load):
+    assert load(' name="r"', "").title == "arm"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "left"),
+    [
+        ('lower="-1"', 'lower="${-pi}"', "'${-pi}'"),
+        ("</robot>", '<xacro:include filename="b.xacro"/></robot>', "<xacro:include>"),
+        ("</robot>", '<xacro:gripper parent="arm"/></robot>', "<xacro:gripper>"),
+    ],
+)
+def test_what_xacro_would_add_is_not_lost_without_a_word(load, old, new, left):
+    with pytest.raises(RobotError, match="xacro file that was not expanded") as error:
+        load(old, new)
+    assert left in str(error.value)
+    assert "run 'xacro arm.urdf > robot.urdf'" in str(error.value)
+
+
+def test_leftovers_that_stand_for_nothing_are_passed_over(load):
+    assert load("</robot>", '<xacro:property name="m" value="2"/></robot>').joints == ("elbow",)
+
+
+def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load):
+    hand = """<link name="tip"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="wrist" type="revolute"><parent link="arm"/><child link="tip"/><axis xyz="0 1 0"/>
+<mimic joint="elbo"/></joint></robot>"""
+    with pytest.raises(RobotError, match="'wrist' mimics 'elbo', which is not there") as error:
+        load("</robot>", hand)
+    assert "did you mean 'elbow'?" in str(error.value)
+    assert "[[couplings]]" in str(error.value)
+    robot = load("</robot>", hand, '[[couplings]]\njoint = "wrist"\nof = "elbow"\n')
+    assert robot.joints == ("elbow",)
+    assert robot.passive == ("wrist",)
+    assert load("</robot>", hand, 'locked = ["wrist"]\n').passive == ()
+
+
+def test_a_body_that_floats_alone_is_named(load):
+    with pytest.raises(RobotError, match="no joint that turns or slides by itself"):
+        load("revolute", "floating")
+
+
+#: Public files that are refused, and what the sentence says.
+REFUSED = {
+    "alex_psyonic_hands.urdf": "mimics 'index_q1', which is not there",
+    "quadrotor_base.urdf": "has no joint that moves; there is nothing to identify",
+    "ur3.urdf": "has no <link>; it may only define parts",
+    "iris_simple.urdf": "has no joint that moves; there is nothing to identify",
+}
+
+
+@pytest.mark.everything
+def test_public_robots_load_or_it_is_said_why_not():
+    try:
+        found = distribution("example-robot-data")
+    except PackageNotFoundError:
+        pytest.skip("needs public robot files: pip install '.[robots]'")
+    folder = found.locate_file("cmeel.prefix/share/example-robot-data/robots")
+    said, loaded = {}, 0
+    for path in sorted(folder.rglob("*.urdf")):
+        try:
+            loaded += len(Robot.load(path).joints) > 0
+        except RobotError as error:
+            said[path.name] = str(error)
+    assert loaded >= 60
+    assert said.keys() == REFUSED.keys()
+    for name, sentence in REFUSED.items():
+        assert sentence in said[name]
