@@ -105,7 +105,7 @@ def test_exchanged_joints_and_positions(say, six_axis):
     structure, log = six_axis
     hint = say(structure, replace(log, q=exchanged(log.q)))[0]
     assert "The positions of joint_2 and joint_3 seem to be exchanged" in hint
-    (hint,) = say(structure, replace(log, q=exchanged(log.q), tau=exchanged(log.tau)))
+    hint = say(structure, replace(log, q=exchanged(log.q), tau=exchanged(log.tau)))[0]
     assert "The joints joint_2 and joint_3 seem to be exchanged" in hint
 
 

@@ -28,7 +28,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.inspect.machine import describe_joints, find_needs
 from identifiability.workflows.inspect.recordings import describe_log
 from identifiability.workflows.inspect.result import Excited, Inspection
-from identifiability.workflows.oddities import Evidence, find_mixed, find_oddities
+from identifiability.workflows.oddities import Evidence, find_oddities
 from identifiability.workflows.opening import (
     Logs,
     Progress,
@@ -154,8 +154,7 @@ def _odd_alone(evidence: Evidence, said: tuple[str, ...]) -> list[str]:
     """Return what is odd about one log of several, which good ones may hide."""
     if explain_silence([evidence.samples[0].survey]):
         return []
-    mixed = find_mixed(evidence)
-    own = (*filter(None, (mixed,)), *find_oddities(evidence, mixed))
+    own = find_oddities(evidence).hints
     return [f"{evidence.samples[0].name}: {text}" for text in own if text not in said]
 
 

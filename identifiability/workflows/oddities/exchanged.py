@@ -132,4 +132,5 @@ def _left(W: Array, tau: Array) -> float:
     square, V = np.linalg.eigh(A.T @ A)
     kept = square > 1e-9 * square[-1]
     fit = (V[:, kept].T @ (A.T @ b)) / np.sqrt(square[kept])
-    return float(max(b @ b - fit @ fit, 0.0) / (b @ b)) ** 0.5
+    size, explained = float(b @ b), float(fit @ fit)
+    return float(max(1.0 - explained / size, 0.0) ** 0.5)
