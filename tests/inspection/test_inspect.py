@@ -152,7 +152,8 @@ def test_a_log_among_good_ones_is_told_by_its_name(run):
 
 
 def test_what_cannot_be_prepared_is_a_result_and_what_cannot_be_read_is_refused(run):
-    found = look(run, elbow__q=np.degrees(run.q[:, 1]) * 20)
+    shoulder, elbow = np.degrees(run.q).T
+    found = look(run, shoulder__q=shoulder, elbow__q=elbow)
     assert found.refused
     assert found.excited is None
     assert "cannot be used" in found.statement
