@@ -1,14 +1,13 @@
 """What is odd: where robot file, limits and physics contradict a log, each in one sentence.
 
 One file a family of oddity; each gives sentences that name the column and the remedy, and none for
-good logs (`studies/false_hints.py` counts). What can be mended is mended when logs are read, and
+good logs (`studies/foreign_logs.py` counts). What can be mended is mended when logs are read, and
 said there: wrong samples (`logs.mend`), wrapped angles (`logs.wraps`), repeated rows.
 """
 
 from __future__ import annotations
 
 from identifiability.foundation.values import frozen
-from identifiability.regression.mix_up import find_mix_up
 from identifiability.workflows.oddities.effort import find_weightless
 from identifiability.workflows.oddities.evidence import Evidence
 from identifiability.workflows.oddities.exchanged import find_exchanged
@@ -19,6 +18,7 @@ from identifiability.workflows.oddities.rates import find_wrong_rates
 from identifiability.workflows.oddities.saturation import find_saturation
 from identifiability.workflows.oddities.time_scale import find_time_scale
 from identifiability.workflows.oddities.torque_scale import find_torque_scale
+from identifiability.workflows.oddities.turned import find_turned_torque
 
 __all__ = ["Evidence", "Oddities", "find_oddities"]
 
@@ -42,17 +42,12 @@ class Oddities:
 EXPLAIN = (
     find_wrong_rates,
     find_exchanged,
-    lambda evidence: tuple(filter(None, [_find_mix_up(evidence)])),
+    find_turned_torque,
     find_time_scale,
     find_torque_scale,
     find_weightless,
     find_late,
 )
-
-
-def _find_mix_up(evidence: Evidence) -> str:
-    structure = evidence.structure
-    return find_mix_up(structure.regression(evidence.samples), structure.base.nonnegative)
 
 
 def find_oddities(evidence: Evidence) -> Oddities:

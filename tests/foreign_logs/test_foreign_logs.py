@@ -1,0 +1,64 @@
+"""Foreign and spoilt logs are read right, or what is wrong is named: studies/foreign_logs.py."""
+
+from collections import Counter
+
+import pytest
+
+#: One of each family, in the default run.
+SAMPLE = (
+    "a web page",
+    "a misspelt column",
+    "rows in disorder",
+    "a whole turn more",
+    "degrees",
+    "mN·m, a two-link arm",
+)
+
+#: Logs that are not yet read, nor what is wrong with them named.
+FALL_SHORT = (
+    "UTF-16",
+    "a comment in Latin-1",
+    "comment lines with #",
+    "comment lines with %",
+    "a row of units",
+    "cut in a number",
+    "cut in a row",
+    "an empty file",
+    "CSV in gzip",
+    "MATLAB: a variable a column",
+    "MATLAB: arrays",
+    "NumPy: arrays",
+    "NumPy: an array a column",
+    "a spreadsheet",
+    "dates",
+    "torque at a quarter of the rate",
+)
+
+
+def test_a_sample_is_read_or_its_fault_is_named(study):
+    cases = [case for case in study.CASES if case.name in SAMPLE]
+    assert len(cases) == len(SAMPLE)
+    bad = {o.case.name: (o.outcome, o.said) for o in study.run(cases) if not o.good}
+    assert bad == {}
+
+
+def test_there_are_a_hundred_of_other_names(study):
+    names = Counter(case.name for case in study.CASES)
+    assert len(names) >= 100
+    assert names.most_common(1)[0][1] == 1
+
+
+@pytest.mark.everything
+def test_none_is_wrong_with_confidence(study):
+    outcomes = list(study.run(study.CASES))
+    found = {o.case.name: o.outcome for o in outcomes if not o.good}
+    assert set(found) <= set(FALL_SHORT), found
+    assert not {"traceback", "wrong with confidence"} & set(found.values()), found
+
+
+@pytest.mark.everything
+def test_good_logs_are_not_spoken_of(study):
+    counts = study.false_frame(1, None).iloc[-1]
+    assert counts["logs"] >= 100
+    for what in study.FINDERS:
+        assert counts[what] <= 0.02 * counts["logs"], what
