@@ -84,6 +84,8 @@ def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
 
 def _begin(path: Path, start: bytes) -> tuple[Table, bytes]:
     """Return a CSV without its rows, and what follows its header."""
+    if not start.strip(b"\xef\xbb\xbf\0 \t\r\n"):
+        raise LogError(f"{path} is empty; nothing was written to it.")
     encoding = find_encoding(start)
     text = start[:BEGINNING].decode(encoding, errors="replace")
     form = find_form(text, encoding)
@@ -94,8 +96,11 @@ def _begin(path: Path, start: bytes) -> tuple[Table, bytes]:
         return Table(path, columns, (), header, replace(form, columns=columns)), rest
     mark = {" ": "\t"}.get(form.separator, form.separator)
     line = mark.join(f'"{name.replace(chr(34), chr(34) * 2)}"' for name in form.columns) + "\n"
-    ends = [m.end() for m in LINE_END.finditer(text)][: form.lines]
-    at = len(text[: ends[-1] if form.lines else 0].encode(encoding))
+    # A letter of another code, in a comment, takes as many bytes as it has.
+    errors = "surrogateescape" if encoding == "utf-8" else "replace"
+    exact = start[:BEGINNING].decode(encoding, errors)
+    ends = [m.end() for m in LINE_END.finditer(exact)][: form.lines]
+    at = len(exact[: ends[-1] if form.lines else 0].encode(encoding, errors))
     return Table(path, form.columns, (), line.encode(), form), start[at:]
 
 

@@ -136,7 +136,7 @@ CONTAINERS = [
         stored(
             "log.csv.gz", lambda f, p: p.write_bytes(gzip.compress(f.to_csv(index=False).encode()))
         ),
-        (),
+        ("compressed",),
     ),
     Case(
         "MATLAB: a variable a column",

@@ -27,7 +27,7 @@ def test_a_missing_log_is_refused(refused, write):
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        ("", "cannot be read as CSV: No columns"),
+        ("", "is empty; nothing was written to it"),
         (bytes(range(256)) * 4, "cannot be read as CSV: "),
         ("t,é.q\n".encode("latin1"), "cannot be read as CSV: 'utf-8' codec"),
         ('t,a.q\n1,"2', "cannot be read as CSV: .*EOF inside string"),
@@ -209,3 +209,10 @@ def test_a_short_log_is_decimated_less_rather_than_to_nothing(bare):
 @pytest.mark.parametrize("words", [("--cutoff", 0), ("--period", 0)])
 def test_the_command_refuses_a_cutoff_or_period_of_nothing(words, refuses, bare):
     assert "must be a number above 0" in refuses("two-link", bare, *words)
+
+
+def test_a_comment_in_another_code_does_not_move_the_rows(simulated, tmp_path):
+    frame, path = simulated("two-link"), tmp_path / "log.csv"
+    text = "# 20 °C, Prüfstand\n" + frame.to_csv(index=False)
+    path.write_bytes(text.encode("latin-1"))
+    assert np.array_equal(Log.read(path).tau, Log.from_frame(frame).tau)
