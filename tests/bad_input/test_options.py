@@ -32,7 +32,10 @@ from identifiability.workflows.diagnose.material import Rules
 
 SEED = "seed must be a whole number of at least 0, not -1"
 METHOD = "method must be 'ols' or 'wls', not 'OLS', did you mean 'ols'?"
-LOGS = "must be a log (the path of a file, a DataFrame or a Log) or a list of logs, not"
+LOGS = (
+    "must be a log (the path of a file, a DataFrame, arrays by name or a Log) or a list of logs, "
+    "not"
+)
 ROBOT = "robot must be a Robot, the path of a robot file or a shipped robot's name, not 3"
 REPLICATES = "replicates must be 0 (none) or a whole number of at least 2, not"
 
