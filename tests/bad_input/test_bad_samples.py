@@ -7,6 +7,7 @@ import pytest
 
 from identifiability import analyze, prune
 from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile
 from identifiability.logs.mend import mend_logs
 from identifiability.workflows.diagnose import diagnose
@@ -145,7 +146,9 @@ def test_a_long_file_is_mended_alike_wherever_it_is_read(frame, tmp_path, form):
 
 def test_recordings_are_mended_before_copies_are_looked_for(frame):
     spoilt, named = spoil(frame, "torque times 1000")
-    given = read_recordings([Log.from_frame(spoilt, "a"), Log.from_frame(frame, "b")])
+    given = read_recordings(
+        [Log.from_frame(spoilt, "a"), Log.from_frame(frame, "b")], (), Conventions()
+    )
     assert named in given.hints[0]
     assert "b repeats rows" in given.hints[1]
     assert np.abs(given.fitted[0].tau).max() < 100 * np.abs(frame["elbow.tau"]).max()

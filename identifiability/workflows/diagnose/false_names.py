@@ -28,7 +28,7 @@ from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
+from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.diagnose.result import Diagnosis, pick
 from identifiability.workflows.diagnose.workflow import diagnose
 from identifiability.workflows.opening import LogLike, Progress, in_memory, read_logs
@@ -110,7 +110,7 @@ class FalseNames:
 
 
 def measure_false_names(
-    robot: Robot,
+    robot: RobotLike,
     logs: Sequence[LogLike] | LogLike,
     validate: Sequence[LogLike] | LogLike = (),
     *,
@@ -125,7 +125,7 @@ def measure_false_names(
 
     Parameters
     ----------
-    robot : Robot
+    robot : Robot, path or shipped name
     logs, validate, model, preparation
         As for `diagnose`.
     trials : int
@@ -135,6 +135,7 @@ def measure_false_names(
         Where the logs are diagnosed; by default here. The result does not depend on it.
     """
     say = progress or (lambda what, share: None)
+    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
     known = Conventions.of(robot)
     train, held = (in_memory(mend_logs(read_logs(x, known))[0], Log) for x in (logs, validate))
     found = diagnose(
