@@ -50,6 +50,8 @@ class Gaps:
         Their times.
     length : (m,) [s]
         From there to the next sample.
+    drift : float
+        By how much the mean of the other steps differs from the usual one, as a share of it.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Gaps:
     rows: np.ndarray
     t: Array
     length: Array
+    drift: float = 0.0
 
     @staticmethod
     def of(name: str, clock: Clock, windows: Sequence[Array]) -> Gaps:
@@ -79,9 +82,12 @@ class Gaps:
         gap = ratio - 1 > min(max(LOST, JITTER * usual), LATEST)
         gap &= ~_late(rows, ratio)
         worst = max(clock.longest.length, clock.shortest.length, key=lambda s: abs(s / dt - 1))
-        others = np.abs(ratio[~gap] - 1)
-        jitter = float(others.max(initial=0.0)) if len(rows) else abs(worst / dt - 1)
-        return Gaps(name, dt, jitter, rows[gap], t[gap], (then - t)[gap])
+        odd = np.abs(ratio[~gap] - 1)
+        jitter = float(odd.max(initial=0.0)) if len(rows) else abs(worst / dt - 1)
+        length = (then - t)[gap]
+        others = max(clock.rows - 1 - len(length), 1)
+        drift = (clock.last - clock.first - float(length.sum())) / others / dt - 1
+        return Gaps(name, dt, jitter, rows[gap], t[gap], length, drift)
 
     def __len__(self) -> int:
         """Return how many there are."""

@@ -18,6 +18,9 @@ from identifiability.logs.stale import StaleRule
 #: Fewest samples between two gaps that are used.
 SHORTEST_STRETCH = 4
 
+#: A mean step that differs from the usual one by this share of it is said.
+DRIFT = 0.01
+
 #: A log with derivatives of its own is not split at gaps of at most so many steps.
 FEW = 4.0
 
@@ -73,9 +76,16 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
         gaps.check(samples)
         least = max(SHORTEST_STRETCH, int(np.ceil(1.0 / (plan.cutoff * plan.step))))
     grid = gaps.divide(longest, least)
+    uneven = []
+    if plan.cutoff is not None and abs(gaps.drift) > DRIFT:
+        uneven = [
+            f"{gaps.name} is sampled unevenly: the mean step is {100 * gaps.drift:.2g} % off the "
+            f"usual {gaps.step:.3g} s, and what is differentiated errs by as much: give samples at "
+            "even steps, or measured velocities and accelerations."
+        ]
     if grid is None:
-        return plan
-    notes, hints, split = [*plan.notes], [], gaps.length > longest
+        return replace(plan, hints=tuple(uneven))
+    notes, hints, split = [*plan.notes], uneven, gaps.length > longest
     if len(grid.after) and plan.cutoff is not None:
         notes.append(
             f"lost samples ({int(grid.lost.sum())}, at most {gaps.length[~split].max():.3g} s from "

@@ -238,3 +238,14 @@ def test_nothing_is_simulated_forward_along_a_bridged_gap(two):
     starts = [k for _, k in _starts([s], DT, 100, 10**6)]
     assert len(starts) > 15
     assert not any(k <= 700 < k + 100 for k in starts)
+
+
+def test_uneven_steps_that_add_up_are_said(two):
+    for share, said in ((0.004, 0), (0.05, 1)):
+        t = np.cumsum(DT * (1 + 0.45 * (np.random.default_rng(5).random(3000) < share)))
+        s = prepare_samples(two, Log.from_frame(frame(t / DT)), Preparation(cutoff=CUTOFF))
+        assert len(s.hints) == said
+        assert not said or "sampled unevenly: the mean step is 2.5 % off" in s.hints[0]
+    noise = 0.3 * DT * np.random.default_rng(6).uniform(-1, 1, 3000)
+    jitter = Log.from_frame(frame(np.arange(3000), jitter=noise))
+    assert prepare_samples(two, jitter, Preparation(cutoff=CUTOFF)).hints == ()
