@@ -8,7 +8,9 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+import identifiability
 from identifiability.cli import app
+from identifiability.cli.common import print_table
 
 
 @pytest.fixture
@@ -81,3 +83,33 @@ def test_the_module_runs_as_a_command():
     )
     for command in ("demo", "analyze", "simulate"):
         assert command in out.stdout
+
+
+def test_the_version_is_printed(run):
+    said = run("--version")
+    assert (said.exit_code, said.output) == (0, f"identifiability {identifiability.__version__}\n")
+
+
+def test_names_are_whole_where_no_terminal_cuts_them(capsys):
+    print_table("title", ("joint", "error"), [("a_joint_of_a_very_long_name" * 5, "1 %")], ())
+    assert "a_joint_of_a_very_long_name" * 5 in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "ending"),
+    [
+        (["analyze", "two-link", "log.csv", "--report"], "out.pdf", ".html or .htm"),
+        (["analyze", "two-link", "log.csv", "--json"], "out.txt", ".json"),
+        (["simulate", "two-link", "rest", "--out"], "out.xlsx", ".csv, .parquet or .pq"),
+        (["excite", "two-link", "--out"], "out.xml", ".json or .csv"),
+        (["inspect", "two-link", "--template"], "out.xlsx", ".csv"),
+    ],
+)
+def test_an_ending_of_another_format_is_refused_before_the_work(
+    run, option, name, ending, tmp_path
+):
+    path = tmp_path / name
+    said = run(*option, path)
+    assert said.exit_code == 2
+    assert f"'{path}' does not end in {ending}, as what is written there does." in said.output
+    assert not path.exists()

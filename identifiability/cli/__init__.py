@@ -5,6 +5,7 @@ One file a command; heavy imports stand inside the functions, so that ``--help``
 
 import io
 import sys
+from typing import Annotated
 
 import typer
 
@@ -23,8 +24,6 @@ from identifiability.cli.simulate import simulate
 
 app = typer.Typer(
     name="identifiability",
-    help="Which dynamic parameters of a robot do your logs determine, and which model is worth "
-    "using?",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
@@ -32,6 +31,27 @@ app = typer.Typer(
 verbs = (demo, inspect, analyze, prune, diagnose, simulate, excite, export, calibrate, gain, paper)
 for command in verbs:
     app.command(cls=Command)(command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from identifiability import __version__  # noqa: PLC0415
+
+        typer.echo(f"identifiability {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _describe(
+    *,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Which dynamic parameters do your logs determine, and which model is worth using?"""
 
 
 def main() -> None:

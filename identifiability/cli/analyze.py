@@ -67,7 +67,7 @@ def analyze(
         from identifiability.workflows.analyze import analyze as run  # noqa: PLC0415
 
         held = validate or ()
-        common.check_outputs(*astuple(outputs), inputs=[*machine.files, *logs, *held, ladder])
+        outputs.check(inputs=[*machine.files, *logs, *held, ladder])
         result = run(
             machine.load(recorded),
             logs,

@@ -60,7 +60,7 @@ def calibrate(
         from identifiability.workflows.analyze import analyze  # noqa: PLC0415
         from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
-        common.check_outputs(*astuple(outputs), inputs=[*machine.files, *logs, ladder])
+        outputs.check(inputs=[*machine.files, *logs, ladder])
         analysis = analyze(
             machine.load(recorded),
             logs,

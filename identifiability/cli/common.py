@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Literal, NoReturn
 
 from identifiability.foundation.errors import IdentifiabilityError
 
@@ -138,12 +138,15 @@ def print_table(
 
     console, table = Console(), Table()  # a title of its own would be wrapped to its width
     for heading in headings:
-        table.add_column(heading, justify="left" if heading in left else "right")
+        side: Literal["left", "right"] = "left" if heading in left else "right"
+        table.add_column(heading, justify=side, overflow="fold")  # no name is cut
     for row in rows:
         if row:
             table.add_row(*map(escaped, row))
         else:
             table.add_section()
+    if not console.is_terminal:  # a file, or another program, has no width
+        console.width = 10_000
     console.print(f"[italic]{escaped(title)}[/italic]", soft_wrap=True)
     console.print(table)
 

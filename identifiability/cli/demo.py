@@ -34,7 +34,7 @@ def demo(
     with common.sentences(), common.progress() as say:
         folder.mkdir(parents=True, exist_ok=True)
         outputs = options.Outputs(folder / "demo.html", folder / "demo.json")
-        common.check_outputs(outputs.report, outputs.json)
+        outputs.check()
         result = run_demo(quick, seed, say)
         written = outputs.write(result, say)
     print_analysis(result, written)

@@ -45,7 +45,7 @@ def diagnose(
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
 
         held = validate or ()
-        common.check_outputs(*astuple(outputs), inputs=[*machine.files, *logs, *held])
+        outputs.check(inputs=[*machine.files, *logs, *held])
         result = run(
             machine.load(recorded),
             logs,

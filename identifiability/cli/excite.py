@@ -75,12 +75,12 @@ def excite(
         Write an HTML report here.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
-        from identifiability.foundation.errors import OutputError  # noqa: PLC0415
+        from identifiability.foundation.output import check_ending  # noqa: PLC0415
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415
 
-        common.check_outputs(out, report, inputs=[*machine.files, limits, *(start_from or ())])
-        if out.suffix.lower() not in (".json", ".csv"):
-            raise OutputError(f"'{out}' is neither .json nor .csv; give it one of these endings.")
+        read = [*machine.files, limits, *(start_from or ())]
+        options.Outputs(report).check(out, inputs=read)
+        check_ending(out, ".json", ".csv")
         result = run(
             machine.load(recorded),
             harmonics=harmonics,

@@ -51,7 +51,7 @@ def inspect(
         from identifiability.workflows.inspect import inspect as run  # noqa: PLC0415
 
         given = logs or []
-        common.check_outputs(*astuple(outputs), template, inputs=[*machine.files, *given])
+        outputs.check(template, inputs=[*machine.files, *given])
         result = run(
             machine.load(recorded),
             given,

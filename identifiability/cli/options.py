@@ -5,7 +5,7 @@ A command names a group as one parameter, ``place: Place``, and is made by `comm
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ import typer
 from typer import Argument, Option
 
 from identifiability.cli import grouping
-from identifiability.cli.common import sentences
+from identifiability.cli.common import check_outputs, sentences
 from identifiability.cli.grouping import estimators
 
 if TYPE_CHECKING:
@@ -168,6 +168,21 @@ class Outputs:
 
     report: Path | None = None
     json: Path | None = None
+
+    def check(self, *others: Path | None, inputs: Iterable[str | Path | None] = ()) -> None:
+        """Refuse paths, and others beside them, that cannot be written, or are inputs.
+
+        Raises
+        ------
+        OutputError
+            Also if a name ends as if it were of another format.
+        """
+        from identifiability.foundation.output import check_ending  # noqa: PLC0415
+
+        check_outputs(self.report, self.json, *others, inputs=inputs)
+        for path, endings in ((self.report, (".html", ".htm")), (self.json, (".json",))):
+            if path is not None:
+                check_ending(path, *endings)
 
     def write(self, result: Result, say: Callable[[str, float], None]) -> list[Path]:
         """Write what was asked for and return the paths, the report last."""

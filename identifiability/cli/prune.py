@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -67,9 +66,7 @@ def prune(
         from identifiability.workflows.prune import prune as run  # noqa: PLC0415
 
         held = validate or ()
-        common.check_outputs(
-            *astuple(outputs), model, inputs=[*machine.files, *logs, *held, ladder]
-        )
+        outputs.check(model, inputs=[*machine.files, *logs, *held, ladder])
         result = run(
             machine.load(recorded),
             logs,

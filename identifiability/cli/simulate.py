@@ -51,11 +51,14 @@ def simulate(
         import numpy as np  # noqa: PLC0415
 
         from identifiability.effects import effect_laws  # noqa: PLC0415
+        from identifiability.foundation.output import check_ending  # noqa: PLC0415
+        from identifiability.logs.tables import PARQUET  # noqa: PLC0415
         from identifiability.simulation import Noise  # noqa: PLC0415
         from identifiability.simulation import simulate as run  # noqa: PLC0415
         from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
         common.check_outputs(out, inputs=[*machine.files, motion])
+        check_ending(out, ".csv", *PARQUET)
         robot, rng = machine.load(recorded), np.random.default_rng(seed)
         move, levels = find_motion(robot, motion, samples, rng), Noise.parse(noise)
         laws, hidden = effect_laws(), hide or ()

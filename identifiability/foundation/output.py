@@ -43,6 +43,26 @@ def check_writable(path: FilePath) -> Path:
     return path
 
 
+@checked
+def check_ending(path: FilePath, *endings: str) -> None:
+    """Refuse a file whose name ends as if it were of another format.
+
+    Parameters
+    ----------
+    path : path-like
+    *endings : str
+        Those of the format, as ``".html"``; letter case does not matter.
+
+    Raises
+    ------
+    OutputError
+    """
+    if Path(path).suffix.lower() not in endings:
+        *others, last = endings
+        known = f"{', '.join(others)} or {last}" if others else last
+        raise OutputError(f"'{path}' does not end in {known}, as what is written there does.")
+
+
 def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> None:
     """Refuse to write over what is read, or one file twice.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.options import OptionError
-from identifiability.foundation.output import write_json
+from identifiability.foundation.output import check_ending, write_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +42,14 @@ class Result(ABC):
         return self.to_frame()
 
     def to_json(self, path: str | Path) -> Path:
-        """Write the result as JSON, whole or not at all."""
+        """Write the result as JSON, whole or not at all.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written, or is no .json.
+        """
+        check_ending(path, ".json")
         return write_json(path, self.to_dict())
 
     def write_report(self, path: str | Path) -> Path:

@@ -18,7 +18,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
-from identifiability.foundation.output import write_bytes, write_text
+from identifiability.foundation.output import check_ending, write_bytes, write_text
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
@@ -28,7 +28,7 @@ from identifiability.logs.missing import propose_locks
 from identifiability.logs.naming import Naming
 from identifiability.logs.reading import Reading
 from identifiability.logs.source import scan_file
-from identifiability.logs.tables import is_parquet
+from identifiability.logs.tables import PARQUET, is_parquet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -238,8 +238,10 @@ class Log:
         Raises
         ------
         OutputError
+            If it cannot be written, or is none of these.
         """
         path = Path(path)
+        check_ending(path, ".csv", *PARQUET)
         if is_parquet(path):
             return write_bytes(path, self.to_frame().to_parquet(index=False))
         return write_text(path, self.to_frame().to_csv(index=False))

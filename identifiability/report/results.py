@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from identifiability.foundation.output import write_text
+from identifiability.foundation.output import check_ending, write_text
 from identifiability.report.page import render_page
 
 #: Module of this room with the page of a result, and the function that builds it.
@@ -27,6 +27,7 @@ def write_result(result: Any, path: str | Path) -> Path:
     ------
     OutputError
     """
+    check_ending(path, ".html", ".htm")
     module, name = PAGES[result.schema]
     build = getattr(import_module(f"identifiability.report.{module}"), name)
     return write_text(path, render_page(build(result)))

@@ -84,7 +84,7 @@ def test_columns_of_a_template_are_those_that_a_log_is_read_by(tmp_path, gripper
     log = Log.from_frame(frame)
     assert log.joints == found.robot.joints
     assert log.q[0] == pytest.approx(found.robot.actuated_positions(found.robot.home[None])[0])
-    with pytest.raises(OutputError, match=r"no \.csv"):
+    with pytest.raises(OutputError, match=r"does not end in \.csv"):
         found.write_template(tmp_path / "log.txt")
 
 

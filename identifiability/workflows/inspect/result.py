@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.errors import OutputError, listing
-from identifiability.foundation.output import write_text
+from identifiability.foundation.errors import listing
+from identifiability.foundation.output import check_ending, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.regression.structure import OfStructure, Structure
@@ -202,8 +202,7 @@ class Inspection(OfStructure, Result):
         OutputError
             If it cannot be written, or is no .csv.
         """
-        if Path(path).suffix.lower() != ".csv":
-            raise OutputError(f"'{path}' is no .csv; give the template this ending.")
+        check_ending(path, ".csv")
         return write_text(path, template_frame(self.robot).to_csv(index=False))
 
 
