@@ -9,7 +9,6 @@ SAMPLE = (
     "a web page",
     "a misspelt column",
     "rows in disorder",
-    "a whole turn more",
     "degrees",
     "mN·m, a two-link arm",
 )
