@@ -79,9 +79,12 @@ def diagnose(
             e["joint"],
             *(common.percent(e[k], 1) for k in ("before", "after")),
             f"{e['rms_after']:.3g}",
+            common.percent(e["raw_after"], 1),
         )
         for e in result.error_frame().to_dict("records")
     ]
     title = "Errors by joint on unseen motion, each over its own scale"
-    common.print_table(title, ("joint", "before", "after", "rms after"), table, left=("joint",))
+    common.print_table(
+        title, ("joint", "before", "after", "rms after", "raw after"), table, left=("joint",)
+    )
     common.print_end([result.statement], written)

@@ -8,6 +8,8 @@ samples.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identifiability.estimation.estimator import Estimate
@@ -51,6 +53,15 @@ class Bootstrap:
             rho = np.corrcoef(self.values, rowvar=False)
         whole: Array = np.nan_to_num(np.atleast_2d(rho))
         return whole
+
+    def stretch(self, value: Array, factor: Array) -> Bootstrap:
+        """Return the values farther from those of the fit.
+
+        Parameters
+        ----------
+        value, factor : (k,)
+        """
+        return replace(self, values=value + factor * (self.values - value))
 
     def interval(self, level: float = LEVEL) -> Array:
         """Return percentile intervals, (k, 2)."""

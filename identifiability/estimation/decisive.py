@@ -2,15 +2,19 @@
 
 A stretch in which the robot was touched, hit a stop, or a sensor failed for longer than a sample
 has a residual far beyond that of all others. Least squares follows it: what its scores do to the
-values is compared with the scatter of what all other stretches do to them [Cook 1977].
+values is compared with the scatter of what all other stretches do to them [Cook 1977]. As a single
+wrong sample it must not decide: it is left out of the fit, and named. Stretches that are too much
+of the logs to be an accident stay, and are named too.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identifiability.estimation.bootstrap import FEWEST_BLOCKS, merge_blocks
-from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.actuator_blocks import batches
@@ -28,6 +32,10 @@ LARGE = 0.1
 
 #: Values that move by so many standard deviations are decided.
 DECIDES = 1.5
+
+#: What a far stretch did to the fit hides others: they are looked for anew so often, and no more
+#: than this share of the samples is left out.
+ROUNDS, MOST = 5, 0.05
 
 
 @frozen
@@ -56,6 +64,49 @@ class Decisive:
     moved: float
 
 
+def leave_out_bursts(
+    information: Information, estimator: Estimator
+) -> tuple[Information, Decisive | None]:
+    """Return the information with no weight where a stretch would decide, and that stretch if any.
+
+    Parameters
+    ----------
+    information : Information
+        About all columns: what a smaller model leaves out is no burst.
+    estimator : Estimator
+    """
+    kept, first = information, None
+    gone = np.zeros(len(information.counts), bool)
+    for _ in range(ROUNDS):
+        found = find_decisive(kept, estimator.fit(kept))
+        if found is None:
+            break
+        gone |= _inside(information, found)
+        if information.counts[gone].sum() > MOST * information.samples:
+            return information, None
+        kept, first = information.weigh(1.0 - gone), first or found
+    if first is None:
+        return information, None
+    stop = _ends(information)[gone]
+    start = stop - information.counts[gone]
+    return kept, replace(first, log=information.log[gone], first=start, last=stop)
+
+
+def _inside(information: Information, found: Decisive) -> np.ndarray:
+    """Return the blocks that lie in what was found, (B,) bool."""
+    stop = _ends(information)[:, None]
+    start = stop - information.counts[:, None]
+    own = (information.log[:, None] == found.log) & (start >= found.first) & (stop <= found.last)
+    inside: np.ndarray = own.any(1)
+    return inside
+
+
+def _ends(information: Information) -> np.ndarray:
+    """Return the output of its log before which each block ends, (B,) int."""
+    logs = np.unique(information.log)
+    return np.concatenate([np.cumsum(information.counts[information.log == k]) for k in logs])
+
+
 def find_decisive(information: Information, fit: Estimate) -> Decisive | None:
     """Return the blocks that are far from the model if they decide a value.
 
@@ -80,9 +131,7 @@ def find_decisive(information: Information, fit: Estimate) -> Decisive | None:
     at = int(np.argmax(moved))
     if moved[at] <= DECIDES:
         return None
-    last = np.concatenate(
-        [np.cumsum(merged.counts[merged.log == k]) for k in np.unique(merged.log)]
-    )
+    last = _ends(merged)
     return Decisive(
         merged.log[far], (last - merged.counts)[far], last[far], beyond[far].max(0), at,
         float(moved[at]),

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
+
+import numpy as np
 
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
+from identifiability.estimation.memory import Noise
+from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.foundation.options import OptionError, check_choice, checked
 from identifiability.regression.information import Information
 
 #: An estimator, or its name.
 Method = str | Estimator
+
+#: Estimators that mend what another one finds.
+CORRECTED = (InstrumentalVariables, RenoisedLeastSquares)
 
 ESTIMATORS: dict[str, Estimator] = {
     e.name: e for e in (OrdinaryLeastSquares(), WeightedLeastSquares())
@@ -36,6 +44,9 @@ def find_estimator(method: Method) -> Estimator:
     check_choice("method", method, tuple(ESTIMATORS))
     return ESTIMATORS[method]
 
+
+#: So many independent outputs for each of its parameters leave a model a residual that is noise.
+ENOUGH = 3.0
 
 #: ``ls``: least squares. ``iv``: instrumental variables, which noise in the motion does not bias.
 #: ``auto``: the latter if any log has a second record of its motion; else the former, corrected by
@@ -67,6 +78,46 @@ def choose_estimator(method: Method, kind: Kind, *, instruments: bool) -> Estima
             f"'{base.name}' is neither: choose one of them, or leave out the estimator."
         )
     return base
+
+
+def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
+    """Return the estimator with the noise of the logs, for all models of them.
+
+    A model that leaves something out leaves it in the residual, where it looks like noise, slow
+    noise above all: a constant torque remembers for ever. Noise is a property of the logs, so it is
+    measured once, beside all columns. Where too few outputs are independent to fit these, and for
+    other estimators, each model measures its own.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    whole : Information
+        About all columns.
+    """
+    fresh = forget_noise(estimator)
+    plain = fresh.base if isinstance(fresh, CORRECTED) else fresh
+    fit = fit_whole(plain, whole) if isinstance(plain, OrdinaryLeastSquares) else None
+    return fresh if fit is None else _with_noise(fresh, Noise(fit.variance, fit.times))
+
+
+def forget_noise(estimator: Estimator) -> Estimator:
+    """Return the estimator that measures the noise of what it fits, a part of the logs say."""
+    return _with_noise(estimator, None)
+
+
+def _with_noise(estimator: Estimator, noise: Noise | None) -> Estimator:
+    if isinstance(estimator, CORRECTED):
+        return replace(estimator, base=replace(estimator.base, noise=noise))
+    if isinstance(estimator, OrdinaryLeastSquares):
+        return replace(estimator, noise=noise)
+    return estimator
+
+
+def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
+    """Return the fit of all columns; None where too few outputs are independent for them."""
+    fit = estimator.fit(whole)
+    independent = whole.samples * float(np.sum(1 / fit.times))
+    return fit if fit.kept and independent >= ENOUGH * len(fit.kept) else None
 
 
 @checked

@@ -21,9 +21,9 @@ from identifiability.estimation.estimator import Correction, Estimate
 from identifiability.estimation.least_squares import (
     OrdinaryLeastSquares,
     WeightedLeastSquares,
-    correct_leverage,
     noise_scale,
 )
+from identifiability.estimation.leverage import correct_leverage
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen

@@ -14,7 +14,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.memory import FEWEST, measure_memory
+from identifiability.estimation.leverage import correct_leverage
+from identifiability.estimation.memory import FEWEST, Noise, measure_memory
 from identifiability.foundation.linalg import RANK_TOLERANCE, scan_columns, unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -27,9 +28,6 @@ MIXED = 1e-6
 #: A residual below this share of the torque is rounding, which must weigh no actuator.
 ROUNDING = 1e-12
 
-#: What a block leaves of a direction that it determines almost alone is raised to this.
-ALONE = 0.05
-
 #: How often the noise is measured beside weights that it gave.
 ROUNDS = 2
 
@@ -39,16 +37,25 @@ BATCH = 1000
 
 @frozen
 class OrdinaryLeastSquares:
-    """Least squares, all actuators alike; refits keep the weights of the fit."""
+    """Least squares, all actuators alike; refits keep the weights of the fit.
+
+    Attributes
+    ----------
+    name, description : str
+    noise : Noise or None
+        That of the logs, where it is known (`estimate.settle_noise`); else it is measured in what
+        each fit leaves.
+    """
 
     name: str = "ols"
     description: str = "ordinary least squares"
+    noise: Noise | None = None
 
     def fit(self, information: Information) -> Estimate:
         """Return the estimate with the smallest sum of squares."""
         plain = _solve(information, np.ones(information.actuators), self)
-        variance, times, _ = _measure_noise(information, plain)
-        return replace(plain, variance=variance, times=times)
+        noise = self.noise or measure_noise(information, plain)
+        return replace(plain, variance=noise.variance, times=noise.times)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
         """Return the values for weighted sums of blocks, (replicates, k)."""
@@ -95,50 +102,37 @@ class WeightedLeastSquares(OrdinaryLeastSquares):
     def fit(self, information: Information) -> Estimate:
         """Return the estimate with weights from what the ordinary one leaves."""
         plain = _solve(information, np.ones(information.actuators), self)
-        variance, times, density = _measure_noise(information, plain)
-        weights = float(np.mean(density)) / density
-        return replace(_solve(information, weights, self, times), variance=variance)
+        noise = self.noise or measure_noise(information, plain)
+        fit = _solve(information, weigh(information, noise), self, noise.times)
+        return replace(fit, variance=noise.variance)
 
 
-def _measure_noise(information: Information, plain: Estimate) -> tuple[Array, Array, Array]:
-    """Return variance, autocorrelation time and their product, never zero, (n,) each.
+def measure_noise(information: Information, plain: Estimate) -> Noise:
+    """Return the noise in what a fit of equal weights leaves.
 
     What is large or slow at one actuator leaks into what a fit leaves of the others, so it is
     measured beside weights by variance, and once more beside those by both.
     """
-    floor = 1e-12 * float(np.max(plain.variance, initial=0.0))
-    floor = max(floor, ROUNDING**2 * _mean_square(information))
-    variance, times = plain.variance, plain.times
-    if floor == 0.0:
-        return variance, times, np.ones(information.actuators)
-    for _ in range(ROUNDS if len(information.counts) >= FEWEST else 0):
-        density = np.maximum(variance * times, floor)
-        fit = _solve(information, float(np.mean(density)) / density, plain.estimator)
-        variance, times = measure_memory(information, fit)
-    return variance, times, np.maximum(variance * times, floor)
+    noise = Noise(plain.variance, plain.times)
+    for _ in range(ROUNDS if len(information.counts) >= FEWEST and noise.variance.any() else 0):
+        fit = _solve(information, weigh(information, noise), plain.estimator)
+        noise = Noise(*measure_memory(information, fit))
+    return noise
+
+
+def weigh(information: Information, noise: Noise) -> Array:
+    """Return the weight of each actuator by variance times memory of its noise, (n,)."""
+    floor = 1e-12 * float(np.max(noise.variance, initial=0.0))
+    density = np.maximum(
+        noise.variance * noise.times, max(floor, ROUNDING**2 * _mean_square(information))
+    )
+    return float(np.mean(density)) / density if density.all() else np.ones(information.actuators)
 
 
 def _mean_square(information: Information) -> float:
     """Return the mean square of the torque over all rows."""
     root = information.factor()[:, -1]
     return float(root @ root) / max(information.rows, 1)
-
-
-def correct_leverage(scores: Array, shares: Array) -> Array:
-    """Return scores as if each block had not pulled the fit towards itself, (B, k).
-
-    Parameters
-    ----------
-    scores : (B, k)
-    shares : (B, k, k)
-        Of each block in the whole information, which is the unit matrix.
-    """
-    values, vectors = np.linalg.eigh(np.eye(scores.shape[1]) - shares)
-    lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
-    corrected: Array = np.einsum(
-        "bij,bj,bkj,bk->bi", vectors, lever, vectors, scores, optimize=True
-    )
-    return corrected
 
 
 def noise_scale(information: Information, weights: Array, times: Array, rss: Array) -> float:

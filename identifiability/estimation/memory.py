@@ -25,6 +25,7 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.noise.residual_noise import ROUNDING
 from identifiability.foundation.linalg import unit_coordinates
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 
 #: Lags are summed up to so many times the sum so far [Sokal 1997].
@@ -38,6 +39,21 @@ FEWEST = 8
 
 #: Times are told apart from this share of the distribution on that equal ones would have.
 DIFFERENT = 0.95
+
+
+@frozen
+class Noise:
+    """The noise of n actuators.
+
+    Attributes
+    ----------
+    variance : (n,) [torque²]
+    times : (n,)
+        Integrated autocorrelation times [samples].
+    """
+
+    variance: Array
+    times: Array
 
 
 def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Array]:

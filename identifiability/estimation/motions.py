@@ -19,6 +19,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc, chdtri, fdtrc, stdtrit
 
+from identifiability.estimation.estimate import forget_noise
 from identifiability.estimation.estimator import NOTHING, Estimate
 from identifiability.estimation.holm import holm
 from identifiability.estimation.scores import MEMORIES, scatter_scores
@@ -148,7 +149,7 @@ def compare_motions(
         part = information.take(groups == one)
         if part.rows <= len(fit.kept):  # it determines nothing, and rounding would say what
             continue
-        alone = fit.estimator.fit(part)
+        alone = forget_noise(fit.estimator).fit(part)
         scores = scatter_scores(part, alone, max(time, part.samples / MEMORIES / MOST_STRETCHES))
         if scores is None:
             continue

@@ -4,8 +4,10 @@ A parameter that is left out although it is not zero does not vanish: the surviv
 With base parameters β, a rung ``β = held + M x`` and its fit ``x = P (β - held)`` of torque without
 noise, P is the pseudo-inverse of M in the distance that the fit minimises, or of its instruments. A
 label means ``M⁺ (β - held)`` instead; the difference ``D (β - held)``, ``D = P - M⁺``, is no noise,
-so no interval of the residual holds it. How large it can be is what the robot file knows of bodies:
-their masses and where these lie, to ± `SHARE`.
+so no interval of the residual holds it. How large it can be is what the robot file knows of bodies,
+their masses and where these lie to ± `SHARE`, and what the logs say of the parameters that are left
+out: the residual of the rung holds what they do and no kept parameter can take over. Both together
+are a normal posterior. Friction, rotors and offsets are taken to be as the file says.
 """
 
 from __future__ import annotations
@@ -44,8 +46,8 @@ class LeftOut:
     Attributes
     ----------
     sigma : (k,) [unit of each parameter]
-        Standard deviation of value less label: what the file's own robot would show, and the
-        scatter of robots around it, as independent. Zero where nothing is left out or known.
+        Root mean square of value less label over the robots that file and logs make likely, without
+        noise. Zero where nothing is left out or known.
     projected : (k,)
         Values that the fit would find on the robot of the file.
     stands_for : tuple of str
@@ -80,7 +82,11 @@ def body_scatter(structure: Structure) -> Array:
 
 
 def find_left_out(
-    structure: Structure, rung: Rung, information: Information, fit: Estimate
+    structure: Structure,
+    rung: Rung,
+    information: Information,
+    fit: Estimate,
+    full: Estimate | None = None,
 ) -> LeftOut:
     """Return what the left-out parameters do to those that a rung keeps.
 
@@ -92,6 +98,9 @@ def find_left_out(
         About all b base parameters.
     fit : Estimate
         Of the rung.
+    full : Estimate, optional
+        Of all base parameters, which says what the logs know of those that are left out; by default
+        only the file does.
     """
     kept = list(fit.kept)
     P = _project(information, fit, rung.M[:, kept])
@@ -99,10 +108,19 @@ def find_left_out(
     difference[np.abs(difference) < ROUNDING * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
     stated = structure.nominal_base - rung.held
     scatter = body_scatter(structure)
-    spread = (difference @ structure.G) * scatter
-    by_file = difference @ stated
+    shift, spread = difference @ stated, (difference @ structure.G) * scatter
+    if full is not None:
+        loss = full.estimator.loss(information, full)
+        R = loss[:-1, :-1]
+        columns = R @ structure.G * scatter
+        span = np.linalg.qr(R @ rung.M[:, kept])[0]
+        left = np.column_stack([columns, loss[:-1, -1] - R @ structure.nominal_base])
+        left -= span @ (span.T @ left)
+        density = float(np.max(full.weights * full.variance * full.times))
+        mean, root = _learn(left / np.sqrt(density))
+        shift, spread = shift + spread @ mean, spread @ root
     sigma, projected = np.zeros(len(rung)), np.full(len(rung), np.nan)
-    sigma[kept] = np.hypot(by_file, np.linalg.norm(spread, axis=1))
+    sigma[kept] = np.hypot(shift, np.linalg.norm(spread, axis=1))
     projected[kept] = P @ stated
     texts = [""] * len(rung)
     size = np.linalg.norm(structure.G * scatter, axis=1)
@@ -137,6 +155,24 @@ def _project(information: Information, fit: Estimate, M: Array) -> Array:
     if isinstance(own, InstrumentalVariables | RenoisedLeastSquares):
         return own.project(information, fit, M, P)
     return P
+
+
+def _learn(left: Array) -> tuple[Array, Array]:
+    """Return mean (p,) and root (p, p) of the covariance of p parameters, by file and logs.
+
+    Parameters
+    ----------
+    left : (r, p + 1)
+        What no kept parameter can take over, over the noise: of each parameter's column, in units
+        of the standard deviation that the file leaves it, and of the torque less what the file's
+        robot needs.
+    """
+    A = left[:, :-1]
+    _, s, Vt = np.linalg.svd(A)
+    narrower = np.ones(len(Vt))
+    narrower[: len(s)] = 1.0 / np.hypot(1.0, s)
+    root = Vt.T * narrower
+    return root @ (root.T @ (A.T @ left[:, -1])), root
 
 
 def _combination(name: str, members: Sequence[str], coefficients: Array, size: Array) -> str:

@@ -70,7 +70,7 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
         return None
     variance = (fit.estimator.influence(merged, fit) ** 2).sum(0)
     length = merged.samples / B
-    sd = np.sqrt(variance * _extrapolate(variance / _white(fit), length))
+    sd = np.sqrt(variance * longer(variance, fit, length))
     return ScoreScatter(np.where(fit.determined, sd, np.inf), B)
 
 
@@ -79,12 +79,20 @@ def _white(fit: Estimate) -> Array:
     return np.where(np.isfinite(square) & (square > 0), square, np.inf)
 
 
-def _extrapolate(ratio: Array, length: float) -> Array:
-    """Return by how much longer stretches would scatter more.
+def longer(variance: Array, fit: Estimate, length: float) -> Array:
+    """Return by how much the variance of longer stretches would be larger, (k,).
+
+    Parameters
+    ----------
+    variance : (k,)
+        Of the values of a fit, from the scatter over stretches.
+    fit : Estimate
+    length : float [samples]
+        Of the stretches.
 
     Of scores with autocorrelation time τ, sums over stretches of length L have τ (1 - τ/2L) times
     the variance of white ones; beyond that, stretches are too short to say.
     """
-    share = np.clip(ratio / length, 1e-12, 0.5)
+    share = np.clip(variance / _white(fit) / length, 1e-12, 0.5)
     factor: Array = (1.0 - np.sqrt(1.0 - 2.0 * share)) / share
     return factor

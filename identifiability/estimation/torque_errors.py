@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from identifiability.estimation.layout import FEWEST, Layout
+from identifiability.estimation.worse import surely_above
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS
 from identifiability.foundation.values import frozen
@@ -85,15 +85,6 @@ def error_over_joints(squares: Array, variation: Array) -> Array:
     """
     total: Array = np.sqrt(joint_weights(variation.sum(0)) @ squares.sum(0))
     return total
-
-
-def joint_reach(joints: int) -> float:
-    """Return how many standard errors the largest of so many rises may be by chance.
-
-    One for one joint; of several as seldom as one standard error of one.
-    """
-    norm = scipy.stats.norm
-    return float(norm.ppf(norm.cdf(1.0) ** (1.0 / max(joints, 1))))
 
 
 def split_evenly(x: Array, parts: int) -> list[Array]:
@@ -255,17 +246,22 @@ def standard_error_over_joints(
 def joints_above(sums: ErrorSums, memory: Array | float, against: int) -> np.ndarray:
     """Return the joints at which each model surely errs more than another does, (n, m) bool.
 
-    Rises of a joint's relative squares beyond `joint_reach` standard errors. Where one joint is
-    hard to predict its scatter hides in any sum what a model does to the others.
+    By its relative squares, `worse.surely_above`. Where one joint is hard to predict its scatter
+    hides in any sum what a model does to the others.
 
     Parameters are those of `standard_error`.
     """
     own = sums.variation.sum(0)
     shares = sums.squares / np.where(own > 0, own, np.inf)[:, None]
-    rise = (shares - shares[:, :, [against]]).sum(0)
-    each = [_scatter_each(sums, x, memory, against) for x in shares.transpose(1, 0, 2)]
-    above: np.ndarray = rise > joint_reach(int((own > 0).sum())) * np.nan_to_num(each)
-    return above
+    rise = shares - shares[:, :, [against]]
+    least = MEMORIES * np.broadcast_to(memory, rise.shape[2])
+    above = [
+        surely_above(
+            np.add.reduceat(x, sums.merge(m, FEWEST), axis=0), shares[:, :, against].sum(0)
+        )
+        for x, m in zip(np.moveaxis(rise, 2, 0), least, strict=True)
+    ]
+    return np.stack(above, 1)
 
 
 def _scatter_each(sums: ErrorSums, x: Array, memory: Array | float, against: int | None) -> Array:

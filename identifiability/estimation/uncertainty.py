@@ -8,12 +8,15 @@ from identifiability.estimation.bootstrap import FEWEST_BLOCKS, Bootstrap, boots
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.motions import Motions, compare_motions
 from identifiability.estimation.noise.autocorrelation import block_length
-from identifiability.estimation.scores import MEMORIES, ScoreScatter, scatter_scores
+from identifiability.estimation.scores import MEMORIES, ScoreScatter, longer, scatter_scores
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
+
+#: Blocks may be so many autocorrelation times short where longer ones would be too few.
+LEAST_MEMORIES = 2.0
 
 
 @frozen
@@ -135,8 +138,11 @@ def resample(
     """
     # The automatic choice is itself uncertain where it leaves few blocks: then what the residual
     # remembers is enough.
-    most = max(MEMORIES * float(fit.times.max()), information.samples / (2 * FEWEST_BLOCKS))
-    length = min(length, most)
+    memory, short = float(fit.times.max()), information.samples / (2 * FEWEST_BLOCKS)
+    length = min(length, max(MEMORIES * memory, short))
+    # Blocks of two memories still tell by how much longer ones would scatter more.
+    shortened = information.samples < FEWEST_BLOCKS * length
+    length = max(LEAST_MEMORIES * memory, short) if shortened else length
     inflated = fit.sigma * np.sqrt(_own_times(information, fit))
     drawn, note = None, ""
     if not replicates:
@@ -144,6 +150,8 @@ def resample(
     elif fit.kept:
         try:
             drawn = bootstrap(information, fit, rng, replicates=replicates, length=length)
+            if shortened:
+                drawn = drawn.stretch(fit.value, np.sqrt(longer(drawn.sd**2, fit, length)))
         except IdentifiabilityError as error:
             note = str(error)
     scores = scatter_scores(information, fit, fit.memory)

@@ -109,6 +109,14 @@ class ActuatorBlocks:
         blocks = np.take(self.blocks, kept, axis=0, out=out, mode="clip")
         return replace(self, blocks=blocks, sums=self.sums[kept])
 
+    def weigh(self, weights: Array) -> ActuatorBlocks:
+        """Return the blocks with weights (B,) of their squares."""
+        root, out = np.sqrt(weights), allot(self.blocks.shape)
+        scale = weights if self.squared else root
+        for at in batches(self.blocks):
+            out[at] = scale[at, None, None] * self.blocks[at]
+        return replace(self, blocks=out, sums=root[:, None] * self.sums)
+
     def merge(self, at: np.ndarray) -> ActuatorBlocks:
         """Return blocks that each hold those from one of `at` up to the next."""
         r, sums = self.blocks.shape[2], np.add.reduceat(self.sums, at, axis=0)

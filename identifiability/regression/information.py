@@ -247,6 +247,10 @@ class Information:
         parts = tuple(part.take(kept) for part in self.parts)
         return replace(self, parts=parts, counts=self.counts[kept], log=self.log[kept])
 
+    def weigh(self, weights: Array) -> Information:
+        """Return the blocks with weights (B,) of their squares; their samples count as before."""
+        return replace(self, parts=tuple(part.weigh(weights) for part in self.parts))
+
     def merge(self, at: np.ndarray) -> Information:
         """Return blocks that each hold those from one of `at` up to the next."""
         parts = tuple(part.merge(at) for part in self.parts)

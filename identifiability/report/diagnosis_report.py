@@ -99,10 +99,21 @@ def _section_gap(d: Diagnosis) -> Section:
         Column("after", error_text),
         Column("rms before", digits(3)),
         Column("rms after", digits(3)),
+        Column("raw before", error_text),
+        Column("raw after", error_text),
         Column("unit"),
     )
     numbers = d.error_frame()
-    order = ["joint", "before", "after", "rms_before", "rms_after", "unit"]
+    order = [
+        "joint",
+        "before",
+        "after",
+        "rms_before",
+        "rms_after",
+        "raw_before",
+        "raw_after",
+        "unit",
+    ]
     table = Table.of(
         "Each joint by itself on unseen motion, over its own scale",
         own,

@@ -6,6 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, settle_signs
 from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.least_squares import MIXED, dependence
@@ -214,13 +215,15 @@ def assess_ladder(
     above = held_out.joints_above(best)
     torque = float(np.sqrt(np.mean(fitted.rms**2)))
     results = []
+    spoken = bool(models) and bool(models[0].estimate.kept)
+    full = fit_whole(models[0].estimate.estimator, models[0].whole) if spoken else None
     for k, (model, real) in enumerate(zip(models, physical, strict=True)):
         rung, reduced, fit = model.rung, model.information, model.estimate
         residual = fitted.residual[:, :, k]
         uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
         nominal = model.structure.nominal_base - rung.held
         stated = np.linalg.lstsq(rung.M, nominal, rcond=None)[0]
-        left_out = find_left_out(model.structure, rung, model.whole, fit)
+        left_out = find_left_out(model.structure, rung, model.whole, fit, full)
         aliases = _aliases(reduced, fit, rung)
         result = RungResult(
             rung=rung,

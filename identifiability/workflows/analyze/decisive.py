@@ -1,4 +1,4 @@
-"""The sentence on stretches of the logs that no model follows and that decide what is found."""
+"""Stretches of the logs that no model follows: left out where they would decide, and told."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from identifiability.estimation.decisive import find_decisive
-from identifiability.estimation.estimator import Estimate
+from identifiability.estimation.decisive import Decisive, find_decisive, leave_out_bursts
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.logs.prepare import Samples
@@ -37,6 +37,43 @@ def state_decisive(
     found = find_decisive(information, fit)
     if found is None:
         return ""
+    name = information.columns[found.parameter]
+    return (
+        f"{_where(joints, samples, found)} decides: without it {name} moves by "
+        f"{found.moved:.1f} of the standard deviations that the rest of the logs leaves. Look at "
+        "what happened there, and cut it out if it is no motion of this robot."
+    )
+
+
+def weigh_down_bursts(
+    joints: Sequence[str],
+    samples: Sequence[Prepared],
+    information: Information,
+    estimator: Estimator,
+) -> tuple[Information, str]:
+    """Return the information without stretches that would decide, and a sentence on them if any.
+
+    Parameters
+    ----------
+    joints, samples
+        As in `state_decisive`.
+    information : Information
+        About all columns.
+    estimator : Estimator
+    """
+    kept, found = leave_out_bursts(information, estimator)
+    if found is None:
+        return kept, ""
+    return kept, (
+        f"{_where(joints, samples, found)} would decide: with it "
+        f"{information.columns[found.parameter]} moves by {found.moved:.1f} of the standard "
+        "deviations that the rest of the logs leaves. It was left out of the fit; errors count it. "
+        "Look at what happened there."
+    )
+
+
+def _where(joints: Sequence[str], samples: Sequence[Prepared], found: Decisive) -> str:
+    """Return where stretches are and how far from the model, up to what they do."""
     ends = np.flatnonzero((np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])) + 1
     stretches = list(pairwise([0, *ends.tolist(), len(found.log)]))
     named = []
@@ -47,10 +84,7 @@ def state_decisive(
     worst = int(np.argmax(found.beyond))
     return (
         f"{listing(named, LISTED)}: the torque of {joints[worst]} is up to "
-        f"{np.sqrt(found.beyond[worst]):.0f} times farther from the model than usual, and decides: "
-        f"without it {information.columns[found.parameter]} moves by {found.moved:.1f} of the "
-        "standard deviations that the rest of the logs leaves. Look at what happened there, and "
-        "cut it out if it is no motion of this robot."
+        f"{np.sqrt(found.beyond[worst]):.0f} times farther from the model than usual, and"
     )
 
 

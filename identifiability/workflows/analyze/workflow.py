@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from identifiability.estimation.estimate import Kind, Method, find_estimator
+from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
 from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine
@@ -27,7 +27,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.decisive import state_decisive
+from identifiability.workflows.analyze.decisive import state_decisive, weigh_down_bursts
 from identifiability.workflows.analyze.fit import base_values, fit_ladder, plan_cross_validation
 from identifiability.workflows.analyze.form_belief import believe
 from identifiability.workflows.analyze.result import Analysis
@@ -122,6 +122,12 @@ def analyze(
             regression, silence = opening.regression, opening.silence
             information = gather_information(regression, engine=runner, progress=building)
             say("fitting models", 0.6)
+            burst = ""
+            if not silence:
+                information, burst = weigh_down_bursts(
+                    robot.joints, opening.samples, information, chosen
+                )
+                chosen = settle_noise(chosen, information)
             models, physical = fit_ladder(
                 structure, rungs, information, chosen, cad_weight, silence
             )
@@ -159,7 +165,7 @@ def analyze(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=tuple(filter(None, (*opening.hints, decided, *bands, *after))),
+            hints=tuple(filter(None, (*opening.hints, burst, decided, *bands, *after))),
             information=information,
             models=results,
             selected=at,

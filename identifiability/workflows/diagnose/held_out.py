@@ -67,9 +67,14 @@ class Gap:
         """Return the error of each model over each joint's own scale, (m,)."""
         return error_over_joints(self.residual**2, self._variation)
 
-    def joint_error(self) -> Array:
-        """Return the error of each joint over its own scale, (n, m)."""
-        return joint_errors(self.residual**2, self._variation)
+    def joint_error(self, *, raw: bool = False) -> Array:
+        """Return the error of each joint over its own scale (n, m), `raw` of measured torque."""
+        left, own = self.residual, self._variation
+        if raw:
+            tau = self.rows.raw
+            left = left + (tau - self.rows.measured)[:, :, None]
+            own = (tau - tau.mean(0)) ** 2 * ~is_constant(tau.min(0), tau.max(0))
+        return joint_errors(left**2, own)
 
     def joint_rms(self) -> Array:
         """Return the root mean square of each joint's error, (n, m) [N·m or N]."""

@@ -73,13 +73,19 @@ class Diagnosis(Result, Findings):
         """Return the errors of each joint on unseen motion before and after.
 
         Over the joint's own scale (`torque_errors.joint_errors`), and in N or N·m (`rms`), of the
-        torque that was fitted, low-passed with the columns where these were.
+        torque that was fitted, low-passed with the columns where these were; `raw` is the same
+        prediction against the torque as it was measured.
         """
-        error, rms = self.gap.joint_error(), self.gap.joint_rms()
+        error, rms, raw = (
+            self.gap.joint_error(),
+            self.gap.joint_rms(),
+            self.gap.joint_error(raw=True),
+        )
         columns = {
             "joint": self.robot.joints, "unit": self.robot.torque_units,
             "before": error[:, 0], "after": error[:, -1],
             "rms_before": rms[:, 0], "rms_after": rms[:, -1],
+            "raw_before": raw[:, 0], "raw_after": raw[:, -1],
         }  # fmt: skip
         return pd.DataFrame(columns)
 

@@ -98,8 +98,8 @@ class Rows:
         Stretches without gaps.
     q, dq, ddq : (N, n)
         Motion of the actuated joints, filtered like the columns.
-    measured : (N, n) [N·m or N]
-        Measured torque, all of it.
+    measured, raw : (N, n) [N·m or N]
+        Measured torque, all of it: filtered like the columns, and as it was measured.
     """
 
     tau: Array
@@ -112,6 +112,7 @@ class Rows:
     dq: Array
     ddq: Array
     measured: Array
+    raw: Array
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -236,15 +237,19 @@ def build_rows(
     columns = np.concatenate([kept, width + np.arange(count)]).astype(int)
     model = Model((*structure.model.effects, *extra))
     regression = Regression(structure.robot, model, tuple(samples), columns)
-    chunks = [(np.full(len(tau), log), W.copy(), tau) for log, _, W, tau in regression.chunks()]
-    log, W, tau = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
+    chunks = [
+        (np.full(len(c.tau), c.log), c.W.copy(), c.tau, c.raw)
+        for part in regression.parts()
+        for c in part.chunks()
+    ]
+    log, W, tau, raw = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
     X, D = W[:, :, : len(kept)], W[:, :, len(kept) :]
     target = tau
     if fixed:
         target, X = tau - X @ structure.nominal_base, X[:, :, :0]
     t = np.concatenate([s.output_times() for s in samples])
     q, dq, ddq = np.split(np.concatenate([_states(s) for s in samples]), 3, axis=1)
-    return Rows(target, X, D, t, log, find_runs(samples), q, dq, ddq, tau)
+    return Rows(target, X, D, t, log, find_runs(samples), q, dq, ddq, tau, raw)
 
 
 def _states(samples: Samples) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.estimation.torque_errors import joint_reach
+from identifiability.estimation.worse import surely_above
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
@@ -52,20 +52,19 @@ class Errors:
     def as_good(self, other: Errors) -> bool:
         """Return whether neither the total nor any joint is surely above another model's."""
         rise, spread = self.above(other)
-        each = _spread(self.held - other.held, self.scatter - other.scatter)
-        return rise <= spread and not bool(self.joints_above(other, each).any())
+        return rise <= spread and not bool(self.joints_above(other).any())
 
     def near(self, other: Errors) -> bool:
         """Return whether total and joints stay within the standard errors of another's own."""
-        own = _spread(other.held, other.scatter)
         within = self.total <= other.total + other.standard_error
-        return within and not bool(self.joints_above(other, own).any())
+        return within and not bool(self.joints_above(other).any())
 
-    def joints_above(self, other: Errors, spread: Array) -> np.ndarray:
-        """Return the joints that rise by more than chance, (n,) bool, with spreads (n,)."""
-        rise = self.by_joint - other.by_joint
-        above: np.ndarray = rise > joint_reach(len(spread)) * spread
-        return above
+    def joints_above(self, other: Errors) -> np.ndarray:
+        """Return the joints that surely rise, (n,) bool."""
+        held, scatter = self.held - other.held, self.scatter - other.scatter
+        same = len(held) == len(scatter)
+        rise = held + (scatter if same else scatter.sum(0) / len(held))
+        return surely_above(rise, other.by_joint)
 
 
 def _spread(held: Array, scatter: Array) -> Array:

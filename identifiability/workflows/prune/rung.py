@@ -1,11 +1,13 @@
 """The rungs of the ladder: models on the way down, with what is said of each."""
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.estimate import fit_whole
+from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.layout import take_turns
 from identifiability.estimation.omitted import find_left_out
@@ -124,6 +126,11 @@ class Question:
     start: Rung
     estimator: Estimator
 
+    @cached_property
+    def full(self) -> Estimate | None:
+        """The fit of all base parameters; None where the logs are too short for it."""
+        return fit_whole(self.estimator, self.information)
+
     def fit(self, step: Step) -> FittedModel:
         """Fit the model of a step down."""
         rung, size = self.start, len(step.partition)
@@ -213,7 +220,7 @@ def measure_rungs(
             step=step,
             rung=model.rung,
             estimate=model.estimate,
-            verdicts=_judge(model, spread, rng, replicates),
+            verdicts=_judge(model, question.full, spread, rng, replicates),
             error_ra=float(error[k]),
             error_ra_unseen=float(error_unseen[k]),
             error_se=float(error_se[k]),
@@ -259,24 +266,28 @@ def _plan_unseen(question: Question, search: Search) -> Task:
 
 
 def _judge(
-    model: FittedModel, spread: Uncertainty, rng: np.random.Generator, replicates: int
+    model: FittedModel,
+    full: Estimate | None,
+    spread: Uncertainty,
+    rng: np.random.Generator,
+    replicates: int,
 ) -> tuple[Verdict, ...]:
     """Return the verdicts on a model, with the blocks of the chosen one's bootstrap."""
     part, fit = model.information, model.estimate
     own = resample(part, fit, spread.block, rng, replicates)
     torque = float(np.linalg.norm(part.factor()[:, -1]) / np.sqrt(max(part.rows, 1)))
     unknown = ("This motion determines it in combination with others only, or not at all.",)
-    left_out = find_left_out(model.structure, model.rung, model.whole, fit)
+    left_out = find_left_out(model.structure, model.rung, model.whole, fit, full)
     aliases = unknown * len(model.rung)
     return judge_rung(model.rung, part, fit, own, torque, aliases, Thresholds(), left_out=left_out)
 
 
-def contradicts(model: FittedModel) -> bool:
+def contradicts(model: FittedModel, full: Estimate | None) -> bool:
     """Return whether a sign that physics forbids is so sure that its verdict would be known."""
     scatter = scatter_scores(model.information, model.estimate, 1.0)
     if scatter is None:
         return False
-    left = find_left_out(model.structure, model.rung, model.whole, model.estimate)
+    left = find_left_out(model.structure, model.rung, model.whole, model.estimate, full)
     known = np.hypot(scatter.widened, left.sigma) * 100 <= (
         Thresholds().sigma_percent * np.abs(model.estimate.value)
     )

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from identifiability.estimation.estimate import Kind, Method, find_estimator
+from identifiability.estimation.estimate import Kind, Method, find_estimator, settle_noise
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.names import Array
@@ -40,7 +40,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.decisive import state_decisive
+from identifiability.workflows.analyze.decisive import state_decisive, weigh_down_bursts
 from identifiability.workflows.analyze.several_logs import compare_logs
 from identifiability.workflows.analyze.words import state_weak
 from identifiability.workflows.instruments import add_instruments
@@ -154,6 +154,8 @@ def prune(
         building = share(say, "building the regression", 0.1, 0.4)
         information = gather_information(opening.regression, engine=runner, progress=building)
         start = build_ladder(LadderEntry(models=source.entry.models[:1]), structure)[0]
+        information, burst = weigh_down_bursts(robot.joints, opening.samples, information, asked)
+        asked = settle_noise(asked, start.reduce(information))
         question = Question(opening=opening, information=information, start=start, estimator=asked)
         say("walking down the ladder", 0.4)
         _check_wishes(start, forbid, force)
@@ -193,7 +195,7 @@ def prune(
         result = measured.result
         reduced = result.rung.reduce(information)
         decided = state_decisive(robot.joints, opening.samples, reduced, result.estimate)
-        said = filter(None, (decided, state_weak(result)))
+        said = filter(None, (burst, decided, state_weak(result)))
         return Ladder(
             structure=structure,
             samples=opening.samples,
@@ -254,7 +256,7 @@ def _choose(
     asked: list[tuple[int, PhysicalResult]] = []
     problems: list[IdentifiabilityError] = []
     good = good_steps(steps, criterion)
-    sound = [k for k in good if not contradicts(question.fit(steps[k]))]
+    sound = [k for k in good if not contradicts(question.fit(steps[k]), question.full)]
     for k in (sound or good)[:CERTIFIED]:
         try:
             physical = assess_feasibility(question.fit(steps[k]), cad_weight)

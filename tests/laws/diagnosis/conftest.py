@@ -39,7 +39,7 @@ def make_rows(tau, X, D, log=None, **motion):
     zero = np.zeros_like(tau)
     log = np.zeros(n, int) if log is None else np.asarray(log)
     edges = [0, *(np.flatnonzero(np.diff(log)) + 1).tolist(), n]
-    given = {"q": zero, "dq": zero, "ddq": zero, "measured": tau, **motion}
+    given = {"q": zero, "dq": zero, "ddq": zero, "measured": tau, "raw": tau, **motion}
     return Rows(
         tau=tau, X=X, D=D, t=0.01 * np.arange(n), log=log, runs=list(pairwise(edges)), **given
     )

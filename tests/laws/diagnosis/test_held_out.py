@@ -128,3 +128,15 @@ def test_the_interval_of_a_change_is_that_of_whole_stretches_drawn_again(rng):
     assert gap.interval(0, 0, np.random.default_rng(0)) == (0.0, 0.0)
     back = gap.interval(1, 0, np.random.default_rng(0))
     np.testing.assert_allclose(back, (-high, -low), atol=1e-12)
+
+
+def test_errors_of_the_raw_torque_hold_what_the_filter_took_away():
+    rng = np.random.default_rng(3)
+    tau, noise = rng.standard_normal((2, 50, 2))
+    residual = 0.1 * rng.standard_normal((50, 2, 2))
+    gap = Gap(rows=SimpleNamespace(measured=tau, raw=tau + noise), residual=residual)
+    raw = tau + noise
+    left, own = residual[:, :, 1] + noise, raw - raw.mean(0)
+    expected = np.sqrt((left**2).sum(0) / (own**2).sum(0))
+    np.testing.assert_allclose(gap.joint_error(raw=True)[:, 1], expected)
+    assert (gap.joint_error()[:, 1] < 0.3 * expected).all()

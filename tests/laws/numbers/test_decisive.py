@@ -5,14 +5,25 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.estimation.decisive import BEYOND, DECIDES, LEAST, find_decisive
+from identifiability.estimation.decisive import (
+    BEYOND,
+    DECIDES,
+    LEAST,
+    MOST,
+    find_decisive,
+    leave_out_bursts,
+)
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.estimator import Estimate
 from identifiability.regression.information import Information
-from identifiability.workflows.analyze.decisive import state_decisive
+from identifiability.workflows.analyze.decisive import state_decisive, weigh_down_bursts
 
 ROWS, SIZE = 600, 5
 WLS = find_estimator("wls")
+LOGS = [
+    SimpleNamespace(name=n, survey=SimpleNamespace(start=10.0, stop=12.0, outputs=k))
+    for n, k in (("one", 400), ("two", 200))
+]
 
 
 def rows(seed=0, memory=0.0):
@@ -81,10 +92,47 @@ def test_too_few_blocks_say_nothing():
 def test_the_sentence_names_log_time_joint_and_parameter():
     W, tau = rows()
     tau[500:510, 1] += 5.0 * W[500:510, 1, 2]
-    logs = [SimpleNamespace(name=n, survey=SimpleNamespace(start=10.0, stop=12.0, outputs=k))
-            for n, k in (("one", 400), ("two", 200))]  # fmt: skip
-    text = state_decisive(["shoulder", "elbow"], logs, *fitted(W, tau))
+    text = state_decisive(["shoulder", "elbow"], LOGS, *fitted(W, tau))
     assert text.startswith("two from t = 11 to 11.1 s: the torque of elbow is up to ")
     assert " decides: without it c moves by " in text
     assert text.endswith("cut it out if it is no motion of this robot.")
-    assert state_decisive(["shoulder", "elbow"], logs, *fitted(*rows())) == ""
+    assert state_decisive(["shoulder", "elbow"], LOGS, *fitted(*rows())) == ""
+
+
+@pytest.mark.parametrize("size", [SIZE, 1])
+def test_a_burst_decides_nothing_any_more(size):
+    """Values are those of a fit that never saw it; blocks shorter than a mean square needs too."""
+    W, tau = rows()
+    log = np.repeat([0, 1], [400, 200])
+    tau[500:510, 0] += 50.0 * W[500:510, 0, 0]
+    tau[520:525, 1] += 3.0  # hidden by the first
+    names = ["a", "b", "c"]
+    information = Information.of_rows(names, W, tau, log, size)
+    kept, found = leave_out_bursts(information, WLS)
+    rest = np.r_[0:500, 510:520, 525:ROWS]
+    clean = Information.of_rows(names, W[rest], tau[rest], log[rest], 5)
+    np.testing.assert_allclose(WLS.fit(kept).value, WLS.fit(clean).value, atol=2e-3)
+    assert abs(WLS.fit(information).value[0] - 1) > 0.1
+    assert kept.samples == information.samples
+    assert set(found.log) == {1}
+    assert set(range(100, 110)) <= {
+        k for a, b in zip(found.first, found.last, strict=True) for k in range(a, b)
+    }
+    text = weigh_down_bursts(["shoulder", "elbow"], LOGS, information, WLS)[1]
+    assert " would decide: with it " in text
+    assert "It was left out of the fit" in text
+
+
+def test_logs_without_a_burst_are_as_they_were():
+    information, _ = fitted(*rows())
+    assert leave_out_bursts(information, WLS) == (information, None)
+
+
+def test_what_is_too_much_of_the_logs_is_no_accident():
+    """Named still, by those who ask for the stretch that decides."""
+    W, tau = rows()
+    tau[500:540, 0] += 50.0 * W[500:540, 0, 0]
+    information, fit = fitted(W, tau)
+    assert MOST * ROWS < 40
+    assert leave_out_bursts(information, WLS) == (information, None)
+    assert find_decisive(information, fit) is not None

@@ -67,8 +67,8 @@ def test_the_standard_error_over_joints_is_the_scatter_of_repetitions():
     assert known[1] == pytest.approx((seen[:, 1] - seen[:, 0]).std(), rel=0.12)
 
 
-def test_no_joint_is_called_worse_by_chance_more_often_than_one_error_of_one():
-    """Two models as good as each other at seven joints: 16 %, as for one joint, within 3 SE."""
+def test_no_joint_is_called_worse_by_chance_in_more_than_five_percent_of_cases():
+    """Two models as good as each other at seven joints."""
     rng = np.random.default_rng(11)
     tau = rng.normal(size=(1000, 7)) * 10.0 ** np.arange(-3, 4)
     called = []
@@ -77,8 +77,8 @@ def test_no_joint_is_called_worse_by_chance_more_often_than_one_error_of_one():
         called.append(
             prediction(tau, tau[:, :, None] - errors, (1000,)).joints_above(0)[:, 1].any()
         )
-    # Normal quantiles on 20 stretches: a little more.
-    assert 0.10 < np.mean(called) < 0.26
+    # Two tests that agree in part: less than the level, and not never.
+    assert 0.005 < np.mean(called) < 0.05 + 3 * np.sqrt(0.05 * 0.95 / 400)
 
 
 def test_errors_of_the_raw_torque_are_those_of_the_measured_samples():

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimate import estimate, find_estimator, settle_noise
+from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.memory import _sum_lags, measure_memory
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.foundation.linalg import unit_coordinates
@@ -182,3 +183,39 @@ def test_coordinates_of_unit_information_survive_what_rounding_left_of_a_directi
     found = np.linalg.eigvalsh(T.T @ G @ T)
     np.testing.assert_allclose(found[1:], 1.0, rtol=1e-9)
     assert abs(found[0]) < 0.1
+
+
+def test_a_model_that_leaves_a_constant_out_has_the_noise_of_the_whole_one():
+    """What a model leaves out looks like noise that remembers for ever, and is none."""
+    rng = np.random.default_rng(5)
+    W = rng.normal(size=(400, 3, 5))
+    W[:, :, 4] = [0.0, 0.0, 1.0]  # a constant torque at the last actuator
+    tau = W @ [1.0, -1.0, 2.0, 0.5, 2.0] + rng.standard_normal((400, 3))
+    whole = gather(W, tau, 2)
+    small = whole.select([0, 1, 2, 3])
+    own = find_estimator("wls").fit(small)
+    settled = settle_noise(find_estimator("wls"), whole).fit(small)
+    assert own.times[2] > 20  # the model by itself takes it for slow noise,
+    assert own.weights[2] < 0.1 * own.weights[0]  # and does not fit that actuator any more
+    np.testing.assert_allclose(settled.times, 1.0, atol=0.8)
+    np.testing.assert_allclose(settled.weights, 1.0, atol=0.3)
+    np.testing.assert_allclose(settled.variance, 1.0, atol=0.3)
+
+
+@pytest.mark.parametrize("name", ["ols", "wls"])
+def test_instruments_know_the_noise_of_the_logs_too(name):
+    rng = np.random.default_rng(6)
+    W = rng.normal(size=(200, 2, 3))
+    whole = gather(W, W @ np.ones(3) + rng.standard_normal((200, 2)), 2)
+    base = find_estimator(name)
+    settled = settle_noise(InstrumentalVariables(base), whole)
+    np.testing.assert_array_equal(settled.base.noise.times, base.fit(whole).times)
+    np.testing.assert_array_equal(settled.base.noise.variance, base.fit(whole).variance)
+
+
+def test_too_few_outputs_for_all_columns_say_nothing_of_the_noise():
+    rng = np.random.default_rng(7)
+    W = rng.normal(size=(30, 1, 12))
+    whole = gather(W, W @ np.ones(12) + rng.standard_normal((30, 1)), 1)
+    assert settle_noise(find_estimator("wls"), whole).noise is None
+    assert settle_noise(find_estimator("wls"), whole.select(range(5))).noise is not None

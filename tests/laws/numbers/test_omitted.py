@@ -143,3 +143,48 @@ def test_little_left_out_is_not_spoken_of():
 def test_a_verdict_is_conditional_where_the_file_knows_no_inertias():
     assert "states no inertias" in verdict_of(out(0.0, unknown=True)).reason
     assert "states no inertias" not in verdict_of(out(0.0)).reason
+
+
+def quiet(motion, seed=0, size=1e-6):
+    return size * np.random.default_rng(seed).standard_normal(motion.shape[:2])
+
+
+def known_by_logs(motion, rung, theta, noise, nominal=FILE):
+    """Return what is left out where logs are asked too, and the fit."""
+    every = gather(motion, motion @ theta + noise, columns=NAMES)
+    fit, full = (find_estimator("ols").fit(i) for i in (rung.reduce(every), every))
+    return find_left_out(structure_of(nominal), rung, every, fit, full), fit
+
+
+def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
+    kept, rng = [0, 5, 9, 10], np.random.default_rng(3)
+    theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
+    found, fit = known_by_logs(motion, rung_of(kept), theta, quiet(motion))
+    np.testing.assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
+
+
+def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):
+    kept, noise = [0, 5, 9, 10, 11], quiet(motion, size=1e7)
+    found, _ = known_by_logs(motion, rung_of(kept), FILE, noise)
+    alone, _ = left_out(motion, FILE, rung_of(kept))
+    np.testing.assert_allclose(found.sigma, alone.sigma, rtol=1e-3)
+
+
+def test_sigma_is_the_rms_distance_whatever_the_noise_and_follows_the_robot():
+    """Robots drawn as the file allows, logs of them with noise that leaves some things open."""
+    rng, kept, size = np.random.default_rng(4), [0, 5, 9, 10], 5.0
+    W = rng.normal(size=(60, 2, 12)) @ rng.normal(size=(12, 12))
+    rung, P = rung_of(kept), np.linalg.pinv(W.reshape(-1, 12)[:, kept])
+    noise_variance = size**2 * (P**2).sum(1)
+    squares, said = [], []
+    for _ in range(60):
+        theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
+        found, fit = known_by_logs(W, rung, theta, size * rng.standard_normal(W.shape[:2]))
+        squares.append((fit.value - theta[kept]) ** 2)
+        said.append(found.sigma**2 + noise_variance)
+    error = np.std(np.array(squares) - said, axis=0) / np.sqrt(60)
+    assert (np.abs(np.mean(squares, 0) - np.mean(said, 0)) < 4 * error).all()
+    # The logs tell which robots are far from their label.
+    order = np.argsort(said, axis=0)
+    near, far = (np.take_along_axis(np.array(squares), o, 0) for o in (order[:30], order[30:]))
+    assert (near.mean(0) < 0.8 * far.mean(0)).all()

@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.refits import RIDGE
-from identifiability.estimation.torque_errors import joint_reach
 from identifiability.workflows.prune.errors import Errors
 from identifiability.workflows.prune.folds import gather_folds
 from identifiability.workflows.prune.moves import Kind, Move
@@ -236,15 +234,8 @@ def test_a_joint_that_surely_rises_is_seen_beside_one_that_scatters():
     other = Errors(one.held + more, np.zeros((16, 2)))
     rise, spread = other.above(one)
     assert 0 < rise < spread  # the sum does not see it
-    np.testing.assert_array_equal(other.joints_above(one, more.std(0, ddof=1) * 4), [False, True])
+    np.testing.assert_array_equal(other.joints_above(one), [False, True])
     assert not other.as_good(one)
     assert one.as_good(other)
-    assert not other.near(one)  # 8 is more than 1.41 × 4 × the spread of `small`
-    assert Errors(one.held + 0.1 * more, np.zeros((16, 2))).near(one)
-
-
-@pytest.mark.parametrize("joints", [1, 2, 7])
-def test_the_largest_of_several_rises_is_chance_as_often_as_one(joints):
-    """One standard error of one is passed in 16 % of cases, and so is the reach of several."""
-    drawn = np.random.default_rng(joints).normal(size=(100_000, joints)).max(1)
-    assert (drawn > joint_reach(joints)).mean() == pytest.approx(norm.sf(1.0), abs=0.004)
+    assert not other.near(one)
+    assert Errors(one.held + more * [0.1, 0.0], np.zeros((16, 2))).near(one)

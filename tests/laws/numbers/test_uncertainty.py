@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.estimation.bootstrap import Bootstrap
+from identifiability.estimation.bootstrap import Bootstrap, bootstrap
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.noise.autocorrelation import (
     autocorrelation,
@@ -123,6 +123,40 @@ def test_too_short_a_log_says_why_there_is_no_bootstrap(rows):
     found = assess_uncertainty(information, fit, residual, np.zeros(200, int), rng, 50)
     assert found.bootstrap is None
     assert "2 independent blocks" in found.note
+
+
+@pytest.mark.parametrize(("memory", "block"), [(20.0, 40.0), (16.0, 32.0), (12.0, 25.0)])
+def test_blocks_of_two_memories_do_where_longer_ones_are_too_few(rows, memory, block):
+    W, tau = rows
+    information = gather(W[:400], tau[:400], size=1)
+    fit = replace(estimate(information), times=np.array([1.0, memory]))
+    found = resample(information, fit, 60.0, np.random.default_rng(0), 10)
+    assert found.block == block
+    assert found.bootstrap.blocks == 400 // block
+    rng = np.random.default_rng(0)
+    drawn = bootstrap(information, fit, rng, replicates=10, length=block)
+    assert (found.bootstrap.sd > 1.001 * drawn.sd).all()  # longer blocks would scatter more
+    assert found.why_unjudged(2, Thresholds()) == ""
+
+
+def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
+    """A log of 27 autocorrelation times: eight blocks of five are not there."""
+    held, judged, N, rho = [], 0, 250, 0.8
+    for rng in np.random.default_rng(3).spawn(50):
+        t = np.arange(N) / N
+        waves = [np.sin(2 * np.pi * (k + 1) * t + rng.uniform(0, 6)) for k in range(4)]
+        W = np.stack([np.stack(waves, 1), np.stack(waves[::-1], 1) * [1, -1, 1, -1]], 1)
+        tau = W @ np.ones(4) + ar1(rng, rho, N, 2)
+        information = gather(W, tau, size=1)
+        fit = estimate(information)
+        residual, one = tau - W @ fit.value, np.zeros(N, int)
+        found = assess_uncertainty(information, fit, residual, one, rng, 100)
+        judged += not found.why_unjudged(4, Thresholds())
+        held.append(np.abs(fit.value - 1) <= 1.96 * found.robust)
+    share = np.mean(held, axis=1)
+    error = share.std(ddof=1) / np.sqrt(len(share))
+    assert judged >= 45
+    assert 0.90 - 3 * error < share.mean()
 
 
 def test_blocks_are_as_long_as_the_stretch_with_the_longest_memory_asks(rows):
