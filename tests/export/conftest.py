@@ -13,10 +13,12 @@ import pytest
 
 from identifiability.effects import FAMILIES
 from identifiability.logs.prepare import Samples, prepare_samples
+from identifiability.logs.prepare.instruments import OPEN
 from identifiability.regression.model import Model
 from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
 from identifiability.workflows.export import export
+from identifiability.workflows.instruments import follow
 
 
 def error_ra(tau, predicted):
@@ -90,12 +92,25 @@ class Replayed:
     whole: float
 
 
+def fitted_samples(copy: Robot, result, log) -> Samples:
+    """The log along which errors were stated: few samples follow the second record of its motion.
+
+    All others, and every torque, are the measured ones.
+    """
+    raw = prepare_samples(copy, log)
+    (samples,) = follow(result.chosen.estimate.estimator, copy, [(log, raw)])
+    moved = np.any(samples.motion.a != raw.motion.a, axis=1)
+    assert moved.mean() < OPEN
+    np.testing.assert_array_equal(samples.tau, raw.tau)
+    return samples
+
+
 def replay(robot: Robot, result, log, folder: Path) -> Replayed:
     """Export a result and evaluate file, and file with sidecar, on the log."""
     path = result.to_json(folder / "result.json")
     exported = export(robot, path, folder / f"fitted{robot.path.suffix}")
     copy = Robot.load(exported.robot)
-    samples = log if isinstance(log, Samples) else prepare_samples(copy, log)
+    samples = log if isinstance(log, Samples) else fitted_samples(copy, result, log)
     alone: dict = {}
     for piece in samples.pieces(4096):
         alone.setdefault("tau", []).append(piece.down(piece.tau))
