@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.names import Array, Parameter, find_named
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
 
@@ -160,7 +160,7 @@ class Shaped(AlongAxes):
     given : float or None
         The shape; None takes the robot's, else a typical one for each axis.
     only : str or None
-        One axis; None for all.
+        One axis, or a pattern such as ``wrist_*``; None for all.
     """
 
     given: float | None = None
@@ -176,8 +176,9 @@ class Shaped(AlongAxes):
         return stated or self.typical(robot, axis)
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
-        """Return the axes of actuated joints and coupled motors, or the one that is asked for."""
-        return [a for a in robot.axes if self.only is None or a.name == self.only]
+        """Return the axes of actuated joints and coupled motors, or those that are asked for."""
+        asked = find_named(self.only or "*", (a.name for a in robot.axes))
+        return [a for a in robot.axes if a.name in asked]
 
     def shapes(self, robot: Robot) -> dict[str, float]:
         """Return the shape of every axis."""

@@ -8,20 +8,21 @@ import numpy as np
 
 from identifiability.effects.effect import Effect
 from identifiability.foundation.errors import ModelError, listing
-from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.names import Array, Parameter, find_named, is_pattern
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
 
 
 @frozen
 class Part:
-    """An effect at one joint, motor or body.
+    """An effect at a joint, motor or body, or at all whose names fit a pattern.
 
     Attributes
     ----------
     effect : Effect
         With its shape, if it has one.
     owner : str
+        A name, or a pattern such as ``wrist_*``.
     kinds : tuple of str
         Kinds of parameters that are taken; all if empty.
     """
@@ -32,7 +33,8 @@ class Part:
 
     def takes(self, parameter: Parameter) -> bool:
         """Whether a parameter of the effect belongs to the part."""
-        return parameter.owner == self.owner and (not self.kinds or parameter.kind in self.kinds)
+        here = bool(find_named(self.owner, [parameter.owner]))
+        return here and (not self.kinds or parameter.kind in self.kinds)
 
 
 class Placed(Effect):
@@ -74,16 +76,34 @@ class Placed(Effect):
         ModelError
             If an effect has no parameter at its place.
         """
-        return tuple(p for part in self.parts for p in self.part_parameters(robot, part))
+        return tuple(p for _, taken in self._taken(robot) for p in taken.values())
 
     def shapes(self, robot: Robot) -> dict[str, float]:
         """Return the shapes of all parts."""
         return {
             name: shape
-            for part in self.parts
+            for part, taken in self._taken(robot)
             for name, shape in part.effect.shapes(robot).items()
-            if name == f"{part.owner}.{self.name}"
+            if name in {f"{p.owner}.{self.name}" for p in taken.values()}
         }
+
+    def _taken(self, robot: Robot) -> list[tuple[Part, dict[int, Parameter]]]:
+        """Return each part with its parameters by their column in its effect.
+
+        What parts name, and the patterns before, go before what fits a pattern.
+        """
+        found = [{p.name for p in self.part_parameters(robot, part)} for part in self.parts]
+        wide = [is_pattern(part.owner) for part in self.parts]
+        gone = {name for own, w in zip(found, wide, strict=True) if not w for name in own}
+        out = []
+        for part, own, w in zip(self.parts, found, wide, strict=True):
+            left = own - gone if w else own
+            gone |= left
+            every = part.effect.parameters(robot)
+            out.append(
+                (part, {k: p for k, p in enumerate(every) if part.takes(p) and p.name in left})
+            )
+        return out
 
     @staticmethod
     def part_parameters(robot: Robot, part: Part) -> list[Parameter]:
@@ -103,9 +123,8 @@ class Placed(Effect):
         start = 0
         waiting: dict[int, list[tuple[int, list[int]]]] = {}
         effects: dict[int, Effect] = {}
-        for part in self.parts:
-            every = part.effect.parameters(robot)
-            columns = [k for k, p in enumerate(every) if part.takes(p)]
+        for part, taken in self._taken(robot):
+            columns = list(taken)
             effects[id(part.effect)] = part.effect
             waiting.setdefault(id(part.effect), []).append((start, columns))
             start += len(columns)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from typing import Any
 
 from numpy.typing import NDArray
@@ -68,6 +70,28 @@ class Parameter:
     def term(self) -> str:
         """The form used inside a grouping, ``mx(3)``."""
         return f"{self.kind}({self.symbol or self.owner})"
+
+
+def is_pattern(text: str) -> bool:
+    """Whether a text stands for several names: ``*`` is any letters, ``?`` is one."""
+    return "*" in text or "?" in text
+
+
+def find_named(text: str, names: Iterable[str]) -> list[str]:
+    """Return the names that a name or a pattern such as ``wrist_*.K`` stands for, in their order.
+
+    Parameters
+    ----------
+    text : str
+        A name that is there is itself, whatever letters it has.
+    names : iterable of str
+    """
+    known = list(dict.fromkeys(names))
+    if text in known or not is_pattern(text):
+        return [name for name in known if name == text]
+    letters = {"*": ".*", "?": "."}
+    rule = re.compile("".join(letters.get(c, re.escape(c)) for c in text), re.DOTALL)
+    return [name for name in known if rule.fullmatch(name)]
 
 
 def inertial_unit(kind: str) -> str:

@@ -37,6 +37,8 @@ class Model:
 
         ``NAME@PLACE+PLACE`` is an effect at some joints, motors or bodies only, and
         ``NAME@PLACE:SHAPE`` has a shape of its own there, such as the Stribeck velocity [SI].
+        A place may be a pattern: ``NAME@wrist_*`` is at all whose names fit, ``*`` being any
+        letters and ``?`` one.
 
         Raises
         ------

@@ -92,12 +92,38 @@ def test_effects_live_where_a_file_says_with_the_shape_that_it_gives():
     np.testing.assert_allclose(W, np.exp(-np.abs(speed) / 0.02) * np.sign(speed))
 
 
+def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
+    robot = Robot.load("3-rps")
+    texts = (
+        "viscous_friction@slider*",
+        "stribeck_friction@*:0.5",
+        "stribeck_friction@slider2:0.02",
+    )
+    viscous, stribeck = Model.of(*texts).effects
+    assert [p.name for p in viscous.parameters(robot)] == [f"slider{k}.Fv" for k in (1, 2, 3)]
+    shapes = {f"slider{k}.stribeck_friction": 0.02 if k == 2 else 0.5 for k in (1, 2, 3)}
+    assert stribeck.shapes(robot) == shapes
+    assert [p.name for p in stribeck.parameters(robot)] == [
+        "slider1.Fs",
+        "slider3.Fs",
+        "slider2.Fs",
+    ]
+    motion = random_motion(robot, np.random.default_rng(0), 20)
+    W = Model((stribeck,)).regressor(robot, motion)
+    for column, k in enumerate((0, 2, 1)):
+        speed, shape = motion.actuated_v[:, k], shapes[f"slider{k + 1}.stribeck_friction"]
+        own = np.exp(-np.abs(speed) / shape) * np.sign(speed)
+        np.testing.assert_allclose(W[:, k, column], own)
+        assert np.count_nonzero(W[:, :, column].any(axis=0)) == 1
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
         ("stribek_friction@elbow", "There is no effect 'stribek_friction', did you mean"),
         ("coulomb_friction@elbow:0.1", "coulomb_friction has no shape"),
         ("stribeck_friction@elbw:0.1", "has no parameter at 'elbw' of two-link"),
+        ("joint_stiffness@wrist_*", r"has no parameter at 'wrist_\*' of two-link"),
     ],
 )
 def test_effects_that_cannot_live_there_are_refused(text, sentence):

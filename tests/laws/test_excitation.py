@@ -272,7 +272,7 @@ def test_a_search_looks_at_no_more_candidates_than_it_may(evaluations, time_limi
 
 
 def test_a_question_about_two_effects_has_the_model_then_each_of_them(two):
-    pair = ["stribeck_friction", "quadratic_friction@elbow"]
+    pair = ["stribeck_friction", "quadratic_friction@elb*"]
     question = pose_question(two, "separate", None, None, pair)
     assert question.chosen == tuple(pair)
     names = np.array(question.names)

@@ -6,6 +6,7 @@ A ladder is a TOML file (every key but ``name`` is optional)::
     name = "Model 1"
     effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia",
         "joint_stiffness@slider1+slider2",     # in these joints only
+        "quadratic_friction@leg*",             # … in all whose names fit
         "stribeck_friction@slider1:0.02"]      # … with its shape, the Stribeck velocity
 
     [[models]]
@@ -16,7 +17,9 @@ A ladder is a TOML file (every key but ``name`` is optional)::
     tie = {"slider1.Fc" = ["slider1.Fc+", "slider1.Fc-"]}    # columns added: equal values
     keep = ["slider1.Fv"]                  # everything else is left out
 
-Names are those of base parameters (the parameter that represents a group). A model file
+Names are those of base parameters (the parameter that represents a group); in every list and in
+``hold`` a pattern stands for all that fit it (``leg*_lower.Ixx``; ``*`` is any letters, ``?`` one).
+A model file
 (``model.toml``) is a ladder of one rung.
 """
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from identifiability.foundation.errors import ModelError, listing, near_match
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, find_named, is_pattern
 from identifiability.foundation.values import frozen
 from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.information import Information
@@ -136,16 +137,19 @@ def build_comparison(entry: LadderEntry, structure: Structure) -> tuple[Rung, ..
 
 def _build_rung(item: RungEntry, start: Rung, structure: Structure) -> Rung:
     rung = replace(start, name=item.name, description=item.description)
-    _check_columns(rung, [*item.zero, *item.hold], item.name)
+    zero = _find_columns(rung, item.zero, item.name)
+    hold: dict[str, float | Literal["nominal"]] = {}
+    for text in sorted(item.hold, key=is_pattern, reverse=True):  # a name says more
+        hold |= dict.fromkeys(_find_columns(rung, [text], item.name), item.hold[text])
     held = rung.held.copy()
-    for name, value in item.hold.items():
+    for name, value in hold.items():
         column = rung.M[:, rung.columns.index(name)]
         row = structure.base.names.index(name)
         at = structure.nominal_base[row] if value == "nominal" else value
         held += column * at
-    rung = replace(rung, held=held).without([*item.zero, *item.hold])
-    for name, members in item.tie.items():
-        _check_columns(rung, members, item.name)
+    rung = replace(rung, held=held).without([*zero, *hold])
+    for name, texts in item.tie.items():
+        members = _find_columns(rung, texts, item.name)
         if len(set(members)) < 2 or (name in rung.columns and name not in members):
             raise ModelError(
                 f"The rung '{item.name}' ties '{name}' = {members}; give two or more different "
@@ -159,18 +163,23 @@ def _build_rung(item: RungEntry, start: Rung, structure: Structure) -> Rung:
             )
         rung = rung.tied(name, members)
     if item.keep is not None:
-        _check_columns(rung, item.keep, item.name)
-        rung = rung.without([c for c in rung.columns if c not in set(item.keep)])
+        kept = set(_find_columns(rung, item.keep, item.name))
+        rung = rung.without([c for c in rung.columns if c not in kept])
     return rung
 
 
-def _check_columns(rung: Rung, names: Sequence[str], where: str) -> None:
-    for name in names:
-        if name not in rung.columns:
+def _find_columns(rung: Rung, texts: Sequence[str], where: str) -> list[str]:
+    """Return the parameters that names and patterns stand for, each once."""
+    found: dict[str, None] = {}
+    for name in texts:
+        named = find_named(name, rung.columns)
+        found |= dict.fromkeys(named)
+        if not named:
             raise ModelError(
                 f"The rung '{where}' names the parameter '{name}', which is not there"
                 f"{near_match(name, rung.columns)} It has {listing(rung.columns)}."
             )
+    return [*found]
 
 
 def rung_entry(rung: Rung, base: BaseParameters, effects: Sequence[str]) -> RungEntry:

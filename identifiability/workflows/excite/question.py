@@ -9,7 +9,7 @@ import numpy as np
 from identifiability.effects import Effect, Part, Placed, find_effect, stated_effects
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, find_named
 from identifiability.foundation.options import check_choice
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
@@ -159,18 +159,19 @@ def _check_fit(
 
 
 def _place_effect(robot: Robot, text: str) -> Effect:
-    """Return the effect of ``NAME`` or, at one joint or body, ``NAME@PLACE``."""
+    """Return the effect of ``NAME`` or, at a joint, a body or those that fit, ``NAME@PLACE``."""
     name, _, place = text.partition("@")
     effect = find_effect(name)
     owners = list(dict.fromkeys(p.owner for p in effect.parameters(robot)))
     if not owners:
         raise ModelError(f"{name} has no parameter on {robot.name}; choose another effect.")
-    if place and place not in owners:
+    chosen = find_named(place or "*", owners)
+    if not chosen:
         raise ModelError(
             f"{name} has no parameter at '{place}' of {robot.name}{near_match(place, owners)} "
             f"It acts at {listing(owners)}."
         )
-    return Placed([Part(effect, owner) for owner in owners if place in ("", owner)])
+    return Placed([Part(effect, owner) for owner in chosen])
 
 
 def _find_parameters(base: BaseParameters, names: Sequence[str] | None) -> np.ndarray:
@@ -179,7 +180,8 @@ def _find_parameters(base: BaseParameters, names: Sequence[str] | None) -> np.nd
         return np.arange(len(base))
     every = [p.name for p in base.parameters]
     found = []
-    for name in dict.fromkeys(names):
+    wanted = {text: find_named(text, base.names) or [text] for text in names}
+    for name in dict.fromkeys(name for several in wanted.values() for name in several):
         if name not in every:
             raise ModelError(
                 f"There is no parameter '{name}'{near_match(name, every)} "

@@ -96,6 +96,23 @@ def test_what_a_rung_cannot_mean_is_refused(base, entry, said):
         rungs(base, entry)
 
 
+def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base):
+    zero, hold, tie, keep = rungs(
+        base,
+        {"name": "a", "zero": ["arm.m*"]},
+        {"name": "b", "from": "full", "hold": {"arm.Fc?": 0.5, "arm.Fc-": 2.0, "*.mx": "nominal"}},
+        {"name": "c", "from": "full", "tie": {"arm.Fc": ["arm.Fc*"]}},
+        {"name": "d", "from": "full", "keep": ["*.mx", "arm.Fc+"]},
+    )[1:]
+    assert zero.columns == ("arm.Fc+", "arm.Fc-")
+    assert hold.columns == ("arm.m",)
+    np.testing.assert_array_equal(hold.held, [0, 0.3, 0.5, 2.0])
+    assert tie.columns == ("arm.m", "arm.mx", "arm.Fc")
+    assert keep.columns == ("arm.mx", "arm.Fc+")
+    with pytest.raises(ModelError, match=r"names the parameter 'leg\*', which is not there"):
+        rungs(base, {"name": "e", "zero": ["leg*"]})
+
+
 def test_only_the_first_rung_names_effects():
     two = LadderEntry(models=[{"name": "a"}, {"name": "b", "effects": ["rigid_body"]}])
     with pytest.raises(ModelError, match="The rung 'b' names effects, but a ladder reduces one"):
