@@ -30,7 +30,7 @@ from identifiability.foundation.output import write_json
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Preparation, Samples, prepare_samples
+from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.plan import has_motors
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.reduction import ModelLike, choose_model
@@ -220,7 +220,9 @@ def identify_gains(
         how = settle_cutoff(robot, [*without, *with_load], preparation)
         samples = [prepare_samples(robot, log, how) for log in (*without, *with_load)]
         chosen = choose_model(model, EFFECTS)
-        rows = _gather(robot, chosen, samples, len(without), place, load)
+        loaded_model = Model((*chosen.effects, Payload()))
+        every = Regression(robot, loaded_model, tuple(samples))
+        rows = _gather(every, len(without), place, load)
         tau, torque, columns, log = rows
         found = [
             _fit(tau[:, j], torque[:, j], columns[:, j], log) for j in range(len(robot.joints))
@@ -267,10 +269,9 @@ def _refuse_motors(robot: Robot, logs: Sequence[Log]) -> None:
 
 
 def _gather(
-    robot: Robot, model: Model, samples: Sequence[Samples], first: int, place: str, load: Array
+    every: Regression, first: int, place: str, load: Array
 ) -> tuple[Array, Array, Array, np.ndarray]:
     """Return raw torque (N, n), the load's torque (N, n), columns (N, n, p) and the log (N,)."""
-    every = Regression(robot, Model((*model.effects, Payload())), tuple(samples))
     own = np.array([p.group == "payload" for p in every.parameters])
     here = [k for k, p in enumerate(every.parameters) if own[k] and p.owner == place]
     friction = np.array([p.group not in (*SAME, "payload") for p in every.parameters])
