@@ -46,8 +46,8 @@ CORRELATIONS = ((0.0, 0.0), (0.9, 0.9), (0.98, 0.0))
 #: Coverage that is asked of every parameter where one actuator alone is slow.
 LEAST = 0.88
 
-#: Draws for an interval; chains need not pass as converged.
-EFFORT = Effort(walkers=4, draws=40, warmup=10)
+#: Draws for an interval, 1280 of 64 walkers; chains need not pass as converged.
+EFFORT = Effort(walkers=16, draws=20, warmup=10)
 
 #: Ways to an interval.
 ROADS = ("robust interval", "posterior with signs", "posterior with bodies", "one mean time")

@@ -144,7 +144,8 @@ def measure_posterior(
 
     def exact() -> Array:
         sampler = build_sampler(target)
-        eta = np.repeat(interior(target, sampler, start)[None], 4 * walkers, axis=0)
+        sampler, centre = sampler.centred(interior(target, sampler, start))
+        eta = np.repeat(centre[None], 4 * walkers, axis=0)
         kept = []
         for _ in range(WARMUP + draws):
             eta = sampler.step(eta, rngs[1])

@@ -96,8 +96,9 @@ def calibrate_posterior(
         )
     sampler = build_sampler(target)
     with one_thread():
-        truth = _draw_prior(sampler, interior(target, sampler, start), replicates, rng)
-        own = ExactSampler(_observe(sampler, target, truth, rng), sampler.region)
+        sampler, centre = sampler.centred(interior(target, sampler, start))
+        truth = _draw_prior(sampler, centre, replicates, rng)
+        own = replace(sampler, model=_observe(sampler, target, truth, rng))
         value = target.to_phi(truth)
         below = np.zeros(value.shape, np.int64)
         place = rng.integers(0, draws + 1, replicates)
@@ -116,8 +117,8 @@ def _draw_prior(sampler: ExactSampler, start: Array, count: int, rng: np.random.
         signal=np.zeros_like(sampler.model.signal),
         variance=1.0,
     )
-    eta = np.repeat(start[None], count, axis=0)
-    prior = ExactSampler(blind, sampler.region)
+    prior, middle = replace(sampler, model=blind).centred(start)
+    eta = np.repeat(middle[None], count, axis=0)
     for _ in range(PRIOR_STEPS):
         eta = prior.step(eta, rng)
     return eta

@@ -1,41 +1,22 @@
-"""The exit of a circular trajectory from the cone of pseudo-inertias.
+"""The exit of a straight path from the cone of pseudo-inertias, and the barrier of the cone.
 
-Along ``J(t) = M + A sin t + B cos t`` the first t with det J = 0 is a quadratic eigenvalue problem
-in ``u = tan(t/2)``: ``u² (M − B) + 2u A + (M + B)``. A path that was just reflected starts with a
-singular J, and a problem solved around u = 0 would lose half its digits; around a point before the
-start, u = −U, it is an ordinary 8×8 eigenvalue problem with roots good to 1e-12.
-
-Most bodies do not leave in a short stretch, and that is cheap to prove: the Bernstein coefficients
-of the quadratic on [0, U] are positive definite. Only the others cost an eigenvalue problem.
+A body that is inside at both ends of a stretch is inside in between. Only the others cost an
+eigenvalue problem, a symmetric one of 4×4.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
-#: Roots up to here are the reflection that the path comes from.
-START = 1e-10
-
-#: A stretch is cut to its first third, at most so often, while a body is outside at its end: then
-#: few bodies need eigenvalues.
-CUTS = 5
+#: A stretch is cut to its first third at most so often until a body is inside at its end.
+CUTS = 60
 
 #: A symmetric matrix from its ten entries ``y[..., TRIANGLE]``.
 TRIANGLE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 
 #: The ten entries among the flattened sixteen.
 UPPER = np.array([0, 1, 2, 3, 5, 6, 7, 10, 11, 15])
-
-
-class Circles(NamedTuple):
-    """Trajectories ``y(t) = centre + sine sin t + cosine cos t`` of K chains, (K, M) each."""
-
-    centre: Array
-    sine: Array
-    cosine: Array
 
 
 @frozen
@@ -61,50 +42,78 @@ class Cone:
         inside = (y[:, : self.rows] >= 0).all(axis=1)
         return np.asarray(inside & positive(self._matrices(y)).all(axis=1))
 
-    def first_exit(self, path: Circles, limit: Array) -> tuple[Array, np.ndarray, Array]:
-        """Find the first exit before ``limit (K,)``.
+    def first_exit(self, y: Array, dy: Array, limit: Array) -> tuple[Array, np.ndarray, Array]:
+        """Find the first exit of the paths ``y + t dy`` before ``limit (K,)``.
+
+        Parameters
+        ----------
+        y, dy : (K, M)
+            From points inside, or on the boundary.
+        limit : (K,)
 
         Returns
         -------
         time : (K,)
-            Exit time, or a time not after `limit` up to which the path is inside.
+            The exit, or `limit`.
         hit : (K,) bool
         inward : (K, M)
             Gradient of the boundary function that was hit, in y.
         """
-        m = self.rows
-        time, row = exit_through_rows(Circles(*(y[:, :m] for y in path)))
-        inward = np.zeros_like(path.centre)
+        m, inward = self.rows, np.zeros_like(y)
+        time, row = exit_through_rows(y[:, :m], dy[:, :m])
         hit = time < limit
         inward[hit, row[hit]] = 1.0
         time = np.minimum(time, limit)
-        M, A, B = (self._matrices(y) for y in path)
-        limit = _bracket(M, A, B, time)
-        hit, time = hit & (time <= limit), np.minimum(time, limit)
-        chain, body, when = _crossings(M, A, B, time)
+        J, D = self._matrices(y), self._matrices(dy)
+        chain, body, when, null = _crossings(J, D, time)
         if chain.size:
-            first = np.unique(chain, return_index=True)[1]  # sorted by chain, then time
-            chain, body, when = chain[first], body[first], when[first]
-            null, leaves = _boundary(M[chain, body], A[chain, body], B[chain, body], when)
-            time[chain], hit[chain], inward[chain] = when, leaves, 0.0
-            columns = m + 10 * body[:, None] + np.arange(10)
-            inward[chain[:, None], columns] = _gradient(null)
+            first = np.lexsort((when, chain))
+            first = first[np.unique(chain[first], return_index=True)[1]]
+            k, columns = chain[first], m + 10 * body[first, None] + np.arange(10)
+            time[k], hit[k], inward[k] = when[first], True, 0.0
+            inward[k[:, None], columns] = _gradient(null[first])
         return time, hit, inward
+
+    def barrier(self, eta: Array) -> tuple[float, Array, Array]:
+        """Logarithmic barrier of the region, infinite outside.
+
+        Parameters
+        ----------
+        eta : (p,)
+
+        Returns
+        -------
+        value : float
+        gradient : (p,)
+        root : (r, p)
+            ``rootᵀ root`` is the second derivative.
+        """
+        y, p, m = self.offset + self.map @ eta, len(eta), self.rows
+        if not (self.contains(y[None])[0] and (y[:m] > 0).all()):
+            return np.inf, np.zeros(p), np.zeros((0, p))
+        rows, J = y[:m], self._matrices(y[None])[0]
+        slopes = self.map[m:].reshape(-1, 10, p)[:, TRIANGLE]
+        lower = np.linalg.inv(np.linalg.cholesky(J))
+        turned = np.einsum("bij,bjkp,blk->bilp", lower, slopes, lower, optimize=True)
+        value = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum() - np.log(rows).sum()
+        scaled = self.map[:m] / rows[:, None]
+        gradient = -scaled.sum(0) - np.einsum("biip->p", turned)
+        return float(value), gradient, np.vstack([scaled, turned.reshape(-1, p)])
 
     def _matrices(self, y: Array) -> Array:
         matrices: Array = y[:, self.rows :].reshape(len(y), -1, 10)[..., TRIANGLE]
         return matrices
 
 
-def exit_through_rows(path: Circles) -> tuple[Array, np.ndarray]:
-    """First time at which a coordinate turns negative.
+def exit_through_rows(y: Array, dy: Array) -> tuple[Array, np.ndarray]:
+    """First time at which a coordinate of ``y + t dy`` turns negative.
 
-    ``c + r cos(t − φ)`` falls through zero once a turn, at ``φ + arccos(−c/r)``; the rise is not an
-    exit, so a path that starts on the boundary, just reflected, needs no special case.
+    One that rises is on its way in, so a path that starts on the boundary, just reflected, needs no
+    special case.
 
     Parameters
     ----------
-    path : Circles
+    y, dy : (K, m)
 
     Returns
     -------
@@ -112,68 +121,35 @@ def exit_through_rows(path: Circles) -> tuple[Array, np.ndarray]:
         Infinite when no coordinate ever does.
     row : (K,) int
     """
-    radius = np.hypot(path.sine, path.cosine)
-    reaches = radius > np.abs(path.centre)
-    ratio = np.divide(-path.centre, radius, out=np.zeros_like(radius), where=reaches)
-    turn = (np.arctan2(path.sine, path.cosine) + np.arccos(ratio)) % (2 * np.pi)
-    times = np.where(reaches, turn, np.inf)
-    if times.shape[1] == 0:
-        return np.full(len(times), np.inf), np.zeros(len(times), np.intp)
+    if y.shape[1] == 0:
+        return np.full(len(y), np.inf), np.zeros(len(y), np.intp)
+    times = np.divide(np.maximum(y, 0.0), -dy, out=np.full_like(y, np.inf), where=dy < 0)
     row = times.argmin(axis=1)
     return times[np.arange(len(row)), row], row
 
 
-def _bracket(M: Array, A: Array, B: Array, limit: Array) -> Array:
-    """Shorter stretches (K,) that still hold the first exit of every chain, if it has one."""
-    upper, k = limit.copy(), np.arange(len(limit))
-    for _ in range(CUTS):
-        third = (upper[k] / 3)[:, None, None, None]
-        inside = positive(M[k] + A[k] * np.sin(third) + B[k] * np.cos(third)).all(axis=1)
-        k = k[~inside]
-        if not k.size:
-            break
-        upper[k] /= 3
-    return upper
+def _crossings(J: Array, D: Array, time: Array) -> tuple[np.ndarray, np.ndarray, Array, Array]:
+    """Chains, bodies, times and null vectors of all exits before `time`.
 
-
-def _crossings(M: Array, A: Array, B: Array, limit: Array) -> tuple[np.ndarray, np.ndarray, Array]:
-    """Chains, bodies and times of all crossings before the limit, sorted by chain and time."""
-    U = np.tan(limit / 2)[:, None, None, None]
-    start = M + B
-    middle = start + U * A
-    end = middle + U * (A + U * (M - B))
-    chain, body = np.nonzero(~(positive(middle) & positive(end)))
-    u = _first_root(start[chain, body], A[chain, body], (M - B)[chain, body], U[chain, 0])
-    found = u < np.tan(limit / 2)[chain]
-    chain, body, u = chain[found], body[found], u[found]
-    order = np.lexsort((u, chain))
-    return chain[order], body[order], 2 * np.arctan(u[order])
-
-
-def _first_root(C0: Array, C1: Array, C2: Array, U: Array) -> Array:
-    """Smallest positive u at which ``C0 + 2u C1 + u² C2`` is singular, infinite if none.
-
-    With ``u = 1/v − U`` the matrix of v² is the pencil at −U.
+    From a point R inside, ``R + s D = L (1 + s M) Lᵀ`` first turns singular at −1 over the smallest
+    eigenvalue of M. A point at least a third of the way there makes that good to all digits, also
+    where the path starts on the boundary.
     """
-    if not len(C0):
-        return np.zeros(0)
-    middle = C1 - U * C2
-    before = C0 - U * (C1 + middle)
-    companion = np.zeros((len(C0), 8, 8))
-    companion[:, :4] = -np.linalg.solve(before, np.concatenate([2 * middle, C2], axis=2))
-    companion[:, 4:, :4] = np.eye(4)
-    v = np.linalg.eigvals(companion)
-    real = (v.imag == 0) & (v.real > 0)  # LAPACK returns real eigenvalues exactly real
-    u = np.divide(1.0, v.real, out=np.full(v.shape, np.inf), where=real) - U[:, 0]
-    return np.asarray(np.where(u > START, u, np.inf).min(axis=1))
-
-
-def _boundary(M: Array, A: Array, B: Array, t: Array) -> tuple[Array, np.ndarray]:
-    """Null vector at the boundary, and whether the path leaves there."""
-    sin, cos = np.sin(t)[:, None, None], np.cos(t)[:, None, None]
-    null = np.linalg.eigh(M + A * sin + B * cos)[1][:, :, 0]
-    rate = np.einsum("ki,kij,kj->k", null, A * cos - B * sin, null)
-    return null, rate < 0
+    chain, body = np.nonzero(~positive(J + time[:, None, None, None] * D))
+    J, D, inner = J[chain, body], D[chain, body], time[chain]
+    outside = np.arange(len(chain))
+    for _ in range(CUTS):
+        inner[outside] /= 3
+        point = J[outside] + inner[outside, None, None] * D[outside]
+        outside = outside[~positive(point)]
+        if not outside.size:
+            break
+    # Only rounding makes a body leave at once; where it does, the end of the path is refused.
+    found = np.delete(np.arange(len(chain)), outside)
+    chain, body, D, inner = chain[found], body[found], D[found], inner[found]
+    lower = np.linalg.inv(np.linalg.cholesky(J[found] + inner[:, None, None] * D))
+    value, vectors = np.linalg.eigh(lower @ D @ lower.transpose(0, 2, 1))
+    return chain, body, inner - 1 / value[:, 0], np.einsum("kji,kj->ki", lower, vectors[:, :, 0])
 
 
 def _gradient(null: Array) -> Array:

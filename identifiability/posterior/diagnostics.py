@@ -27,15 +27,16 @@ class Thresholds:
     ess : float
         Fewest effective draws, in the bulk and in the 5 % tails [Vehtari 2021].
     lengths : float
-        Fewest draws a walker in autocorrelation times, below which the time itself is not known
-        [Foreman-Mackey 2013].
+        Fewest draws a walker in autocorrelation times: twice the window over which the time is
+        summed. Fifty are asked of walkers that depend on each other [Foreman-Mackey 2013]; these
+        are independent and share one time, which 64 of them know to a sixth.
     acceptance : float
         Smallest accepted share of proposals.
     """
 
     rhat: float = 1.01
     ess: float = 400.0
-    lengths: float = 50.0
+    lengths: float = 10.0
     acceptance: float = 0.1
 
 
@@ -111,7 +112,21 @@ def diagnose_convergence(
     tau = autocorrelation_time(chains)
     labels = tuple(names) or tuple(f"parameter {j}" for j in range(p))
     found = Convergence(rhat, bulk, tail, tau, posterior.acceptance, ())
-    return replace(found, reasons=_reasons(found, N, labels, limits))
+    reasons = _reasons(found, N, labels, limits)
+    stopped = (posterior.stopped,) if posterior.stopped and reasons else ()
+    return replace(found, reasons=(*stopped, *reasons))
+
+
+def may_suffice(draws: Array, thresholds: Thresholds | None = None) -> bool:
+    """Whether draws (E, K, N, p) are worth the full diagnosis: by their autocorrelation time.
+
+    Parameters that never move are not asked.
+    """
+    limits = thresholds or Thresholds()
+    chains = draws.reshape(-1, *draws.shape[2:])
+    N = chains.shape[1]
+    time = autocorrelation_time(chains[..., np.ptp(chains, axis=(0, 1)) > 0]).max(initial=1.0)
+    return bool(limits.lengths * time <= N and len(chains) * N >= limits.ess * time)
 
 
 def autocorrelation_time(chains: Array) -> Array:

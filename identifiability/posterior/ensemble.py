@@ -27,6 +27,9 @@ ENSEMBLES = 4
 #: Weight of the exact move in the mix; the rest is Crank–Nicolson.
 EXACT = 0.9
 
+#: Draws a walker after which it is asked whether they are enough.
+ROUND = 10
+
 #: Size of a Crank–Nicolson step, as a share of the Gaussian.
 STEP = 0.1
 
@@ -41,10 +44,13 @@ class Posterior:
         Ensembles, walkers, draws, parameters.
     acceptance : float
         Share of accepted proposals of the exact sampler.
+    stopped : str
+        A sentence where the budget ended the sampling.
     """
 
     draws: Array
     acceptance: float
+    stopped: str = ""
 
     def flat(self) -> Array:
         """All draws as rows, ``(E K N, p)``."""
@@ -59,9 +65,11 @@ def sample_posterior(
     draws: int = 100,
     walkers: int = 64,
     warmup: int = 20,
+    pieces: int | None = None,
+    enough: Callable[["Posterior"], bool] | None = None,
     progress: Progress | None = None,
 ) -> Posterior:
-    """Draw from a posterior with emcee.
+    """Draw from a posterior with emcee, until it is enough or the budget is used up.
 
     Parameters
     ----------
@@ -70,8 +78,13 @@ def sample_posterior(
         Inside the physical set and near the data: the projection with a margin.
     rng : numpy.random.Generator
     draws : int
-        Draws a walker, after the warm-up.
+        Most draws a walker, after the warm-up.
     walkers, warmup : int
+    pieces : int, optional
+        Budget: straight pieces of the longest path, summed over all steps. It counts work and not
+        time, so that the same seed gives the same draws on a busy machine.
+    enough : callable, optional
+        Asked of the posterior so far, after every `ROUND` draws of a walker.
     progress : callable, optional
         Called with the number of steps done and to do.
 
@@ -89,7 +102,7 @@ def sample_posterior(
             f"posterior: {walkers} walkers were given; expected an even number of at least 2."
         )
     sampler = build_sampler(target)
-    centre = interior(target, sampler, start)
+    sampler, centre = sampler.centred(interior(target, sampler, start))
     density = _log_density(sampler)
     kept = np.empty((ENSEMBLES, walkers, draws, target.size))
     with one_thread():
@@ -100,22 +113,33 @@ def sample_posterior(
         # These moves know no other walker: independent ensembles walk as one batch, whose steps
         # cost little more than those of one.
         first = np.concatenate([_spread(sampler, eta, walkers, child) for eta in starts])
+        stopped = ""
         for i, eta in enumerate(_walk(density, mix, first, warmup + draws, child)):
-            if i >= warmup:
-                kept[:, :, i - warmup] = target.to_phi(eta).reshape(*kept.shape[:2], -1)
+            done = i + 1 - warmup
+            if done > 0:
+                kept[:, :, done - 1] = target.to_phi(eta).reshape(*kept.shape[:2], -1)
             if progress is not None:
                 progress(i + 1, warmup + draws)
-    return Posterior(kept, own.share)
+            if pieces is not None and done >= ROUND and own.pieces >= pieces:
+                stopped = (
+                    f"Sampling stopped at {done} of {draws} draws a walker, when its paths had the "
+                    f"{pieces:,} straight pieces that it may cost."
+                )
+            found = Posterior(kept[:, :, : max(done, 0)], own.share, stopped)
+            if stopped or (enough and done > 0 and done % ROUND == 0 and enough(found)):
+                break
+    return found
 
 
 class _Exact(emcee.moves.MHMove):  # type: ignore[misc]
     """The exact transition as a proposal, which counts how often emcee accepts it."""
 
     def __init__(self, sampler: ExactSampler, rng: np.random.Generator) -> None:
-        self.proposed = self.accepted = 0
+        self.proposed = self.accepted = self.pieces = 0
 
         def propose(coords: Array, _: Any) -> tuple[Array, Array]:
-            new = sampler.step(coords, rng)
+            new, pieces = sampler.fly(coords, rng)
+            self.pieces += pieces
             density = sampler.model.log_density
             return new, density(coords) - density(new)
 
@@ -137,10 +161,7 @@ def _crank_nicolson(
     sampler: ExactSampler, centre: Array, rng: np.random.Generator
 ) -> emcee.moves.MHMove:
     """Autoregressive step that keeps the Gaussian at a typical noise unchanged [Cotter 2013]."""
-    typical = sampler.model.rss(centre[None]) / 2 / sampler.model.shape
-    if sampler.model.variance is not None:
-        typical = np.full(1, sampler.model.variance)
-    mean, sd = sampler.model.conditional(typical)
+    mean, sd = sampler.model.conditional(sampler.model.typical_variance(centre[None]))
 
     def propose(coords: Array, _: Any) -> tuple[Array, Array]:
         old = (coords - mean) / sd

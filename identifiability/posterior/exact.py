@@ -7,17 +7,19 @@ ensembles give the diagnostics.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.posterior.bouncing import travel
+from identifiability.posterior.centre import find_centre
 from identifiability.posterior.cone import UPPER, Cone
 from identifiability.posterior.target import Diagonal, Target
-from identifiability.posterior.truncated import travel
 
 #: Distance of starting points from an inner one, in posterior standard deviations.
-SPREAD = 3.0
+SPREAD = 1.5
 
 #: How far outside is inside, as a share of what a prior standard deviation changes.
 ROUNDING = 1e-11
@@ -34,10 +36,24 @@ class ExactSampler:
     ----------
     model : Diagonal
     region : Cone
+    root : (p, p)
+        ``root rootᵀ`` is the covariance of the velocities; any is right, the posterior's is best.
     """
 
     model: Diagonal
     region: Cone
+    root: Array
+
+    def centred(self, eta: Array) -> tuple["ExactSampler", Array]:
+        """Return the sampler with velocities as wide as its posterior, and the middle of that.
+
+        Parameters
+        ----------
+        eta : (p,)
+            Inside the region.
+        """
+        centre, root = find_centre(self.model, self.region, eta)
+        return replace(self, root=root), centre
 
     def step(self, eta: Array, rng: np.random.Generator) -> Array:
         """Move every chain once.
@@ -55,8 +71,12 @@ class ExactSampler:
         -------
         (K, p)
         """
+        return self.fly(eta, rng)[0]
+
+    def fly(self, eta: Array, rng: np.random.Generator) -> tuple[Array, int]:
+        """Move every chain once, and count the straight pieces of the longest path."""
         mean, sd = self.model.conditional(self.model.draw_variance(eta, rng))
-        return travel(self.region, eta, mean, sd, rng)
+        return travel(self.region, self.root, eta, mean, sd, rng)
 
     def contains(self, eta: Array) -> np.ndarray:
         """Whether coordinates (K, p) are inside the region."""
@@ -76,8 +96,7 @@ class ExactSampler:
         (count, p), shortened towards `eta` until inside
         """
         start = np.repeat(eta[None], count, axis=0)
-        _, sd = self.model.conditional(self.model.draw_variance(start, rng))
-        step = SPREAD * sd * rng.standard_normal(start.shape)
+        step = SPREAD * rng.standard_normal(start.shape) @ self.root.T
         for _ in range(60):
             outside = ~self.contains(start + step)
             if not outside.any():
@@ -96,7 +115,10 @@ def build_sampler(target: Target) -> ExactSampler:
     room = ROUNDING * np.abs(both) @ target.proper_prior.sd
     room[m:] *= np.tile(UPPER % 5 == 0, len(entries) // 10)
     region = Cone(both @ target.basis, both @ origin + room, m)
-    return ExactSampler(target.diagonal, region)
+    model = target.diagonal
+    best = np.divide(model.signal, model.gain, out=0 * model.gain, where=model.gain > 0)
+    _, sd = model.conditional(model.typical_variance(best[None]))
+    return ExactSampler(model, region, np.diag(sd[0]))
 
 
 def interior(target: Target, sampler: ExactSampler, start: Array) -> Array:

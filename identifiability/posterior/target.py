@@ -67,6 +67,12 @@ class Diagonal:
         precision = self.gain**2 + v[:, None]
         return self.gain * self.signal / precision, np.sqrt(v[:, None] / precision)
 
+    def typical_variance(self, eta: Array) -> Array:
+        """Tempered noise variance (K,) [torque²] that is likely at coordinates ``(K, p)``."""
+        if self.variance is not None:
+            return np.full(len(eta), self.variance)
+        return self.rss(eta) / 2 / self.shape
+
     def draw_variance(self, eta: Array, rng: np.random.Generator) -> Array:
         """Draw the tempered noise variance given the parameters.
 

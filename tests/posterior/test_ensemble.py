@@ -9,6 +9,7 @@ from arviz_stats.base import array_stats
 
 import identifiability.posterior
 from identifiability.posterior import ensemble
+from identifiability.posterior.diagnostics import Thresholds, diagnose_convergence
 from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import build_sampler
 
@@ -110,6 +111,27 @@ def test_progress_is_told(posteriors, rng):
         target, start, rng, draws=3, warmup=1, walkers=8, progress=lambda *now: seen.append(now)
     )
     assert seen == [(k, 4) for k in range(1, 5)]
+
+
+def test_sampling_ends_when_it_is_enough_or_when_the_budget_is_used_up(posteriors, rng):
+    target, start = posteriors.sign_target(rng)
+    asked = []
+
+    def enough(found):
+        asked.append(found.draws.shape[2])
+        return len(asked) == 2
+
+    done = sample_posterior(target, start, rng, draws=50, walkers=8, enough=enough)
+    assert (asked, done.draws.shape[2], done.stopped) == ([10, 20], 20, "")
+    poor = sample_posterior(target, start, rng, draws=50, walkers=8, warmup=5, pieces=150)
+    assert 10 <= poor.draws.shape[2] < 50
+    said = f"Sampling stopped at {poor.draws.shape[2]} of 50 draws a walker"
+    assert poor.stopped.startswith(said)
+    assert poor.stopped.count(".") == 1
+    reasons = diagnose_convergence(poor, thresholds=Thresholds(ess=1e5)).reasons
+    assert reasons[0] == poor.stopped
+    assert len(reasons) > 1
+    assert diagnose_convergence(poor, thresholds=Thresholds(2.0, 1.0, 0.1)).reasons == ()
 
 
 def test_it_is_much_faster_than_the_default_move_of_emcee(posteriors):

@@ -49,11 +49,16 @@ class Source(StrEnum):
 
 @frozen
 class Effort:
-    """How much is sampled: walkers of each of four ensembles, draws of each walker."""
+    """How much is sampled at most: walkers of each of four ensembles, draws of each walker.
 
-    walkers: int = 4
-    draws: int = 160
-    warmup: int = 20
+    Sampling ends as soon as the draws suffice, or when paths have had so many straight `pieces`: a
+    step has ten to seventy, and 64 walkers take half a millisecond for each.
+    """
+
+    walkers: int = 16
+    draws: int = 100
+    warmup: int = 10
+    pieces: int = 5000
 
 
 @frozen

@@ -16,7 +16,11 @@ from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.held import Held
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import project
-from identifiability.posterior.diagnostics import Convergence, diagnose_convergence
+from identifiability.posterior.diagnostics import (
+    Convergence,
+    diagnose_convergence,
+    may_suffice,
+)
 from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
 from identifiability.posterior.prior import Prior
@@ -147,9 +151,36 @@ def _sample_signs(model: FittedModel, rng: np.random.Generator, effort: Effort) 
     low = rung.nonnegative & (start <= 0)
     start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
     # The start must lie inside; a step of 1 % of σ off the edge is nothing to the sampler.
-    many = replace(effort, walkers=max(8, effort.walkers))
-    posterior = sample_posterior(target, start, rng, **vars(many))
-    return _summarise(posterior.draws, rung, rng, diagnose_convergence(posterior, rung.columns))
+    posterior, convergence = _sample(target, start, rng, effort)
+    return _summarise(posterior.draws, rung, rng, convergence)
+
+
+def _sample(
+    target: Target,
+    start: Array,
+    rng: np.random.Generator,
+    effort: Effort,
+    progress: Progress | None = None,
+) -> tuple[Posterior, Convergence]:
+    """Draw until the draws may be shown; what is held by itself never moves and is not asked."""
+    moving = np.flatnonzero(~(target.held or Held.none(target.size)).fixed)
+    names = [target.region.columns[k] for k in moving]
+
+    def judge(posterior: Posterior) -> Convergence:
+        return diagnose_convergence(replace(posterior, draws=posterior.draws[..., moving]), names)
+
+    judged: list[Convergence] = []
+
+    def enough(so_far: Posterior) -> bool:
+        if may_suffice(so_far.draws):
+            judged[:] = [judge(so_far)]
+        return bool(judged and judged[0].trustworthy)
+
+    posterior = sample_posterior(
+        target, start, rng, enough=enough, progress=progress, **vars(effort)
+    )
+    convergence = judged[0] if judged and judged[0].trustworthy else judge(posterior)
+    return posterior, convergence
 
 
 def _sample_physical(
@@ -173,10 +204,7 @@ def _sample_physical(
     # The start must lie inside: the projection ends on the edge of signs, or by rounding outside.
     signed = region.signed
     start[signed] = np.maximum(start[signed], OFF_EDGE * prior.sd[signed])
-    posterior = sample_posterior(target, start, rng, progress=progress, **vars(effort))
-    moving = np.flatnonzero(~held.fixed)
-    walked = replace(posterior, draws=posterior.draws[..., moving])
-    convergence = diagnose_convergence(walked, [region.columns[k] for k in moving])
+    posterior, convergence = _sample(target, start, rng, effort, progress)
     summary = _summarise(posterior.draws @ model.to_x.T, model.rung, rng, convergence)
     return summary, _look_at_standard(structure, target, posterior)
 

@@ -3,9 +3,11 @@ import pytest
 from scipy import stats
 from scipy.special import ndtr, ndtri
 
-from identifiability.posterior.cone import Circles, Cone, exit_through_rows
+from identifiability.posterior.bouncing import Flight, travel
+from identifiability.posterior.centre import find_centre
+from identifiability.posterior.cone import Cone, exit_through_rows
 from identifiability.posterior.exact import build_sampler
-from identifiability.posterior.truncated import _State, travel
+from identifiability.posterior.target import Diagonal
 
 from .exactly import sample_exact
 
@@ -27,6 +29,12 @@ def gibbs(mean, precision, signs, chains, sweeps, rng):
     return np.array(kept).transpose(1, 0, 2)
 
 
+def fly(flight):
+    while not flight.advance():
+        pass
+    return flight
+
+
 def test_signs_agree_with_a_gibbs_sampler(posteriors, rng):
     target, start = posteriors.sign_target(rng, variance=1.0)
     draws = sample_exact(target, start, 300, rng, chains=128)
@@ -46,53 +54,71 @@ def test_without_constraints_the_law_is_normal(rng):
     mean, sd = rng.normal(size=d) * np.ones((chains, 1)), np.full((chains, d), 2.0)
     x = np.zeros((chains, d))
     for _ in range(8):
-        x = travel(free, x, mean, sd, rng)
+        x, _ = travel(free, np.diag(sd[0]), x, mean, sd, rng)
     assert stats.kstest(((x - mean) / sd).ravel(), "norm").pvalue > 1e-3
 
 
 @pytest.mark.parametrize("mean", [-6.0, -3.0, 0.0, 2.0])
 def test_a_half_normal_has_its_closed_form_wherever_its_mean_is(mean, rng):
-    # At -3 a fixed quarter turn resonates with the bounces and needs a hundred transitions.
     wall, x = Cone(np.eye(1), np.zeros(1), rows=1), np.ones((4000, 1))
     for _ in range(40):
-        x = travel(wall, x, np.full_like(x, mean), np.ones_like(x), rng)
+        x, _ = travel(wall, np.eye(1), x, np.full_like(x, mean), np.ones_like(x), rng)
     law = stats.truncnorm(-mean, np.inf, loc=mean)
     assert stats.kstest(x[:, 0], law.cdf).pvalue > 1e-3
 
 
 def test_a_transition_can_be_taken_back(rng):
-    # Reversed velocity, same turn: every chain must come home, or detailed balance is lost.
+    # Reversed velocity, same time: every chain must come home, or detailed balance is lost.
     region = Cone(rng.normal(size=(3, 4)), np.ones(3), rows=3)
-    x = np.zeros((200, 4))
+    x, root = np.zeros((200, 4)), rng.normal(size=(4, 4))
     mean, sd = rng.normal(size=(200, 4)), rng.uniform(0.5, 2, (200, 4))
     turn = rng.uniform(1, 2, 200)
-    there = _State(region, x, mean, sd, rng.normal(size=x.shape), turn.copy())
-    while not there.advance():
-        pass
-    back = _State(region, there.result(x), mean, sd, -there.v, turn.copy())
-    while not back.advance():
-        pass
-    np.testing.assert_allclose(back.result(x), x, atol=1e-9)
+    there = fly(Flight(region, root, x, mean, sd, rng.normal(size=x.shape), turn))
+    push = np.linalg.solve(root, -there.v.T).T
+    back = fly(Flight(region, root, there.x, mean, sd, push, turn))
+    assert (there.x != x).all()
+    np.testing.assert_allclose(back.x, x, atol=1e-9)
+    np.testing.assert_allclose(back.energy() - back.start, there.start - there.energy(), atol=1e-9)
+
+
+@pytest.mark.parametrize("wide", [0.3, 1.0, 2.0])
+def test_velocities_of_any_scale_leave_the_law_as_it_is(wide, rng):
+    """Half of a normal of two correlated velocities, whose law is known."""
+    wall = Cone(np.array([[1.0, 0.0]]), np.zeros(1), rows=1)
+    root = wide * np.array([[1.0, 0.0], [0.9, 0.4]])
+    x = rng.standard_normal((6000, 2))
+    x[:, 0] = np.abs(x[:, 0])  # already from the law
+    for _ in range(10):
+        x, _ = travel(wall, root, x, np.zeros_like(x), np.ones_like(x), rng)
+    assert stats.kstest(x[:, 0], stats.halfnorm.cdf).pvalue > 1e-3
+    assert stats.kstest(x[:, 1], "norm").pvalue > 1e-3
+
+
+@pytest.mark.parametrize("rate", [1.0, 30.0, 1000.0])
+def test_a_wall_far_from_the_mean_costs_no_more_reflections(rate, rng):
+    """However hard the data push against a wall, by the scale of `find_centre`."""
+    wall = Cone(np.eye(1), np.zeros(1), rows=1)
+    model = Diagonal(np.ones(1), np.array([-rate]), 1.0, 1.0, variance=1e-6)
+    centre, root = find_centre(model, wall, np.ones(1))
+    mean, sd = model.conditional(np.full(500, 1e-6))
+    pull = -mean[0, 0] / sd[0, 0] ** 2
+    np.testing.assert_allclose([centre[0], abs(root[0, 0])], 1 / pull, rtol=1e-2)
+    x, pieces = np.repeat(centre[None], 500, axis=0), 0
+    for _ in range(30):
+        x, longest = travel(wall, root, x, mean, sd, rng)
+        pieces = max(pieces, longest)
+    assert pieces <= 30
+    assert stats.kstest(x[:, 0], stats.truncnorm(-mean[0, 0] / sd[0, 0], np.inf, mean[0, 0],
+                                                 sd[0, 0]).cdf).pvalue > 1e-3  # fmt: skip
 
 
 def test_the_first_exit_is_the_first_one_on_a_fine_grid(rng):
-    path = Circles(*rng.normal(size=(3, 200, 4)))
-    inside = (path.centre + path.cosine > 0).all(axis=1)
-    path = Circles(path.centre[inside], path.sine[inside], path.cosine[inside])
-    time, row = exit_through_rows(path)
-    grid = np.linspace(0, 2 * np.pi, 20_001)
+    y, dy = np.abs(rng.normal(size=(200, 4))), rng.normal(size=(200, 4))
+    time, row = exit_through_rows(y, dy)
     for k in range(len(time)):
-        y = (
-            path.centre[k]
-            + np.outer(np.sin(grid), path.sine[k])
-            + np.outer(np.cos(grid), path.cosine[k])
-        )
-        out = np.flatnonzero((y < 0).any(axis=1))
-        if out.size:
-            assert grid[out[0]] - time[k] == pytest.approx(0, abs=4e-4)
-            assert y[out[0]].argmin() == row[k] or abs(y[out[0], row[k]]) < 1e-2
-        else:
-            assert time[k] > 2 * np.pi - 4e-4
+        falls = [-y[k, j] / dy[k, j] for j in range(4) if dy[k, j] < 0]
+        assert time[k] == min(falls, default=np.inf)
+        assert not falls or y[k, row[k]] + time[k] * dy[k, row[k]] == pytest.approx(0, abs=1e-12)
 
 
 def test_the_spread_does_not_depend_on_where_chains_start(posteriors, rng):
