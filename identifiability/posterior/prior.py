@@ -6,7 +6,9 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.pseudo_inertia import entry_scale
+
+#: A body is at least this thick, as a share of its second moment, where a scale is taken from it.
+THIN = 1e-3
 
 
 @frozen
@@ -55,9 +57,11 @@ class Prior:
     def around(cls, phi: Array, bodies: np.ndarray, relative: float, floor: Array) -> Self:
         """Around a nominal robot, each sd a share of the body's own scale.
 
-        An entry that is zero by symmetry gets the scale of its kind: ``m ℓ²`` for inertias, ``m ℓ``
-        for first moments, ``m`` for the mass, with ``ℓ`` the root mean square distance of the
-        material from the frame origin.
+        Moments of inertia and the mass have their own size. Products of inertia and first moments
+        have the most that a body may have: ``√(Σxx Σyy)`` and ``√(m Σxx)`` with the second moment
+        Σ of the material along each axis. A scale alike along all axes would give a rod's prior
+        the width of a ball's: bodies that can exist, around a thin one, are then almost all
+        thicker, and that pulls what the data measure too (1.3 standard deviations on an arm).
 
         Parameters
         ----------
@@ -69,15 +73,20 @@ class Prior:
         """
         size = np.abs(phi)
         sd = np.where(size > 0, relative * size, floor)
-        mass = np.abs(phi[bodies[:, 9]])
-        second = np.abs(phi[bodies[:, [0, 3, 5]]].sum(axis=1)) / 2
-        if not ((mass > 0) & (second > 0)).all():
-            body = int(np.argmin((mass > 0) & (second > 0)))
+        theta = phi[bodies]
+        mass, inertia = np.abs(theta[:, 9]), np.abs(theta[:, [0, 3, 5]])
+        second = inertia.sum(axis=1)[:, None] / 2
+        if not ((mass > 0) & (second[:, 0] > 0)).all():
+            body = int(np.argmin((mass > 0) & (second[:, 0] > 0)))
             raise ValueError(
                 f"prior around CAD: body {body + 1} has no mass or no inertia; expected nominal "
                 "values to take a scale from; state mean and sd of this body yourself."
             )
-        sd[bodies] = entry_scale(relative * mass, np.sqrt(second / mass))
+        along = np.maximum(second - inertia, THIN * second)
+        root = np.sqrt(np.column_stack([along, mass]))
+        size = root[:, [0, 0, 0, 1, 1, 2, 0, 1, 2, 3]] * root[:, [0, 1, 2, 1, 2, 2, 3, 3, 3, 3]]
+        size[:, [0, 3, 5]] = np.maximum(inertia, THIN * second)
+        sd[bodies] = relative * size
         return cls(phi, sd)
 
 

@@ -113,12 +113,15 @@ def test_a_prior_checks_its_numbers(mean, sd, said):
 
 
 def test_a_prior_around_cad_takes_its_scale_from_the_body():
-    phi = np.array([0.04, 0, 0, 0.04, 0, 0.08, 0, 0, 0.4, 2.0, 30.0, 0.0])
+    # 2 kg, whose second moments along the axes are 0.01, 0.04 and 0.09 kg m².
+    phi = np.array([0.13, 0, 0, 0.10, 0, 0.05, 0, 0, 0.4, 2.0, 30.0, 0.0])
     prior = Prior.around(phi, np.arange(10)[None], relative=0.5, floor=np.full(12, 7.0))
-    length = np.sqrt(0.08 / 2.0)
-    np.testing.assert_allclose(prior.sd[:6], 0.5 * 2.0 * length**2)
-    np.testing.assert_allclose(prior.sd[6:9], 0.5 * 2.0 * length)
+    np.testing.assert_allclose(prior.sd[:6], [0.065, 0.01, 0.015, 0.05, 0.03, 0.025])
+    np.testing.assert_allclose(prior.sd[6:9], 0.5 * np.sqrt([0.02, 0.08, 0.18]))
     np.testing.assert_allclose(prior.sd[9:], [1.0, 15.0, 7.0])
+    flat = np.array([0.04, 0, 0, 0.04, 0, 0.08, 0, 0, 0.0, 2.0])  # a plate has some thickness
+    thin = Prior.around(flat, np.arange(10)[None], 1.0, np.ones(10))
+    np.testing.assert_allclose(thin.sd[8], np.sqrt(2.0 * 0.08e-3))
     with pytest.raises(ValueError, match="body 1 has no mass or no inertia"):
         Prior.around(np.zeros(12), np.arange(10)[None], 1.0, np.ones(12))
 

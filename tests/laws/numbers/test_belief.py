@@ -123,11 +123,13 @@ def test_learning_is_one_less_what_is_left_of_the_priors_width():
 
 
 def test_a_prior_around_a_robot_is_as_wide_as_its_bodies_are_large():
-    """2 kg whose material is .3 m from the origin (rms): m, m ℓ and m ℓ²; others by their size."""
-    theta = np.array([0.18, 0.01, 0.0, 0.08, 0.0, 0.10, 0.1, 0.0, 0.0, 2.0])
+    """2 kg with second moments .01, .08 and .09 along the axes; others by their size."""
+    theta = np.array([0.17, 0.01, 0.0, 0.10, 0.0, 0.09, 0.1, 0.0, 0.0, 2.0])
     phi = np.append(theta, [0.5, 0.0])
     prior = Prior.around(phi, np.arange(10)[None], 0.3, np.full(12, 7.0))
     np.testing.assert_allclose(prior.mean, phi)
-    np.testing.assert_allclose(prior.sd[:6], 0.3 * 2 * 0.3**2)
-    np.testing.assert_allclose(prior.sd[6:9], 0.3 * 2 * 0.3)
+    products = np.sqrt([0.01 * 0.08, 0.01 * 0.09, 0.08 * 0.09])
+    np.testing.assert_allclose(prior.sd[[0, 3, 5]], 0.3 * theta[[0, 3, 5]])
+    np.testing.assert_allclose(prior.sd[[1, 2, 4]], 0.3 * products)
+    np.testing.assert_allclose(prior.sd[6:9], 0.3 * np.sqrt(2 * np.array([0.01, 0.08, 0.09])))
     np.testing.assert_allclose(prior.sd[9:], [0.3 * 2, 0.3 * 0.5, 7.0])
