@@ -201,7 +201,7 @@ def write(runs: Sequence[Run], out: Path) -> None:
     lead = (
         f"{ROBOT}, trajectory {TRAJECTORY} repeated, torque noise {100 * NOISE:g} % with an AR(1) "
         f"correlation of {RHO:g}. The largest count of processes includes helpers that only track "
-        "the others. Wall time includes starting Python, the posterior and the report."
+        "the others. Wall time includes starting Python and the report."
     )
     section = Section("runs", "Commands", lead, (frame_table(run_frame(runs)),))
     out.parent.mkdir(parents=True, exist_ok=True)

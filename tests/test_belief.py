@@ -1,5 +1,6 @@
 """What is believed agrees with theory, stays possible, and says where it comes from."""
 
+import inspect
 import json
 from dataclasses import replace
 
@@ -7,6 +8,8 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
+from identifiability.cli.analyze import analyze as command
+from identifiability.cli.demo import run_demo
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import RobotError
 from identifiability.physical.certify import certify
@@ -142,6 +145,12 @@ def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior,
     assert belief.standard is None
     assert sentence in belief.note
     assert refine_verdicts(full, belief) == full.verdicts
+
+
+def test_posteriors_are_off_unless_asked_for_everywhere():
+    for verb in (analyze, command):
+        assert inspect.signature(verb).parameters["posterior"].default is False
+    assert "posterior" not in inspect.getsource(run_demo)
 
 
 def test_a_prior_without_a_width_is_refused_when_the_sidecar_is_read(tmp_path):

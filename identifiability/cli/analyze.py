@@ -24,7 +24,7 @@ def analyze(
     place: options.Place,
     validate: options.Validate = None,
     ladder: options.Ladder = None,
-    posterior: bool | None = None,
+    posterior: bool = False,
     seed: options.Seed = 0,
     quick: bool = False,
 ) -> None:
@@ -59,7 +59,7 @@ def analyze(
     Parameters
     ----------
     posterior
-        Sample the posteriors of the selected model (some seconds); default: unless quick.
+        Also sample the posteriors of the selected model; costs about as much as the rest.
     quick
         A tenth of the random draws.
     """
@@ -74,7 +74,7 @@ def analyze(
             held,
             ladder,
             replicates=200 if quick else 2000,
-            posterior=not quick if posterior is None else posterior,
+            posterior=posterior,
             seed=seed,
             progress=say,
             # Left to itself it ends the processes as soon as the logs have been read.

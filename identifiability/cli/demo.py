@@ -56,4 +56,4 @@ def run_demo(
         say(f"simulating trajectory {name}", 0.0)
         motion = find_motion(robot, name, 100 if quick else None, rng)
         logs.append(simulate(robot, motion, noise=PAPER_NOISE, rng=rng))
-    return analyze(robot, logs[:1], logs[1:], posterior=not quick, seed=seed, progress=say)
+    return analyze(robot, logs[:1], logs[1:], seed=seed, progress=say)

@@ -17,6 +17,7 @@ import pandas as pd
 
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.names import Array
+from identifiability.foundation.shares import ENDS
 from identifiability.foundation.values import frozen
 from identifiability.posterior.diagnostics import Convergence
 from identifiability.workflows.analyze.assessment import RungResult
@@ -69,7 +70,7 @@ class Summary:
     ----------
     mean, sd : (m,)
     interval : (m, 2)
-        Central 95 %.
+        95 %, as in `believed_interval`.
     draws : (D, m)
         Some draws, for pictures.
     chains : (E, K, N, m)
@@ -162,6 +163,28 @@ class Belief:
     note: str = ""
     model_prior_sd: Array = field(default_factory=lambda: np.empty(0))
     model_data_sd: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def hint(self) -> str:
+        """Why a posterior that was sampled may not be shown; empty where all may."""
+        named = (("signs", self.signs), ("bodies", self.physical))
+        return " ".join(
+            f"The posterior with {name} is not shown: {' '.join(x.convergence.reasons)}"
+            for name, x in named
+            if x is not None and not x.trustworthy
+        )
+
+
+def believed_interval(draws: Array, nonnegative: np.ndarray) -> Array:
+    """Return intervals (m, 2) that hold 95 % of draws (D, m).
+
+    They are central; of what cannot be negative the one from zero, where that is the shorter. A
+    central one never holds a true value of zero.
+    """
+    low, high = np.quantile(draws, ENDS, axis=0)
+    reach = np.quantile(draws, ENDS[1] - ENDS[0], axis=0)
+    short = nonnegative & (reach <= high - low)
+    return np.column_stack([np.where(short, 0.0, low), np.where(short, reach, high)])
 
 
 def refine_verdicts(

@@ -9,7 +9,6 @@ import numpy as np
 
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import ENDS
 from identifiability.physical.feasibility import check_nominal
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel
@@ -40,6 +39,7 @@ from identifiability.workflows.analyze.belief import (
     Source,
     StandardBelief,
     Summary,
+    believed_interval,
     refine_verdicts,
 )
 
@@ -238,7 +238,7 @@ def _summarise(
     chains: Array, rung: Rung, rng: np.random.Generator, convergence: Convergence
 ) -> Summary:
     draws = chains.reshape(-1, chains.shape[-1])
-    interval = np.quantile(draws, ENDS, axis=0).T
+    interval = believed_interval(draws, rung.nonnegative)
     width = interval[:, 1] - interval[:, 0]
     edge = np.where(rung.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
     shown = draws[rng.permutation(len(draws))[:SHOWN]]

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.posterior.diagnostics import Convergence
@@ -12,6 +13,7 @@ from identifiability.workflows.analyze.belief import (
     Belief,
     StandardBelief,
     Summary,
+    believed_interval,
     refine_verdicts,
 )
 
@@ -133,3 +135,19 @@ def test_a_prior_around_a_robot_is_as_wide_as_its_bodies_are_large():
     np.testing.assert_allclose(prior.sd[[1, 2, 4]], 0.3 * products)
     np.testing.assert_allclose(prior.sd[6:9], 0.3 * np.sqrt(2 * np.array([0.01, 0.08, 0.09])))
     np.testing.assert_allclose(prior.sd[9:], [0.3 * 2, 0.3 * 0.5, 7.0])
+
+
+@pytest.mark.parametrize("truth", [0.0, 0.5, 3.0])
+def test_intervals_of_what_cannot_be_negative_hold_the_truth_at_the_edge_too(truth):
+    """A measurement of known error, flat prior, truncated normal posterior; 98 % at the edge."""
+    rng = np.random.default_rng(0)
+    best = truth + rng.standard_normal(1500)
+    law = stats.truncnorm(-best, np.inf, loc=best)
+    draws = law.ppf(np.linspace(0.0005, 0.9995, 1000)[:, None])
+    low, high = believed_interval(draws, np.ones(1500, bool)).T
+    held = np.mean((low <= truth) & (truth <= high))
+    assert held == pytest.approx(0.977 if truth == 0 else 0.95, abs=0.02)
+    inside = law.cdf(high) - law.cdf(low)
+    np.testing.assert_allclose(inside, 0.95, atol=2e-3)
+    free = believed_interval(draws, np.zeros(1500, bool))
+    np.testing.assert_allclose(free, np.quantile(draws, [0.025, 0.975], axis=0).T)
