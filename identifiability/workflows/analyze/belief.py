@@ -17,7 +17,6 @@ import pandas as pd
 
 from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.names import Array
-from identifiability.foundation.shares import ENDS
 from identifiability.foundation.values import frozen
 from identifiability.posterior.diagnostics import Convergence
 from identifiability.workflows.analyze.assessment import RungResult
@@ -33,6 +32,9 @@ WIDE = 10.0
 
 #: A posterior that keeps more than this share of the prior's sd has learned nothing.
 LEARNED = 0.5
+
+#: Share of the draws in an interval, and how many ways to leave the rest at its two ends.
+BELIEVED, TAILS = 0.95, 11
 
 #: Draws kept for pictures.
 SHOWN = 800
@@ -176,15 +178,16 @@ class Belief:
 
 
 def believed_interval(draws: Array, nonnegative: np.ndarray) -> Array:
-    """Return intervals (m, 2) that hold 95 % of draws (D, m).
+    """Return the shortest intervals (m, 2) that hold 95 % of draws (D, m).
 
-    They are central; of what cannot be negative the one from zero, where that is the shorter. A
-    central one never holds a true value of zero.
+    Where a true value lies at the edge of what is possible the density is highest there, and a
+    central interval never holds it. What cannot be negative may begin at zero.
     """
-    low, high = np.quantile(draws, ENDS, axis=0)
-    reach = np.quantile(draws, ENDS[1] - ENDS[0], axis=0)
-    short = nonnegative & (reach <= high - low)
-    return np.column_stack([np.where(short, 0.0, low), np.where(short, reach, high)])
+    below = np.linspace(0, 1 - BELIEVED, TAILS)
+    low, high = (np.quantile(draws, share, axis=0) for share in (below, below + BELIEVED))
+    low[0, nonnegative] = 0.0
+    best = (high - low).argmin(axis=0), np.arange(draws.shape[1])
+    return np.column_stack([low[best], high[best]])
 
 
 def refine_verdicts(
