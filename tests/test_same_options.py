@@ -61,8 +61,8 @@ def arguments_of(verb, monkeypatch, *words):
 @pytest.mark.parametrize(
     ("verb", "words", "name", "usual", "quick", "given"),
     [
-        ("analyze", ["--posterior"], "posterior", True, False, True),
-        ("analyze", ["--no-posterior"], "posterior", True, False, False),
+        ("analyze", ["--posterior"], "posterior", False, False, True),
+        ("analyze", ["--no-posterior"], "posterior", False, False, False),
         ("calibrate", ["--names", "20"], "diagnoses", 40, 4, 20),
         ("calibrate", ["--trials", "50"], "trials", 60, 8, 50),
     ],
