@@ -161,9 +161,8 @@ def analyze(
             "cad_weight": cad_weight,
         }
         weak = state_weak(results[at])
-        doubtful = belief.hint if belief else ""
         # Exchanged columns, a wrong unit or late torque explain whatever else is odd.
-        after = () if opening.explained else (weak, several.hint, results[at].warning, doubtful)
+        after = () if opening.explained else (weak, several.hint, results[at].warning)
         return Analysis(
             structure=structure,
             samples=opening.samples,
