@@ -163,7 +163,7 @@ def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analys
     assert unpruned.physical.trustworthy, unpruned.physical.convergence.reasons
     refined = refine_verdicts(full, unpruned)
     kinds = [v.verdict for v in refined]
-    assert kinds.count(Class.CONSTRAINT) > 5
+    assert kinds.count(Class.CONSTRAINT) > 0
     assert kinds.count(Class.PRIOR) > 0
     open_ = (Class.WEAK, Class.NOT_IDENTIFIABLE)
     for k, (before, after) in enumerate(zip(full.verdicts, refined, strict=True)):

@@ -167,7 +167,19 @@ def analyze(
             structure=structure,
             samples=opening.samples,
             validation=opening.validation,
-            hints=tuple(filter(None, (*opening.hints, burst, decided, *bands, *after))),
+            hints=tuple(
+                filter(
+                    None,
+                    (
+                        *opening.hints,
+                        burst,
+                        decided,
+                        *bands,
+                        *after,
+                        belief.hint if belief else None,
+                    ),
+                )
+            ),
             information=information,
             models=results,
             selected=at,
