@@ -6,6 +6,7 @@ What to use when:
 - `inspect` needs no logs: what a robot file holds, which columns a log must have; with logs it says
   what is in them and what is odd about them;
 - `prune` finds the reduced model that is worth using, `diagnose` what a model misses;
+- `predict` of a result gives torque along other logs, and `from_json` reads a result back for it;
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
 - every stage in between (`prepare_samples`, `find_base_parameters`, `gather_information`,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.export import Exported, export
     from identifiability.workflows.gains import Gains, identify_gains
     from identifiability.workflows.inspect import Inspection, inspect
+    from identifiability.workflows.predict import Fit, TorquePrediction
     from identifiability.workflows.prune import Ladder, prune
 
 __version__ = "0.1.0"
@@ -66,6 +68,7 @@ _HOMES = {
         "workflows.export": ("Exported", "export"),
         "workflows.gains": ("Gains", "identify_gains"),
         "workflows.inspect": ("Inspection", "inspect"),
+        "workflows.predict": ("Fit", "TorquePrediction"),
         "workflows.prune": ("Ladder", "prune"),
     }.items()
     for name in names
@@ -79,6 +82,7 @@ __all__ = [
     "Estimate",
     "Excitation",
     "Exported",
+    "Fit",
     "Gains",
     "IdentifiabilityError",
     "Information",
@@ -92,6 +96,7 @@ __all__ = [
     "Regression",
     "Robot",
     "Samples",
+    "TorquePrediction",
     "Trajectory",
     "Verdict",
     "__version__",

@@ -35,7 +35,7 @@ def test_a_shell_gets_its_script(shell):
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
-        ("identifiability pr", {"prune"}),
+        ("identifiability pr", {"predict", "prune"}),
         ("identifiability analyze --rep", {"--report"}),
         ("identifiability analyze two", {"two-link"}),
         ("identifiability analyze ", set(shipped_robots())),

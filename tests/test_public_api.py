@@ -28,7 +28,7 @@ from identifiability.workflows.prune import prune
 PIN = Path(__file__).with_name("public_api.txt")
 
 #: Objects whose keys are names from the user's files.
-BY_NAME = {"detectable", "groupings", "preparation", "provenance", "survives", "rms"}
+BY_NAME = {"detectable", "groupings", "preparation", "provenance", "survives", "rms", "tie", "hold"}
 
 
 def python_lines() -> Iterator[str]:

@@ -19,6 +19,7 @@ from identifiability.cli.gain import gain
 from identifiability.cli.grouping import Command
 from identifiability.cli.inspect import inspect
 from identifiability.cli.paper import paper
+from identifiability.cli.predict import predict
 from identifiability.cli.prune import prune
 from identifiability.cli.simulate import simulate
 
@@ -28,7 +29,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-verbs = (demo, inspect, analyze, prune, diagnose, simulate, excite, export, calibrate, gain, paper)
+verbs = (
+    *(demo, inspect, analyze, prune, diagnose, simulate, excite, predict, export, calibrate, gain),
+    paper,
+)
 for command in verbs:
     app.command(cls=Command)(command)
 

@@ -164,15 +164,32 @@ def resample(
 
 def _own_times(information: Information, fit: Estimate) -> Array:
     """Return each parameter's autocorrelation time, (k,): of the actuators that determine it."""
-    k, kept = len(fit.kept), list(fit.kept)
-    part, own = information.select(fit.kept), np.ones(information.size)
-    to_x = np.linalg.solve(part.total(fit.weights)[:k, :k], np.linalg.inv(part.basis[:k, :k]).T)
-    white, slow = (
-        np.einsum("ik,ij,jk->k", to_x, part.total(v)[:k, :k], to_x)
-        for v in fit.weights**2 * fit.variance * np.array([np.ones_like(fit.times), fit.times])
-    )
-    own[kept] = np.divide(slow, white, out=np.ones(k), where=white > 0)
+    own = np.ones(information.size)
+    slow = np.diag(remembering_covariance(information, fit))
+    white = np.diag(remembering_covariance(information, fit, np.ones_like(fit.times)))
+    own[list(fit.kept)] = np.divide(slow, white, out=np.ones(len(slow)), where=white > 0)
     return own
+
+
+def remembering_covariance(
+    information: Information, fit: Estimate, times: Array | None = None
+) -> Array:
+    """Return the covariance of the kept columns under noise that remembers, (kept, kept).
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+    times : (n,), optional [samples]
+        Autocorrelation time of each actuator's noise; by default those of the fit.
+    """
+    k, memory = len(fit.kept), fit.times if times is None else times
+    part = information.select(fit.kept)
+    to_x = np.linalg.solve(part.total(fit.weights)[:k, :k], np.linalg.inv(part.basis[:k, :k]).T)
+    noise = fit.weights**2 * fit.variance * memory
+    covariance: Array = to_x.T @ part.total(noise)[:k, :k] @ to_x
+    return covariance
 
 
 def recurrence(

@@ -37,8 +37,9 @@ HIDDEN = {
 ROBOTS, QUICK = tuple(HIDDEN), ("five-bar", "two-link")
 NOISE = Noise(torque=0.03)
 
-#: Keys whose values say where a result was made, not what it is.
-UNTOLD = ("provenance", "seconds", "preparation")
+#: Keys whose values say where a result was made, not what it is,
+#: or repeats, to be read back, what other keys tell (the fitted model).
+UNTOLD = ("provenance", "seconds", "preparation", "fit")
 
 #: What another processor may change: of each σ, of each other number, and of what was sampled
 #: (processors round its chains apart) in standard deviations over the root of their ESS.

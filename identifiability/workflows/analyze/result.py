@@ -25,9 +25,11 @@ from identifiability.workflows.analyze.errors import (
     state_raw,
     tell_errors,
 )
+from identifiability.workflows.analyze.keep import keep_fit
 from identifiability.workflows.analyze.several_logs import SeveralLogs
 from identifiability.workflows.analyze.words import state_answer, state_physics
 from identifiability.workflows.opening import Opening
+from identifiability.workflows.predict import Fit, Predicts
 from identifiability.workflows.provenance import state_provenance
 
 if TYPE_CHECKING:
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 
 
 @frozen(kw_only=True)
-class Analysis(Result, Opening):
+class Analysis(Result, Opening, Predicts):
     """The answer. `to_frame`, `to_json` and `write_report` give it away.
 
     Attributes
@@ -104,6 +106,15 @@ class Analysis(Result, Opening):
         logs = (*self.samples, *self.validation)
         return state_provenance(self.robot, logs, self.seed, self.source, options)
 
+    @cached_property
+    def fit(self) -> Fit:
+        """The model to use: values, covariance, and how torque scatters about it."""
+        both = (self.fitted.select([self.selected]), self.held_out.select([self.selected]))
+        return keep_fit(
+            self.structure, self.information, self.chosen, both, self.samples, self.settings,
+            self.nothing,
+        )  # fmt: skip
+
     def to_frame(self, model: str | None = None) -> pd.DataFrame:
         """Return one row a parameter of the selected model, or of the named one.
 
@@ -155,6 +166,7 @@ class Analysis(Result, Opening):
             "errors": errors_dict(self.error_frame()),
             "parameters": [v.to_row() for v in self.chosen.verdicts],
             "full_parameters": [v.to_row() for v in self.full.verdicts],
+            "fit": None if self.nothing else self.fit.to_dict(),
             "physical": {
                 "certificate": self.chosen.physical.sentence,
                 **physical_dict(self.robot, self.chosen, self.shapes),

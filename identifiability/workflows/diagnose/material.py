@@ -10,7 +10,7 @@ from identifiability.estimation.noise.ar_noise import ARNoise, fit_noise
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Share, at_least, check_fields
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.evidence import Bench, Whitened
 from identifiability.workflows.diagnose.held_out import HeldOut, RealRobot
@@ -76,6 +76,8 @@ class Setting:
         What judged while names were chosen, in words.
     verified_on : str
         Unseen motion, in words: neither fitted nor used to choose.
+    preparation : Preparation
+        How logs were turned into motion, with one cut-off.
     """
 
     structure: Structure
@@ -86,6 +88,7 @@ class Setting:
     seed: int = 0
     chosen_by: str = ""
     verified_on: str = ""
+    preparation: Preparation = Preparation()
 
 
 @frozen

@@ -26,7 +26,9 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
+from identifiability.workflows.diagnose.keep import keep_completed
 from identifiability.workflows.diagnose.words import state, state_remainder
+from identifiability.workflows.predict import Fit, Predicts
 
 #: Similarity from which on another effect is told in JSON.
 SIMILAR = 0.5
@@ -35,7 +37,7 @@ PLACE, PARAMETER = ("effect", "joint", "shape", "p_value"), ("parameter", "value
 
 
 @frozen
-class Diagnosis(Result, Findings):
+class Diagnosis(Result, Findings, Predicts):
     """What is missing, with the evidence. `to_frame`, `to_json`, `write_report` give it away."""
 
     schema: ClassVar[str] = "identifiability/diagnosis/1"
@@ -45,6 +47,12 @@ class Diagnosis(Result, Findings):
         """The real robot nearest to the data with the named effects, as `export` reads it."""
         with one_thread("blas"):  # the same bits however many threads there are
             return nearest_dict(self)
+
+    @cached_property
+    def fit(self) -> Fit:
+        """The model with the named effects: values, covariance, and how torque scatters."""
+        with one_thread("blas"):
+            return keep_completed(self)
 
     @property
     def statement(self) -> str:
@@ -129,6 +137,7 @@ class Diagnosis(Result, Findings):
             },
             "real_robot": pick(self, error_ra_before="real_before", error_ra_after="real_after"),
             "forward": None if self.forward is None else _forward_row(self.forward),
+            "fit": self.fit.to_dict(),
             "unexplained": {
                 "statement": self.unexplained,
                 "rms": dict(zip(joints, left.rms.tolist(), strict=True)),

@@ -132,6 +132,7 @@ def diagnose(
             seed=seed,
             chosen_by=roles.chosen_by,
             verified_on=roles.verified_on,
+            preparation=how or Preparation(),
         )
         simulated = max(draws // 2, FEWEST) if quick else draws
         material = gather(setting, choose, streams[0], effects, simulated)

@@ -27,8 +27,10 @@ from identifiability.workflows.analyze.errors import (
     state_raw,
     tell_errors,
 )
+from identifiability.workflows.analyze.keep import keep_fit
 from identifiability.workflows.analyze.words import state_physics
 from identifiability.workflows.opening import Opening
+from identifiability.workflows.predict import Fit, Predicts
 from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.prune.absorption import Absorption
 from identifiability.workflows.prune.elimination import Refusal
@@ -39,7 +41,7 @@ from identifiability.workflows.prune.stability import Stability
 
 
 @frozen(kw_only=True)
-class Ladder(Result, Opening, Measured):
+class Ladder(Result, Opening, Measured, Predicts):
     """The answer of `prune`. `to_frame`, `to_json`, `write_report`, `write_model` give it away.
 
     Attributes
@@ -115,6 +117,15 @@ class Ladder(Result, Opening, Measured):
         logs = (*self.samples, *self.validation)
         return state_provenance(self.robot, logs, self.seed, self.source, options)
 
+    @cached_property
+    def fit(self) -> Fit:
+        """The rung to use: values, covariance, and how torque scatters about it."""
+        both = (self.fitted, self.held_out)
+        return keep_fit(
+            self.structure, self.information, self.result, both, self.samples, self.settings,
+            self.nothing,
+        )  # fmt: skip
+
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the rung to use."""
         return pd.DataFrame([v.to_row() for v in self.verdicts])
@@ -148,6 +159,7 @@ class Ladder(Result, Opening, Measured):
             "errors": errors_dict(self.error_frame()),
             "parameters": [v.to_row() for v in self.verdicts],
             "full_parameters": [v.to_row() for v in self.full.verdicts],
+            "fit": None if self.nothing else self.fit.to_dict(),
             "refused": [
                 {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
             ],

@@ -1,0 +1,72 @@
+"""``identifiability predict``."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+from identifiability.cli import common, options
+
+
+@options.command
+def predict(
+    machine: options.Machine,
+    recorded: options.Recorded,
+    result: Path,
+    logs: options.Logs,
+    outputs: options.Outputs,
+    out: Annotated[Path | None, Option()] = None,
+) -> None:
+    """Predict the torque of logs with a fitted model, sample by sample, with intervals.
+
+    The logs are prepared as the fitted ones were, with the same cut-off. A column of the file has
+    the name of a joint and of what it holds: measured torque (`tau`, and `tau_raw` as it was
+    measured, not low-passed), `predicted`, `residual` and `residual_raw`, the 95 % interval of the
+    model's torque (`mean_from`, `mean_to`) and those of a new sample (`from`, `to`, `raw_from`,
+    `raw_to`). They know what the fitted logs did not tell of the parameters, and how far torque
+    scatters about the model on motion that it has not seen.
+
+    ```
+    identifiability analyze 3-rps run.csv --json result.json
+    identifiability predict 3-rps result.json other.csv --out torque.csv
+    ```
+
+    Parameters
+    ----------
+    result
+        JSON that analyze, prune or diagnose wrote.
+    logs
+        Logs to predict, with columns as for analyze.
+    out
+        File to write: .csv or .parquet.
+    """
+    with common.sentences(), common.progress() as say:
+        from identifiability.foundation.output import check_ending  # noqa: PLC0415
+        from identifiability.logs.tables import PARQUET  # noqa: PLC0415
+        from identifiability.workflows.predict import read_fit  # noqa: PLC0415
+
+        common.check_outputs(out, *astuple(outputs), inputs=[*machine.files, result, *logs])
+        if out is not None:
+            check_ending(out, ".csv", *PARQUET)
+        say("reading the result", 0.0)
+        fit = read_fit(result, machine.load(recorded))
+        say("predicting torque", 0.2)
+        found = fit.predict(logs)
+        written = ([] if out is None else [found.write(out)]) + outputs.write(found, say)
+    headings = ("joint", "error", "rms", "unit", "of raw torque", "inside")
+    rows = [
+        (
+            str(row["joint"]),
+            common.percent(row["error"], 1),
+            f"{row['rms']:.3g}",
+            str(row["unit"]),
+            common.percent(row["error_raw"], 1),
+            common.percent(row["inside"], 1),
+        )
+        for row in found.error_frame().to_dict("records")
+    ]
+    common.print_table("Predicted torque by joint", headings, rows, left=("joint", "unit"))
+    common.print_end([found.statement], written)

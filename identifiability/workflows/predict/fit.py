@@ -1,0 +1,266 @@
+"""`Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
+
+It predicts torque, and it is what is read back from the JSON of a result. Not read back: verdicts,
+sentences, other models of the ladder, posteriors, samples and resampled values. Who wants these
+analyses the logs again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from identifiability.estimation.spread import Spread
+from identifiability.foundation.documents import read_document
+from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import checked
+from identifiability.foundation.threads import one_thread
+from identifiability.foundation.values import frozen
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.longsamples import Prepared, prepare_log
+from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.regression.model import Model
+from identifiability.regression.reduction import (
+    LadderEntry,
+    Rung,
+    RungEntry,
+    build_ladder,
+    rung_entry,
+)
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.opening import Logs, read_recordings
+from identifiability.workflows.predict.result import TorquePrediction
+
+
+@frozen(kw_only=True)
+class Fit:
+    """A fitted model as its result keeps it.
+
+    Attributes
+    ----------
+    structure : Structure
+        The robot under the unpruned model.
+    rung : Rung
+        The model over its base parameters, with k parameters.
+    values : (k,)
+    spread : Spread
+    preparation : Preparation
+        How the fitted logs were turned into motion, with the cut-off that was chosen for them.
+    """
+
+    structure: Structure
+    rung: Rung
+    values: Array
+    spread: Spread
+    preparation: Preparation
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.structure.robot
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self.rung.columns
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the values, with what the noise remembers, (k, k)."""
+        return self.spread.covariance
+
+    @property
+    def base(self) -> Array:
+        """Values of the base parameters, (b,)."""
+        return self.rung.expand(self.values)
+
+    def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
+        """Return the torque along logs, with its intervals.
+
+        Parameters
+        ----------
+        logs : log, path, DataFrame, or several
+            They are prepared like the fitted ones, with the same cut-off.
+        engine : Engine, optional
+            Where logs that are too long for memory are surveyed.
+
+        Raises
+        ------
+        LogError
+            If a log does not fit the robot.
+        """
+        with one_thread("blas"):
+            known = read_recordings(logs, known=Conventions.of(self.robot))
+            how = settle_cutoff(self.robot, known.fitted, self.preparation)
+            runner = engine or Serial()
+            samples = [prepare_log(self.robot, r, how, engine=runner) for r in known.fitted]
+            return self._along(samples, known.hints)
+
+    def _along(self, samples: list[Prepared], hints: tuple[str, ...]) -> TorquePrediction:
+        base = self.structure.base
+        regression = Regression(self.robot, self.structure.model, tuple(samples), base.kept)
+        found: list[tuple[Array, ...]] = []
+        for part in regression.parts(whole=True):
+            for chunk in part.chunks():
+                predicted = chunk.W @ self.base
+                reach = self.spread.reach(chunk.W @ self.rung.M)
+                log = np.full(len(chunk.t), chunk.log)
+                found.append((log, chunk.t.copy(), chunk.tau.copy(), chunk.raw.copy(),
+                              predicted, *reach))  # fmt: skip
+        names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new")
+        joined = map(np.concatenate, zip(*found, strict=True))
+        return TorquePrediction(
+            robot=self.robot,
+            model=self.rung.name,
+            logs=tuple(s.name for s in samples),
+            notes={s.name: s.notes for s in samples},
+            hints=hints,
+            **dict(zip(names, joined, strict=True)),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what is read back, as plain values."""
+        entry = rung_entry(self.rung, self.structure.base, self.structure.model.texts)
+        how = {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)}
+        return {
+            "model": entry.model_dump(by_alias=True, exclude_none=True),
+            "names": list(self.names),
+            "units": list(self.rung.units),
+            "values": self.values,
+            **asdict(self.spread),
+            "preparation": how,
+        }
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+
+
+class RobotEntry(_Entry):
+    """What the result is about."""
+
+    name: str
+    locked: dict[str, float] = {}
+
+
+class PreparationEntry(_Entry):
+    """How logs were prepared."""
+
+    derivatives: Literal["auto", "given", "butterworth", "fourier"] = "auto"
+    cutoff: float | None = None
+    period: float | None = None
+    harmonics: int = 5
+    decimate: int | None = None
+    keep_rest: bool = False
+
+
+class FitEntry(_Entry):
+    """A fitted model in the JSON of a result."""
+
+    model: RungEntry
+    names: list[str]
+    values: list[float]
+    covariance: list[list[float]]
+    unknown: list[list[float]]
+    low: list[float]
+    raw: list[float]
+    dof: list[float]
+    preparation: PreparationEntry
+
+
+class ResultEntry(_Entry):
+    """The part of a result that is read back."""
+
+    robot: RobotEntry
+    fit: FitEntry | None = None
+    nothing: str | None = None
+
+
+@checked
+def read_fit(path: str | Path, robot: RobotLike) -> Fit:
+    """Read the fitted model back from the JSON of `analyze`, `prune` or `diagnose`.
+
+    Parameters
+    ----------
+    path : path
+    robot : Robot, path or shipped name
+        The robot that the result is about; the file may have other values than it had then.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the file is no such result, keeps no fitted model, or is about another robot.
+    """
+    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+    content = read_document(path, ResultEntry, "JSON", "result", IdentifiabilityError)
+    if content.nothing:
+        raise IdentifiabilityError(
+            f"Nothing can be predicted, because {content.nothing} ({path}); give a result of other "
+            "logs."
+        )
+    if content.fit is None:
+        raise IdentifiabilityError(
+            f"{path} keeps no fitted model: give the JSON of analyze, prune or diagnose, made by "
+            "this version or a newer one."
+        )
+    if content.robot.locked.keys() != robot.locked.keys():
+        was = listing(content.robot.locked) or "nothing"
+        raise IdentifiabilityError(
+            f"{path} was made with {was} locked, and now {listing(robot.locked) or 'nothing'} is; "
+            "lock the same joints (--lock, or 'locked' in the sidecar)."
+        )
+    return _build(content.fit, robot, f"{path} is about '{content.robot.name}'")
+
+
+def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
+    structure = Structure.of(robot, Model.of(*(entry.model.effects or ())))
+    try:
+        (rung,) = build_ladder(LadderEntry(models=[entry.model]), structure)
+    except IdentifiabilityError as error:
+        raise _other_robot(where, robot, str(error)) from None
+    if list(rung.columns) != entry.names or len(entry.low) != len(robot.joints):
+        raise _other_robot(where, robot, "its parameters are not those of this robot.")
+    k, n = len(rung), len(robot.joints)
+    spread = Spread(
+        covariance=_shaped(entry.covariance, (k, k), where),
+        unknown=_shaped(entry.unknown, (k, -1), where) if k else np.empty((0, 0)),
+        **{x: _shaped(getattr(entry, x), (n,), where) for x in ("low", "raw", "dof")},
+    )
+    values = _shaped(entry.values, (k,), where)
+    how = Preparation(**entry.preparation.model_dump())
+    return Fit(structure=structure, rung=rung, values=values, spread=spread, preparation=how)
+
+
+def _shaped(rows: list[Any], shape: tuple[int, ...], where: str) -> Array:
+    try:
+        return np.array(rows, float).reshape(shape)
+    except ValueError:
+        raise IdentifiabilityError(
+            f"{where}, and its fitted model has tables of another size: it was changed by hand."
+        ) from None
+
+
+def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
+    return IdentifiabilityError(
+        f"{where}, and the robot given is {robot.name}: {why} Give the robot that the result was "
+        "made with."
+    )
+
+
+def settled(given: object, samples: Sequence[Prepared]) -> Preparation:
+    """Return a preparation with the cut-off that was chosen for some logs."""
+    known = given if isinstance(given, Preparation) else Preparation()
+    cutoff = next((s.cutoff for s in samples if s.cutoff is not None), known.cutoff)
+    names = [f.name for f in fields(Preparation)]
+    return Preparation(**{n: getattr(known, n) for n in names} | {"cutoff": cutoff})

@@ -1,0 +1,46 @@
+"""Results on a small robot, and logs of it with planted noise."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from identifiability import Robot, analyze, simulate
+from identifiability.estimation.noise.residual_noise import ResidualNoise
+from identifiability.logs import Log
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+
+SHARE = 0.05
+
+
+@cache
+def clean(name: str, trajectory: str) -> Log:
+    robot = Robot.load(name)
+    motion = PrescribedMotion.of(shipped_trajectory(robot, trajectory), 400)
+    return simulate(robot, motion, noise=Noise(), rng=np.random.default_rng(0))
+
+
+def noisy(name: str, trajectory: str, seed: int, rho: float = 0.0) -> Log:
+    """A log with noise of 5 % of the torque of trajectory a, alike in all logs."""
+    log, rng = clean(name, trajectory), np.random.default_rng(seed)
+    noise = ResidualNoise.first_order(SHARE * clean(name, "a").tau.std(0), rho)
+    added = log.tau + noise.simulate([(0, len(log))], rng)
+    columns = {f"{joint}.tau": added[:, k] for k, joint in enumerate(log.joints)}
+    return Log.from_frame(log.to_frame().assign(**columns), f"{trajectory}{seed}")
+
+
+@pytest.fixture(scope="session")
+def make_log():
+    return noisy
+
+
+@pytest.fixture(scope="session")
+def without_noise():
+    return clean
+
+
+@pytest.fixture(scope="session")
+def analysis():
+    return analyze("two-link", noisy("two-link", "a", 1), replicates=100)

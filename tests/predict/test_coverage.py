@@ -1,0 +1,73 @@
+"""Intervals hold what they promise: the planted torque of the model, and new samples."""
+
+import numpy as np
+import pytest
+
+from identifiability import Robot, analyze
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.prediction import predict
+from identifiability.estimation.spread import measure_spread
+from identifiability.estimation.uncertainty import assess_uncertainty
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.gather import gather_information
+from identifiability.regression.model import Model
+from identifiability.regression.structure import Structure
+
+TRIALS = 24
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_intervals_cover_the_planted_torque_and_new_samples(rho, make_log, without_noise):
+    structure = Structure.of(Robot.load("two-link"), Model.of("rigid_body", "viscous_friction"))
+    other = structure.regression([prepare_samples(structure.robot, without_noise("two-link", "b"))])
+    ((*_, W, _),) = other.chunks()
+    truth = W @ true_values(structure, without_noise("two-link", "a"))
+    mean, new = [], []
+    for seed in range(TRIALS):
+        log = explained(structure, make_log("two-link", "a", seed, rho), without_noise)
+        regression = structure.regression([prepare_samples(structure.robot, log)])
+        information = gather_information(regression)
+        fit = estimate(information)
+        found = predict(regression, fit.value[:, None])
+        rng = np.random.default_rng(seed)
+        spread = assess_uncertainty(
+            information, fit, found.residual[:, :, 0], found.series, rng, 60
+        )
+        rms = found.joint_rms()[:, 0]
+        none = np.full(len(rms), np.nan)
+        reach = measure_spread(information, fit, spread, (rms, rms), (none, none)).reach(W)
+        off = np.abs(W @ fit.value - truth)
+        noise = make_log("two-link", "b", 100 + seed, rho).tau - without_noise("two-link", "b").tau
+        mean.append((off <= reach[0]).mean())
+        new.append((np.abs(W @ fit.value - truth - noise) <= reach[1]).mean())
+    assert np.mean(mean) > 0.93
+    assert 0.93 < np.mean(new) < 0.975
+
+
+def true_values(structure, log):
+    information = gather_information(structure.regression([prepare_samples(structure.robot, log)]))
+    return estimate(information).value
+
+
+def explained(structure, log, without_noise):
+    """The log with the torque that the model explains, and its own noise."""
+    clean = without_noise("two-link", "a")
+    regression = structure.regression([prepare_samples(structure.robot, clean)])
+    ((*_, W, tau),) = regression.chunks()
+    left = tau - W @ true_values(structure, clean)
+    columns = {f"{j}.tau": (log.tau - left)[:, k] for k, j in enumerate(log.joints)}
+    return type(log).from_frame(log.to_frame().assign(**columns), log.name)
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize(("name", "rho"), [("two-link", 0.8), ("six-dof-arm", 0.5)])
+def test_intervals_of_analyze_cover_planted_torque(name, rho, make_log, without_noise):
+    mean, new = [], []
+    truth = without_noise(name, "b").select(Robot.load(name).joints).tau
+    for seed in range(20):
+        found = analyze(name, make_log(name, "a", seed, rho), replicates=100)
+        along = found.predict(make_log(name, "b", 100 + seed, rho))
+        mean.append((np.abs(truth - along.predicted) <= along.mean).mean())
+        new.append((np.abs(along.tau - along.predicted) <= along.low).mean())
+    assert np.mean(mean) > 0.92
+    assert 0.92 < np.mean(new) < 0.985

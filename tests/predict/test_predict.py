@@ -1,0 +1,128 @@
+"""Torque along other logs, from a result and from its JSON."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import Analysis, Robot, analyze, diagnose, prune
+from identifiability.cli import app
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.logs import Log
+
+
+def held_still(log: Log, joint: str) -> Log:
+    """The log of a robot that holds one joint still."""
+    at = {f"{joint}.q": 0.3, f"{joint}.dq": 0.0, f"{joint}.ddq": 0.0}
+    return Log.from_frame(log.to_frame().assign(**at), "still")
+
+
+def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis, make_log):
+    found = analysis.predict(make_log("two-link", "a", 1))
+    assert found.error_ra == pytest.approx(analysis.chosen.error_ra, rel=1e-9)
+    frame = found.to_frame()
+    frame = {name: frame[name].to_numpy() for name in frame}
+    own = analysis.fitted.predicted[:, :, analysis.selected]
+    for k, joint in enumerate(analysis.robot.joints):
+        assert frame[f"{joint}.predicted"] == pytest.approx(own[:, k], abs=1e-9)
+        left = frame[f"{joint}.tau"] - frame[f"{joint}.predicted"]
+        assert frame[f"{joint}.residual"] == pytest.approx(left)
+        inside = frame[f"{joint}.from"] < frame[f"{joint}.mean_from"]
+        assert (inside & (frame[f"{joint}.mean_to"] < frame[f"{joint}.to"])).all()
+
+
+def verbs(make_log):
+    logs = [make_log("two-link", "a", 1), make_log("two-link", "b", 2)]
+    yield prune("two-link", *logs, replicates=4)
+    yield diagnose("two-link", *logs, quick=True, forward=False)
+    yield diagnose("two-link", *logs, quick=True, forward=False, fixed=True)
+
+
+def test_what_is_read_back_predicts_the_same(analysis, make_log, tmp_path):
+    log, path = make_log("two-link", "b", 7), tmp_path / "result.json"
+    for result in (analysis, *verbs(make_log)):
+        result.to_json(path)
+        kept = type(result).from_json(path, "two-link")
+        assert kept.names == result.fit.names
+        before, after = result.predict(log), kept.predict(log)
+        assert before.error_ra < 0.1
+        for what in ("predicted", "mean", "low", "new"):
+            same = pytest.approx(getattr(before, what), rel=1e-6, abs=1e-9)
+            assert getattr(after, what) == same
+
+
+def test_torque_is_told_apart_low_passed_and_raw(make_log):
+    def positions(log):
+        kept = [c for c in log.to_frame() if not c.endswith(("dq", "ddq"))]
+        return Log.from_frame(log.to_frame()[kept], log.name)
+
+    result = analyze("two-link", positions(make_log("two-link", "a", 1)), replicates=20)
+    found = result.predict(positions(make_log("two-link", "b", 2)))
+    assert result.fit.preparation.cutoff == result.samples[0].cutoff
+    assert found.error_ra < found.error_ra_raw
+    assert (found.low < found.new).all()
+    assert "as it was measured" in found.statement
+
+
+def test_what_the_fitted_motion_never_showed_is_not_predicted(make_log):
+    log = make_log("two-link", "a", 1)
+    result = analyze("two-link", held_still(log, "elbow"), replicates=20)
+    same = result.predict(held_still(make_log("two-link", "a", 5), "elbow"))
+    assert np.isfinite(same.mean).all()
+    found = result.predict(log)
+    assert found.unknown.max() > 0.9
+    assert "never showed" in found.statement
+
+
+def test_a_load_is_seen_and_said(analysis, make_log):
+    log = make_log("two-link", "b", 3)
+    heavy = log.to_frame()
+    heavy["elbow.tau"] += 3 * heavy["elbow.tau"].std()
+    found = analysis.predict(Log.from_frame(heavy, "heavy"))
+    assert found.inside[1] < 0.5 < found.inside[0]
+    assert "Of elbow too few do" in found.statement
+
+
+def test_the_command_writes_tables_and_a_page(analysis, make_log, tmp_path):
+    result, log = tmp_path / "result.json", tmp_path / "b.csv"
+    analysis.to_json(result)
+    make_log("two-link", "b", 2).write(log)
+    for name in ("torque.csv", "torque.parquet"):
+        words = ["predict", "two-link", result, log, "--out", tmp_path / name]
+        page = ["--report", tmp_path / "page.html", "--json", tmp_path / "errors.json"]
+        out = CliRunner().invoke(app, [*map(str, words + page)])
+        assert out.exit_code == 0, out.output
+        assert "predicted by the model" in " ".join(out.output.split())
+    csv, parquet = pd.read_csv(tmp_path / "torque.csv"), pd.read_parquet(tmp_path / name)
+    pd.testing.assert_frame_equal(csv, parquet)
+    assert "Measured and predicted torque" in (tmp_path / "page.html").read_text()
+    errors = json.loads((tmp_path / "errors.json").read_text())
+    assert errors["schema"] == "identifiability/prediction/1"
+    assert [j["joint"] for j in errors["joints"]] == ["shoulder", "elbow"]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda c: c.update(fit=None), "keeps no fitted model"),
+        (lambda c: c.update(nothing="the torque never varies"), "the torque never varies"),
+        (lambda c: c["fit"].update(names=["x"]), "its parameters are not those"),
+        (lambda c: c["fit"]["values"].pop(), "tables of another size"),
+        (lambda c: c["fit"].update(covariance=[[1.0]]), "tables of another size"),
+    ],
+)
+def test_what_cannot_be_read_back_is_refused_by_name(analysis, tmp_path, change, says):
+    path = analysis.to_json(tmp_path / "result.json")
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content))
+    with pytest.raises(IdentifiabilityError, match=says):
+        Analysis.from_json(path, "two-link")
+
+
+def test_the_result_of_another_robot_is_refused(analysis, tmp_path):
+    path = analysis.to_json(tmp_path / "result.json")
+    with pytest.raises(IdentifiabilityError, match="the robot given is"):
+        Analysis.from_json(path, Robot.load("five-bar"))
