@@ -28,9 +28,10 @@ from identifiability.foundation.engines.mapping import Serial
 from identifiability.foundation.output import write_json
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples
-from identifiability.logs.prepare.instruments import SecondRecord, attach_record
+from identifiability.logs.prepare.instruments import attach_record
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.prepare.preparation import make_plan
+from identifiability.logs.prepare.second_record import SecondRecord
 from identifiability.logs.spectrum import LEAST_CUTOFF, NARROW, NOISE_SHARE, WIDE, Spectrum
 from identifiability.report import Check, Prose, Section, frame_table, write_page
 from identifiability.robot import Robot

@@ -22,7 +22,8 @@ from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.write import write_robot
 from identifiability.simulation.forces import JointTerms, both_directions
-from identifiability.simulation.mujoco_robot import MujocoRobot, bare_urdf, reason_of
+from identifiability.simulation.mujoco_file import bare_urdf, reason_of
+from identifiability.simulation.mujoco_robot import MujocoRobot
 
 #: Longest step of the integrator [s]; loops stay closed to about 1e-6 m with it.
 STEP = 5e-4

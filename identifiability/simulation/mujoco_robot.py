@@ -8,7 +8,6 @@ test.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from typing import Any
 
 import mujoco
@@ -18,8 +17,13 @@ from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
-from identifiability.robot.markup import read_markup
-from identifiability.robot.mjcf import compile_mjcf, quiet
+from identifiability.robot.mjcf import quiet
+from identifiability.simulation.mujoco_file import (
+    PointClosure,
+    find_closures,
+    find_couplings,
+    load_file,
+)
 
 TOLERANCE = 1e-12
 _MAX_STEPS = 30
@@ -46,14 +50,6 @@ class RigidTorque:
     X: Array
 
 
-@frozen
-class _Closure:
-    """A point closure in MuJoCo's terms: two bodies and a point in each frame."""
-
-    body: tuple[int, int]
-    point: tuple[Array, Array]
-
-
 class MujocoRobot:
     """A robot file in MuJoCo, without friction, rotor inertia, springs and contacts.
 
@@ -67,7 +63,7 @@ class MujocoRobot:
 
     def __init__(self, robot: Robot, model: Any = None) -> None:
         self.robot = robot
-        self.model = _load(robot) if model is None else model
+        self.model = load_file(robot) if model is None else model
         self.data = mujoco.MjData(self.model)
         for part in ("dof", "actuator", "tendon"):  # older versions lack some of them
             for kind in ("armature", "damping", "dampingpoly", "frictionloss"):
@@ -82,8 +78,8 @@ class MujocoRobot:
         #: Locked joints are in the file; prescribed to stand still, they need not be welded.
         self.locked = np.array([self._dof(j) for j in robot.locked], int)
         self.passive = np.setdiff1d(np.arange(self.model.nv), [*self.actuated, *self.locked])
-        self.closures = _closures(self.model, robot)
-        self.couplings = _couplings(self.model, robot)
+        self.closures = find_closures(self.model, robot)
+        self.couplings = find_couplings(self.model, robot)
 
     def _joint(self, name: str) -> Any:
         try:
@@ -195,7 +191,7 @@ class MujocoRobot:
             mujoco.mj_integratePos(self.model, full, step, 1.0)
         return bool(np.abs(self._error()).max() < 1e-9)
 
-    def _world(self, closure: _Closure, end: int) -> Array:
+    def _world(self, closure: PointClosure, end: int) -> Array:
         rotation = self.data.xmat[closure.body[end]].reshape(3, 3)
         at: Array = self.data.xpos[closure.body[end]] + rotation @ closure.point[end]
         return at
@@ -243,66 +239,3 @@ class MujocoRobot:
         A = self._jacobian()
         a: Array = np.linalg.lstsq(A[:, self.passive], -bias, rcond=None)[0]
         return a
-
-
-def _load(robot: Robot) -> Any:
-    """Load the robot file; a URDF loses its meshes, which have no part in the dynamics."""
-    try:
-        root = ET.parse(robot.path).getroot()
-        if robot.path.suffix.lower() == ".urdf" or root.tag == "robot":
-            return mujoco.MjModel.from_xml_string(bare_urdf(root, balance="false"))
-        return compile_mjcf(robot.path, read_markup(robot.path))
-    except (ValueError, OSError) as error:
-        raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
-
-
-def bare_urdf(root: ET.Element, balance: str) -> str:
-    """Return a URDF without looks; with `balance` ``true`` MuJoCo corrects its inertias."""
-    for link in root.findall("link"):
-        for child in [c for c in link if c.tag in ("visual", "collision")]:
-            link.remove(child)
-    for old in root.findall("mujoco"):
-        root.remove(old)
-    options = ET.SubElement(root, "mujoco")
-    ET.SubElement(options, "compiler", fusestatic="false", balanceinertia=balance)
-    return ET.tostring(root, encoding="unicode")
-
-
-def reason_of(error: Exception) -> str:
-    """Return what MuJoCo complains of, in one line of at most 300 letters."""
-    return " ".join(str(error).split())[:300].rstrip(".")
-
-
-def _closures(model: Any, robot: Robot) -> list[_Closure]:
-    """Return the point closures of the MJCF, or of the sidecar where it has its own."""
-    stated = [loop.stated for loop in robot.loops if loop.stated is not None]
-    if stated:
-        ends = [[(model.body(b).id, np.array(p)) for b, p in pair] for pair in stated]
-        return [_Closure((e[0][0], e[1][0]), (e[0][1], e[1][1])) for e in ends]
-    out = []
-    for k in range(model.neq if robot.loops else 0):  # a flag of the file may open them all
-        if model.eq_type[k] != mujoco.mjtEq.mjEQ_CONNECT or not model.eq_active0[k]:
-            continue
-        first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
-        if model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
-            bodies = (int(model.site_bodyid[first]), int(model.site_bodyid[second]))
-            points = (np.array(model.site_pos[first]), np.array(model.site_pos[second]))
-        else:
-            bodies = (first, second)
-            points = (np.array(model.eq_data[k, :3]), np.array(model.eq_data[k, 3:6]))
-        out.append(_Closure(bodies, points))
-    return out
-
-
-def _couplings(model: Any, robot: Robot) -> list[tuple[int, int, int, int, Any]]:
-    """Return joint couplings as (dof, qpos, dof of source, qpos of source, polynomial)."""
-    out = []
-    for c in robot.couplings:
-        joint = model.joint(c.joint)
-        dj, qj = int(joint.dofadr[0]), int(joint.qposadr[0])
-        do = qo = -1
-        if c.of is not None:
-            source = model.joint(c.of)
-            do, qo = int(source.dofadr[0]), int(source.qposadr[0])
-        out.append((dj, qj, do, qo, np.polynomial.Polynomial(c.polynomial)))
-    return out

@@ -17,10 +17,11 @@ import numpy as np
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
-from identifiability.logs.prepare.instruments import noise_level, put, resolution
+from identifiability.logs.prepare.instruments import put
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.prepare.preparation import Preparation, make_plan
 from identifiability.logs.prepare.samples import Samples
+from identifiability.logs.prepare.white_noise import noise_level, resolution
 from identifiability.logs.stale import StaleRule
 from identifiability.robot import Motion, Robot, complete_motion
 

@@ -12,9 +12,9 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.gaps import Gaps
 from identifiability.logs.logfile import LogFile
-from identifiability.logs.prepare.instruments import noise_level, resolution
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.prepare.plan import joint_log
+from identifiability.logs.prepare.white_noise import noise_level, resolution
 from identifiability.logs.spectrum import Spectrum
 from identifiability.logs.stale import StaleRule
 from identifiability.robot import Robot

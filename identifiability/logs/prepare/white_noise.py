@@ -1,0 +1,52 @@
+"""White noise, gaps and steps of measured signals, told from differences between their samples."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import binom
+
+from identifiability.foundation.names import Array
+
+#: Order of the differences that leave noise alone.
+ORDER = 8
+
+#: Steps longer than so many usual ones are gaps.
+GAP = 1.5
+
+#: Changes are whole multiples of a step up to this share of it.
+WHOLE = 1e-3
+
+
+def noise_level(x: Array, t: Array | None = None) -> Array:
+    """Return the standard deviation of white noise on smooth signals (N, n), (n,).
+
+    No difference reaches across a gap in the times t (N,) [s], if they are given.
+    """
+    if len(x) <= ORDER:
+        return np.zeros(x.shape[1])
+    differences = np.diff(x, ORDER, axis=0)
+    if t is not None:
+        gaps = np.concatenate([[0], np.cumsum(has_gap(t))])
+        whole = gaps[ORDER:] == gaps[:-ORDER]
+        differences = differences[whole] if whole.any() and not whole.all() else differences
+    level: Array = np.sqrt(np.mean(differences**2, axis=0) / binom(2 * ORDER, ORDER))
+    return level
+
+
+def has_gap(t: Array) -> np.ndarray:
+    """Return after which samples at times t (N,) others are missing, (N - 1,) bool."""
+    steps = np.diff(t)
+    found: np.ndarray = steps > GAP * np.median(steps)
+    return found
+
+
+def resolution(x: Array) -> Array:
+    """Return the step of which signals (N, n) are whole multiples, (n,); 0 where none is seen."""
+    steps = np.abs(np.diff(x, axis=0))
+    found = np.zeros(x.shape[1])
+    for k, own in enumerate(steps.T):
+        own = own[own > 1e-9 * np.ptp(x[:, k])]  # noqa: PLW2901 - what moved
+        least = own.min(initial=np.inf)
+        if len(own) and np.all(np.abs(own / least - np.rint(own / least)) < WHOLE):
+            found[k] = least
+    return found
