@@ -133,9 +133,13 @@ def find_decisive(information: Information, fit: Estimate) -> Decisive | None:
         return None
     last = _ends(merged)
     return Decisive(
-        merged.log[far], (last - merged.counts)[far], last[far], beyond[far].max(0), at,
+        merged.log[far],
+        (last - merged.counts)[far],
+        last[far],
+        beyond[far].max(0),
+        at,
         float(moved[at]),
-    )  # fmt: skip
+    )
 
 
 def _block_squares(information: Information, fit: Estimate) -> Array:

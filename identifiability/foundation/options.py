@@ -88,9 +88,13 @@ Correlations = Annotated[
 _LONGEST = 60
 
 _WORDS = {
-    int: "a whole number", float: "a number", bool: "True or False", str: "a text",
-    NoneType: "None", Path: "a path",
-}  # fmt: skip
+    int: "a whole number",
+    float: "a number",
+    bool: "True or False",
+    str: "a text",
+    NoneType: "None",
+    Path: "a path",
+}
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:

@@ -47,8 +47,8 @@ class Conventions:
         """Return what a robot's sidecar, and what was said when it was loaded, tell of its logs."""
         gear = robot.transmission
         motors = gear.motors if gear else ()
-        turns = [j for j, k in zip(robot.joints, robot.actuated, strict=True)
-                 if not robot.is_prismatic(int(k))]  # fmt: skip
+        pairs = zip(robot.joints, robot.actuated, strict=True)
+        turns = [j for j, k in pairs if not robot.is_prismatic(int(k))]
         degrees = (*turns, *motors) if robot.angles == "deg" else ()
         return Conventions(
             robot.joints, motors, robot.columns, robot.time_unit, robot.torque, degrees=degrees

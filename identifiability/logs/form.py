@@ -113,8 +113,8 @@ def find_form(text: str, encoding: str) -> Form:
     mark = _comment_mark(lines)
     form = Form(encoding=encoding, comment=mark)
     plain = [k for k, line in enumerate(lines) if line.strip() and not _is_comment(line, mark)]
-    forms = [replace(form, separator=s, decimal=d) for s in SEPARATORS for d in ".,"
-             if not (s == "," and d == ",")]  # fmt: skip
+    pairs = [(s, d) for s in SEPARATORS for d in ".," if not s == d == ","]
+    forms = [replace(form, separator=s, decimal=d) for s, d in pairs]
     found = [f for f in (_try(form, lines, plain) for form in forms) if f is not None]
     best = max(found, key=lambda f: (len(f.columns), f.decimal == "."), default=None)
     if best is None or len(best.columns) < 2:  # no table of numbers: read as it stands

@@ -182,10 +182,12 @@ def _name_otherwise(
     order = {column: k for k, column in enumerate(names)}
     ordered = sorted(chosen.items(), key=lambda item: order[item[1].source])
     columns = tuple(Column(name, g.source, current=g.current) for name, g in ordered)
+    renamed = [
+        c for c in columns if c.name not in (names[c.source], split_unit(names[c.source])[0])
+    ]
     called = [
-        f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}" for c in columns
-        if c.name not in (names[c.source], split_unit(names[c.source])[0])
-    ]  # fmt: skip
+        f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}" for c in renamed
+    ]
     if called:
         notes = [
             *notes,

@@ -19,38 +19,54 @@ DIMENSIONS = {
     "current": ("current",),
 }
 
-_TIMES = {
-    "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3,
-    "millis": 1e-3, "milliseconds": 1e-3, "us": 1e-6, "usec": 1e-6, "µs": 1e-6,
-    "microseconds": 1e-6, "ns": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9, "min": 60.0,
-}  # fmt: skip
-_ANGLES = {
-    "rad": 1.0, "radian": 1.0, "radians": 1.0, "mrad": 1e-3, "deg": math.pi / 180,
-    "degree": math.pi / 180, "degrees": math.pi / 180, "°": math.pi / 180,
-}  # fmt: skip
-_LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6}
+#: What units measure, how much of SI one is, and how they are written: without spaces, dots and
+#: signs of powers.
+_WRITTEN = (
+    ("time", 1.0, ("s", "sec", "secs", "second", "seconds")),
+    ("time", 1e-3, ("ms", "msec", "millis", "milliseconds")),
+    ("time", 1e-6, ("us", "usec", "µs", "microseconds")),
+    ("time", 1e-9, ("ns", "nsec", "nanoseconds")),
+    ("time", 60.0, ("min",)),
+    ("angle", 1.0, ("rad", "radian", "radians")),
+    ("angle", 1e-3, ("mrad",)),
+    ("angle", math.pi / 180, ("deg", "degree", "degrees", "°")),
+    ("length", 1.0, ("m",)),
+    ("length", 1e-2, ("cm",)),
+    ("length", 1e-3, ("mm",)),
+    ("length", 1e-6, ("µm", "um")),
+    ("angle/s", math.pi / 30, ("rpm",)),
+    ("torque", 1.0, ("Nm",)),
+    ("torque", 1e-2, ("Ncm",)),
+    ("torque", 1e-3, ("mNm", "Nmm")),
+    ("torque", 1e3, ("kNm",)),
+    ("force", 1.0, ("N",)),
+    ("force", 1e-3, ("mN",)),
+    ("force", 1e3, ("kN",)),
+    ("current", 1.0, ("A", "Amp")),
+    ("current", 1e-3, ("mA",)),
+)
+_RATES = (("/s", ("/s", "/sec")), ("/s2", ("/s2", "/sec2")))
 
-#: Units without spaces, dots and signs of powers: what they measure, and how much of SI one is.
-UNITS = {
-    **{name: ("time", size) for name, size in _TIMES.items()},
-    **{name: ("angle", size) for name, size in _ANGLES.items()},
-    **{name: ("length", size) for name, size in _LENGTHS.items()},
-    **{
-        f"{name}/{per}": (f"{what}/s{power}", size)
-        for what, names in (("angle", _ANGLES), ("length", _LENGTHS))
-        for name, size in names.items()
-        for power, pers in (("", ("s", "sec")), ("2", ("s2", "sec2")))
-        for per in pers
-    },
-    "rpm": ("angle/s", math.pi / 30),
-    **{name: ("torque", size) for name, size in
-       (("Nm", 1.0), ("mNm", 1e-3), ("Nmm", 1e-3), ("Ncm", 1e-2), ("kNm", 1e3))},
-    **{name: ("force", size) for name, size in (("N", 1.0), ("mN", 1e-3), ("kN", 1e3))},
-    **{name: ("current", size) for name, size in (("A", 1.0), ("Amp", 1.0), ("mA", 1e-3))},
-}  # fmt: skip
+#: Units by how they are written: what they measure, and how much of SI one is.
+UNITS = {name: (what, size) for what, size, names in _WRITTEN for name in names}
+UNITS |= {
+    f"{name}{end}": (f"{what}{rate}", size)
+    for name, (what, size) in UNITS.items()
+    if what in ("angle", "length")
+    for rate, ends in _RATES
+    for end in ends
+}
 
 #: What stands where a column has no unit.
 NONE = ("", "-", "–", "1", "none", "n/a")
+
+_WORDS = {
+    "t": "time",
+    "q": "position",
+    "dq": "velocity",
+    "ddq": "acceleration",
+    "current": "current",
+}
 
 _BRACKETS = re.compile(r"\s*[\[(<]\s*([^\])>]*?)\s*[\])>]\s*$")
 
@@ -81,12 +97,10 @@ class Unit:
         LogError
         """
         if self.dimension not in DIMENSIONS[kind]:
-            word = {"t": "time", "q": "position", "dq": "velocity", "ddq": "acceleration",
-                    "current": "current"}  # fmt: skip
+            what = _WORDS.get(kind, "torque or force")
             raise LogError(
-                f"{source}: column '{column}' is a {word.get(kind, 'torque or force')}, but the "
-                f"log says that its unit is '{self.text}'; check which column is which, and "
-                "rename it or repair the unit."
+                f"{source}: column '{column}' is a {what}, but the log says that its unit is "
+                f"'{self.text}'; check which column is which, and rename it or repair the unit."
             )
 
 

@@ -152,9 +152,12 @@ class Table:
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
             try:
                 frame = pd.read_csv(
-                    text, index_col=False, skipinitialspace=True, decimal=self.form.decimal,
+                    text,
+                    index_col=False,
+                    skipinitialspace=True,
+                    decimal=self.form.decimal,
                     sep=r"\s+" if self.form.separator == " " else self.form.separator,
-                )  # fmt: skip
+                )
             except pd.errors.ParserWarning:
                 raise LogError(
                     f"{self.path} has rows with more fields than its header; repair it."

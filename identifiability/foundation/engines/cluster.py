@@ -207,9 +207,13 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
     from distributed import LocalCluster  # noqa: PLC0415
 
     cluster = LocalCluster(
-        n_workers=workers or joblib.cpu_count(), threads_per_worker=1, processes=True,
-        dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, preload=[_DEAF],
-    )  # fmt: skip
+        n_workers=workers or joblib.cpu_count(),
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address="127.0.0.1:0",
+        silence_logs=logging.CRITICAL,
+        preload=[_DEAF],
+    )
 
     async def end() -> None:
         await asyncio.gather(*(n.close(timeout=GRACE) for n in cluster.workers.values()))

@@ -179,9 +179,13 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
         )
     rest = None if how.keep_rest else _rest_rule(plan, windows, raw.origins)
     return replace(
-        plan, rest=rest, factor=_choose_factor(plan, how), notes=(*plan.notes, *notes), stale=stale,
+        plan,
+        rest=rest,
+        factor=_choose_factor(plan, how),
+        notes=(*plan.notes, *notes),
+        stale=stale,
         remarks=tuple(find_contradictions(join_logs(windows))),
-    )  # fmt: skip
+    )
 
 
 def _plan_derivatives(robot: Robot, log: Log | LogFile, gaps: Gaps, how: Preparation) -> Plan:

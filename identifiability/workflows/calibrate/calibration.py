@@ -131,8 +131,11 @@ def calibrate(
         wanted: Sequence[tuple[ResidualNoise, Cause, Seeds]], steps: Steps
     ) -> list[list[tuple[Outcome, Array]]]:
         """Return the repetitions of each cell."""
-        items = [(like, causes, own[k : k + BATCH]) for like, causes, own in wanted
-                 for k in range(0, len(own), BATCH)]  # fmt: skip
+        items = [
+            (like, causes, own[k : k + BATCH])
+            for like, causes, own in wanted
+            for k in range(0, len(own), BATCH)
+        ]
         found = chain.from_iterable(runner.map(partial(repeat, world), items, progress=steps))
         return [list(islice(found, len(own))) for _, _, own in wanted]
 
@@ -141,8 +144,10 @@ def calibrate(
         return count_outcomes(outcomes, result.rung.columns, np.array(truths), level, r)
 
     like = [world.noise if np.isnan(r) else ResidualNoise.first_order(sizes, r) for _, r in pairs]
-    wanted = [(n.scaled(level), EVERYTHING, own_seeds)
-              for n, (level, _), own_seeds in zip(like, pairs, seeds, strict=True)]  # fmt: skip
+    wanted = [
+        (n.scaled(level), EVERYTHING, own_seeds)
+        for n, (level, _), own_seeds in zip(like, pairs, seeds, strict=True)
+    ]
     found = simulate(wanted, share(say, "simulating repetitions", 0.0, 0.7))
     cells = tuple(count(f, *pair) for f, pair in zip(found, pairs, strict=True))
     effects: tuple[Effect, ...] = ()
@@ -169,9 +174,15 @@ def calibrate(
         how = asked if isinstance(asked, Preparation) and asked != Preparation() else None
         try:
             named = measure_false_names(
-                analysis.robot, logs, model=analysis.effects, trials=diagnoses, seed=seed,
-                preparation=how, progress=progress, engine=runner,
-            )  # fmt: skip
+                analysis.robot,
+                logs,
+                model=analysis.effects,
+                trials=diagnoses,
+                seed=seed,
+                preparation=how,
+                progress=progress,
+                engine=runner,
+            )
         except LogError as error:  # too short a log has no part to verify names on
             unmeasured = f"How often a name is false was not measured: {error}"
     numbers = {"trials": trials, "replicates": replicates, "sbc": sbc, "diagnoses": diagnoses}

@@ -197,9 +197,15 @@ class Null:
         train, held = fake[: self.fitted], fake[self.fitted :]
         names, model = bring(self.families), self.structure.model
         d = diagnose(
-            self.structure.robot, train, held, model=model, effects=names,
-            preparation=self.preparation, quick=True, seed=seed,
-        )  # fmt: skip
+            self.structure.robot,
+            train,
+            held,
+            model=model,
+            effects=names,
+            preparation=self.preparation,
+            quick=True,
+            seed=seed,
+        )
         name = "; ".join(f"{e.name} in {', '.join(e.joints)}" for e in d.effects)
         return name, dict(d.remainder.detectable)
 

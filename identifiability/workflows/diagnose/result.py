@@ -90,11 +90,15 @@ class Diagnosis(Result, Findings, Predicts):
             self.gap.joint_error(raw=True),
         )
         columns = {
-            "joint": self.robot.joints, "unit": self.robot.torque_units,
-            "before": error[:, 0], "after": error[:, -1],
-            "rms_before": rms[:, 0], "rms_after": rms[:, -1],
-            "raw_before": raw[:, 0], "raw_after": raw[:, -1],
-        }  # fmt: skip
+            "joint": self.robot.joints,
+            "unit": self.robot.torque_units,
+            "before": error[:, 0],
+            "after": error[:, -1],
+            "rms_before": rms[:, 0],
+            "rms_after": rms[:, -1],
+            "raw_before": raw[:, 0],
+            "raw_after": raw[:, -1],
+        }
         return pd.DataFrame(columns)
 
     def evidence_frame(self) -> pd.DataFrame:
