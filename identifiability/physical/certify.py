@@ -39,12 +39,15 @@ class Certificate:
         ``combination @ beta`` below zero.
     value : float
         What was found of it.
+    level : float
+        Instead of zero, where masses or centres of mass are bounded.
     """
 
     margin: float
     phi: Array
     combination: Array
     value: float
+    level: float = 0.0
 
     @property
     def feasible(self) -> bool:
@@ -65,8 +68,9 @@ class Certificate:
         terms = [i for i in np.argsort(-size) if size[i] > 1e-3 * size.max()]
         text = " ".join(f"{self.combination[i]:+.3g}·[{names[i]}]" for i in terms)
         return (
-            f"No real robot has these base parameters: {text} is at least 0 for any real "
-            f"bodies, and {self.value:.3g} was found."
+            f"No real robot has these base parameters: {text} is at least {self.level:.3g} for any "
+            f"real bodies{' within the bounds' if self.level else ''}, and {self.value:.3g} was "
+            "found."
         )
 
 
@@ -99,8 +103,9 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         start, null = _solutions(G, beta)
         u, t = cp.Variable(null.shape[1]), cp.Variable()
         x = start + null @ u
-        signs = region.rows @ x >= t
-        bodies = [above(map_, x, t) for map_ in region.cones]
+        signs = region.scaled_rows @ x - region.least >= t
+        cones = np.concatenate([region.cones, region.ellipsoids])
+        bodies = [above(map_, x, t) for map_ in cones]
         status = solve_program(cp.Problem(cp.Maximize(t), [signs, t <= ROOM, *bodies]))
         if u.value is None or t.value is None:
             raise ValueError(
@@ -110,9 +115,10 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         if margin >= -BOUNDARY:
             return Certificate(margin, phi, np.zeros_like(beta), 0.0)
         Z = np.array([body.dual_value.ravel() for body in bodies]).reshape(-1, 16)
-        force = adjoint(region.cones, Z) + signs.dual_value @ region.rows
+        force = adjoint(cones, Z) + signs.dual_value @ region.scaled_rows
         combination = np.linalg.lstsq(G.T, force)[0]
-        return Certificate(margin, phi, combination, float(combination @ beta))
+        level = float(signs.dual_value @ region.least)
+        return Certificate(margin, phi, combination, float(combination @ beta), level)
 
 
 def _solutions(G: Array, beta: Array) -> tuple[Array, Array]:

@@ -1,8 +1,8 @@
 """The set of parameter vectors that a real robot can have.
 
-Every body has a positive semidefinite pseudo-inertia, and friction and actuator inertia are not
-negative: linear matrix inequalities and signs, one convex set, shared by the projection and by the
-posterior.
+Every body has a positive semidefinite pseudo-inertia, friction and actuator inertia are not
+negative, and masses and centres of mass are where the user says: linear matrix inequalities and
+rows, one convex set, shared by the projection and by the posterior.
 """
 
 from dataclasses import field
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical import pseudo_inertia
+from identifiability.physical.bounds import Bounds
 from identifiability.physical.pseudo_inertia import (
     BASIS,
     BodyCheck,
@@ -41,6 +42,8 @@ class PhysicalSet:
         Parameter names, for sentences.
     mass, length : (nb,) [kg], [m]
         Scale in which margins are measured; take them from CAD or leave 1 kg and 0.1 m.
+    bounds : Bounds, optional
+        What is known of masses and centres of mass; of the first parameters where it is of fewer.
     """
 
     bodies: np.ndarray
@@ -49,6 +52,7 @@ class PhysicalSet:
     columns: tuple[str, ...] = ()
     mass: Array = field(default_factory=lambda: np.ones(1))
     length: Array = field(default_factory=lambda: np.full(1, 0.1))
+    bounds: Bounds | None = None
 
     def __post_init__(self) -> None:
         nb = len(self.bodies)
@@ -62,6 +66,7 @@ class PhysicalSet:
             "length": np.broadcast_to(self.length, nb),
             "names": self.names or tuple(f"body {k + 1}" for k in range(nb)),
             "columns": self.columns or tuple(f"parameter {j}" for j in range(self.size)),
+            "bounds": (self.bounds or Bounds.none(self.size)).widen(self.size),
         }
         for name, value in completed.items():
             object.__setattr__(self, name, value)
@@ -106,6 +111,18 @@ class PhysicalSet:
         return maps
 
     @cached_property
+    def ellipsoid_map(self) -> Array:
+        """(e, 16, p): matrices ``ellipsoid_map @ phi`` that are positive as those of bodies are."""
+        assert self.bounds is not None
+        return self.bounds.ellipsoids
+
+    @cached_property
+    def ellipsoids(self) -> Array:
+        """(e, 16, p), the same of scaled parameters."""
+        maps: Array = self.ellipsoid_map * self.scale
+        return maps
+
+    @cached_property
     def signed(self) -> np.ndarray:
         """Columns (m,) int that may not be negative, whatever the bodies; J ⪰ 0 says the rest."""
         others = self.nonnegative.copy()
@@ -114,14 +131,50 @@ class PhysicalSet:
 
     @cached_property
     def rows(self) -> Array:
-        """(m, p): ``rows @ phi ≥ 0`` are the signs; a scale drops out of them."""
-        rows: Array = np.eye(self.size)[self.signed]
+        """(m, p): ``rows @ phi ≥ least`` are the signs and then the bounds."""
+        assert self.bounds is not None
+        rows: Array = np.vstack([np.eye(self.size)[self.signed], self.bounds.rows])
         return rows
+
+    @cached_property
+    def scaled_rows(self) -> Array:
+        """(m, p), the same of scaled parameters; a scale drops out of signs."""
+        rows = self.rows.copy()
+        rows[len(self.signed) :] *= self.scale
+        return rows
+
+    @cached_property
+    def least(self) -> Array:
+        """What the m rows may not fall below."""
+        assert self.bounds is not None
+        return np.concatenate([np.zeros(len(self.signed)), self.bounds.least])
+
+    def least_with(self, margin: float) -> Array:
+        """Return the same with a share of their width to spare for bounds; signs have none."""
+        bounded = np.arange(len(self.least)) >= len(self.signed)
+        return np.asarray(self.least + margin * bounded)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The m signs in words."""
-        return tuple(f"{self.columns[j]} ≥ 0" for j in self.signed)
+        """The m signs and bounds in words."""
+        assert self.bounds is not None
+        return (*(f"{self.columns[j]} ≥ 0" for j in self.signed), *self.bounds.labels)
+
+    @property
+    def ellipsoid_labels(self) -> tuple[str, ...]:
+        """The e ellipsoids in words."""
+        assert self.bounds is not None
+        return self.bounds.ellipsoid_labels
+
+    def within(self, phi: ArrayLike, tolerance: float = 1e-9) -> np.ndarray:
+        """Whether bounds hold for parameter vectors (..., p): (..., k + e) bool."""
+        values = np.asarray(phi, float)
+        bounded = slice(len(self.signed), None)
+        slack = values @ self.rows[bounded].T - self.least[bounded]
+        matrices = np.einsum("eij,...j->...ei", self.ellipsoid_map, values)
+        square = matrices.reshape(*matrices.shape[:-1], 4, 4)
+        room = np.concatenate([slack, np.linalg.eigvalsh(square)[..., 0]], axis=-1)
+        return np.asarray(room >= -tolerance)
 
     def margins(self, phi: ArrayLike) -> Array:
         """Smallest dimensionless eigenvalue of every body.
@@ -152,6 +205,7 @@ class PhysicalSet:
         """
         values = np.asarray(phi, float)
         inside = (values[..., self.signed] >= 0).all(axis=-1)
+        inside = inside & self.within(values, tolerance).all(axis=-1)
         return np.asarray(inside & (self.margins(values) >= -tolerance).all(axis=-1))
 
     def check(self, phi: Array) -> tuple[BodyCheck, ...]:
@@ -164,7 +218,13 @@ class PhysicalSet:
         bodies = (check.reason for check in self.check(phi) if not check.feasible)
         rows = (
             f"{label} does not hold: it is missed by {-slack:.3g}."
-            for label, slack in zip(self.labels, phi[self.signed], strict=True)
+            for label, slack in zip(self.labels, phi[self.signed], strict=False)
             if slack < 0
         )
-        return (*bodies, *rows)
+        known = (*self.labels[len(self.signed) :], *self.ellipsoid_labels)
+        bounds = (
+            f"{label} does not hold."
+            for label, held in zip(known, self.within(phi), strict=True)
+            if not held
+        )
+        return (*bodies, *rows, *bounds)

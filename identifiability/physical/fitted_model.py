@@ -19,6 +19,7 @@ import numpy as np
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.physical.bounds import stated_bounds
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Held, find_held, left_out
 from identifiability.physical.least_squares import LeastSquares
@@ -34,13 +35,15 @@ def physical_set(structure: Structure) -> PhysicalSet:
     theta = structure.nominal[structure.inertial]
     stated = (theta[:, 9] > 0) & (theta[:, [0, 3, 5]].sum(1) > 0)  # a file may state no mass at all
     mass, length = natural_scale(theta)
+    mass = np.where(stated, mass, 1.0)
     return PhysicalSet(
         bodies=structure.inertial,
         nonnegative=structure.nonnegative,
         names=tuple(structure.bodies.values()),
         columns=structure.columns,
-        mass=np.where(stated, mass, 1.0),
+        mass=mass,
         length=np.where(stated, length, 0.1),
+        bounds=stated_bounds(structure, mass),
     )
 
 

@@ -130,13 +130,15 @@ class Projection:
         self._factor = cp.Parameter(p * (p + 1) // 2)  # no zeros below the diagonal
         self._normal = cp.Parameter(self.held.rows.shape) if len(self.held.rows) else None
         x = self._step + self._free
-        self._signs = region.rows @ x >= np.zeros(len(region.rows))
+        self._rows, self._least = region.scaled_rows, region.least_with(margin)
+        self._signs = self._rows @ x >= self._least
         bodies = [above(map_, x, margin) for map_ in region.cones]
+        self._inside = [above(map_, x, margin) for map_ in region.ellipsoids]
         cost = cp.sum_squares(cp.vec_to_upper_tri(self._factor) @ self._step)
         if prior is not None:
             cost = cost + prior.weight * divergence(region, prior, x)
         fixed = [] if self._normal is None else [self._normal @ self._step == 0]
-        self._problem = cp.Problem(cp.Minimize(cost), [self._signs, *bodies, *fixed])
+        self._problem = cp.Problem(cp.Minimize(cost), [self._signs, *bodies, *self._inside, *fixed])
 
     def solve(self, data: LeastSquares) -> FeasibleEstimate:
         """Project one data set.
@@ -155,7 +157,8 @@ class Projection:
             scaled = self._scale(data)
             free = scaled.plane.solve(scaled.factor, scaled.target)
             if self.prior is None and self._holds(free):
-                return self._read(data, scaled, free, np.zeros(self._signs.shape), "optimal")
+                none = np.zeros((len(self._inside), 16))
+                return self._read(data, scaled, free, np.zeros(self._signs.shape), none, "optimal")
             self._factor.value, self._free.value = scaled.factor[np.triu_indices(free.size)], free
             if self._normal is not None:
                 self._normal.value = scaled.plane.normal.T
@@ -167,7 +170,8 @@ class Projection:
                 )
             y = np.maximum(self._signs.dual_value, 0.0)
             x = scaled.plane.project(free + self._step.value)
-            return self._read(data, scaled, x, y, status)
+            duals = np.array([c.dual_value.ravel() for c in self._inside]).reshape(-1, 16)
+            return self._read(data, scaled, x, y, semidefinite(duals), status)
 
     def _scale(self, data: LeastSquares) -> _Scaled:
         norms = np.linalg.norm(data.R, axis=0)
@@ -182,44 +186,49 @@ class Projection:
         return _Scaled(scale, factor, Q.T @ wanted, self.held.scaled(scale))
 
     def _holds(self, x: Array) -> bool:
-        J = (self.region.cones @ x).reshape(-1, 4, 4)
+        J = np.vstack([self.region.cones @ x, self.region.ellipsoids @ x]).reshape(-1, 4, 4)
         inside = (np.linalg.eigvalsh(J)[:, 0] >= self.margin).all()
-        return bool(inside and (x[self.region.signed] >= 0).all())
+        return bool(inside and (self._rows @ x >= self._least).all())
 
     def _read(
-        self, data: LeastSquares, scaled: _Scaled, x: Array, y: Array, status: str
+        self, data: LeastSquares, scaled: _Scaled, x: Array, y: Array, E: Array, status: str
     ) -> FeasibleEstimate:
         region, phi = self.region, self.held.settle(x * scaled.scale)
-        Z, gap = self._judge(scaled, x, y)
+        Z, gap = self._judge(scaled, x, y, E)
         excess = (float(data.rss(phi)) - data.rss_min) / data.unit**2
         allowed = GAP * (1 + excess) + ROUNDING * float(scaled.target @ scaled.target)
         margins = region.margins(phi)
         # Complementarity: of slack and multiplier one is zero, and the larger one says which.
         pressed = np.linalg.norm(Z, axis=1) > margins - self.margin
-        held = y > x[region.signed]
+        held = np.array(region.labels, object)[y > self._rows @ x - self._least]
+        room = np.linalg.eigvalsh((region.ellipsoids @ x).reshape(-1, 4, 4))[:, 0] - self.margin
+        touched = np.array(region.ellipsoid_labels, object)[np.linalg.norm(E, axis=1) > room]
         return FeasibleEstimate(
             phi=phi,
             rss=float(data.rss(phi)),
             excess=excess,
             margins=margins,
             active_bodies=tuple(np.array(region.names, object)[pressed]),
-            active_rows=tuple(np.array(region.labels, object)[held]),
+            active_rows=(*held, *touched),
             status=status,
             gap=gap,
             accurate=bool(gap <= allowed),
         )
 
-    def _judge(self, scaled: _Scaled, x: Array, y: Array) -> tuple[Array, float]:
+    def _judge(self, scaled: _Scaled, x: Array, y: Array, E: Array) -> tuple[Array, float]:
         """Multipliers (nb, 16) of the bodies, and the distance to the optimum by convexity.
 
-        f(x) − f(x*) ≤ ⟨Z, J(x) − m⟩ + yᵀAx + eᵀd − ‖F d‖² for any Z ⪰ 0 and y ≥ 0, where A are the
-        signs, e is what Z and y leave of the gradient and d = x − x*, taken to be no longer than
-        2‖x‖. The solver's claim is not used: Z is the semidefinite part of the gradient itself.
+        f(x) − f(x*) ≤ ⟨Z, J(x) − m⟩ + yᵀ(Ax − c) + eᵀd − ‖F d‖² for any Z ⪰ 0 and y ≥ 0, where
+        A x ≥ c are the rows, e is what Z and y leave of the gradient and d = x − x*, taken to be no
+        longer than 2‖x‖. The solver's claim is not used: Z is the semidefinite part of the gradient
+        itself. The multipliers E (e, 16) of ellipsoids count as those of rows do.
         """
-        A, cones = self.region.rows, self.region.cones
+        A, cones, ellipsoids = self._rows, self.region.cones, self.region.ellipsoids
         slope = 2 * scaled.factor.T @ (scaled.factor @ x - scaled.target) - y @ A
+        slope = slope - adjoint(ellipsoids, E)
         slope = scaled.plane.turn(slope)  # what is held has a multiplier of its own
-        reach, held = 2 * float(np.linalg.norm(x)), float(y @ (A @ x))
+        reach, held = 2 * float(np.linalg.norm(x)), float(y @ (A @ x - self._least))
+        held += float(np.sum(E * (ellipsoids @ x - self.margin * np.eye(4).ravel())))
         if self.prior is not None:
             rest = np.where(self.region.inertial, 0.0, slope)
             gap = prior_gap(self.region, self.prior, x, slope)

@@ -108,12 +108,14 @@ class ExactSampler:
 def build_sampler(target: Target) -> ExactSampler:
     """Prepare the exact sampler of a posterior."""
     origin = target.origin
-    entries = target.region.cone_map[:, UPPER].reshape(-1, target.size)
+    matrices = np.concatenate([target.region.cone_map, target.region.ellipsoid_map])
+    entries = matrices[:, UPPER].reshape(-1, target.size)
     m = len(target.region.rows)
     both = np.vstack([target.region.rows, entries])
     # What rounding takes outside is inside: rows and diagonals of matrices have this much room.
     room = ROUNDING * np.abs(both) @ target.proper_prior.sd
     room[m:] *= np.tile(UPPER % 5 == 0, len(entries) // 10)
+    room[:m] -= target.region.least
     region = Cone(both @ target.basis, both @ origin + room, m)
     model = target.diagonal
     best = np.divide(model.signal, model.gain, out=0 * model.gain, where=model.gain > 0)

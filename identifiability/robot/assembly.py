@@ -13,6 +13,7 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.renames import Renames
 from identifiability.robot.actuation import choose_joints
+from identifiability.robot.bounds import read_bounds
 from identifiability.robot.description import Description
 from identifiability.robot.joints import body_names
 from identifiability.robot.kinematics import Point
@@ -68,6 +69,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         angles=extra.angles,
         locked=dict(stated.locked),
         welded=dict(stated.welded),
+        bounds=read_bounds(path, extra.bounds, bodies, stated),
     )
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):

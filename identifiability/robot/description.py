@@ -18,7 +18,7 @@ from identifiability.robot.kinematics import Tree
 from identifiability.robot.markup import included_files
 from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.mjcf import weighing_files
-from identifiability.robot.parts import Axis, Coupling, Loop, Transmission
+from identifiability.robot.parts import Axis, Bound, Coupling, Loop, Transmission
 
 
 def _none() -> np.ndarray:
@@ -81,6 +81,8 @@ class Description:
         the joint that it now hangs on; they are part of that joint's body, or of the ground.
     lock_option : tuple of str
         Joints that were locked when the robot was loaded, of which its files say nothing.
+    bounds : tuple of Bound
+        What is known of masses and centres of mass.
     """
 
     name: str
@@ -118,6 +120,7 @@ class Description:
     locked: Mapping[str, float] = field(default_factory=dict)
     welded: Mapping[str, Array] = field(default_factory=dict)
     lock_option: tuple[str, ...] = ()
+    bounds: tuple[Bound, ...] = ()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""

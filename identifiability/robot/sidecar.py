@@ -67,6 +67,14 @@ Every key is optional::
     [prior]                              # normal priors of standard parameters
     "arm1.m" = {mean = 3.0, sd = 0.3}    # the others: nominal ± prior_relative × their size
 
+    [bounds]                             # what a real robot of this kind can have
+    total_mass = [8.0, 12.0]             # of all moving bodies, without payload [kg]
+    [bounds.bodies."leg*"]               # a body, or all whose names fit
+    mass = [0.5, 2.0]                    # [kg]
+    box = [[-0.1, 0.1], [-0.1, 0.1], [0.0, 0.4]]       # where its centre of mass is, along the
+                                         # axes of the body's frame in the robot file [m]
+    ellipsoid = {centre = [0, 0, 0.2], radii = [0.1, 0.1, 0.3]}
+
     [[symmetry]]                         # columns that equal legs let us add
     name = "equal legs"
     tie = {"leg.my" = ["leg1.my", "leg2.my"]}
@@ -110,6 +118,8 @@ def _renaming(rules: dict[str, str]) -> dict[str, str]:
 
 Names = Annotated[list[str], AfterValidator(_unique)]
 Span = Annotated[tuple[float, float], AfterValidator(_rising)]
+Masses = Annotated[tuple[Annotated[float, Field(ge=0)], float], AfterValidator(_rising)]
+Length = Annotated[float, Field(gt=0)]
 
 
 class LoopEntry(_Strict):
@@ -192,6 +202,28 @@ class SymmetryEntry(_Strict):
     tie: dict[str, list[str]]
 
 
+class EllipsoidEntry(_Strict):
+    """An ellipsoid along the axes of a body's frame [m]."""
+
+    centre: Triple = (0.0, 0.0, 0.0)
+    radii: tuple[Length, Length, Length]
+
+
+class BodyBoundsEntry(_Strict):
+    """What is known of a body."""
+
+    mass: Masses | None = None
+    box: tuple[Span, Span, Span] | None = None
+    ellipsoid: EllipsoidEntry | None = None
+
+
+class BoundsEntry(_Strict):
+    """What is known of masses and centres of mass."""
+
+    total_mass: Masses | None = None
+    bodies: dict[str, BodyBoundsEntry] = {}
+
+
 class PriorEntry(_Strict):
     """What is known of a parameter beforehand: a normal distribution."""
 
@@ -224,6 +256,7 @@ class Sidecar(_Strict):
     symmetry: list[SymmetryEntry] = []
     prior_relative: float = Field(default=1.0, gt=0)
     prior: dict[str, PriorEntry] = {}
+    bounds: BoundsEntry = BoundsEntry()
 
 
 def read_sidecar(path: Path | None) -> Sidecar:

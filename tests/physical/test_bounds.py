@@ -1,0 +1,179 @@
+"""Bounds of masses and centres of mass: what the sidecar says, and that answers keep to it."""
+
+import numpy as np
+import pytest
+
+from identifiability import Robot
+from identifiability.foundation.errors import RobotError
+from identifiability.physical.certify import certify
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.fitted_model import physical_set
+from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.project import project
+from identifiability.posterior.exact import build_sampler
+from identifiability.posterior.prior import Prior
+from identifiability.posterior.target import Target
+from identifiability.regression.model import Model
+from identifiability.regression.structure import Structure
+
+ARM = """<mujoco><compiler autolimits="true"/><worldbody>
+<body name="arm" pos="0 0 1"><joint name="a" axis="0 1 0" pos="0 0 .1"/>
+<inertial mass="2" pos=".2 0 .1" diaginertia=".02 .03 .04"/>
+<body name="tip" pos=".4 0 0" euler="0 0 30"><joint name="b" axis="0 1 0"/>
+<joint name="c" axis="0 0 1"/>
+<inertial mass="1" pos=".1 .02 0" diaginertia=".004 .005 .006"/></body></body>
+</worldbody><actuator><motor joint="a"/><motor joint="b"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def bounded(tmp_path):
+    """Return the arm with a sidecar."""
+
+    def build(text):
+        (tmp_path / "arm.xml").write_text(ARM)
+        (tmp_path / "arm.toml").write_text(text if "locked" in text else 'locked = ["c"]\n' + text)
+        robot = Robot.load(tmp_path / "arm.xml")
+        return Structure.of(robot, Model.of("rigid_body", "viscous_friction"))
+
+    return build
+
+
+def placed(structure, masses, centres):
+    """Return parameters with some masses and centres, in the frames of the bodies' joints."""
+    phi = np.zeros(len(structure.columns))
+    for at, m, c in zip(structure.inertial, masses, np.asarray(centres, float), strict=True):
+        tensor = 0.1 * np.eye(3) + m * (c @ c * np.eye(3) - np.outer(c, c))
+        phi[at] = [*tensor[np.triu_indices(3)], *(m * c), m]
+    return phi
+
+
+@pytest.mark.parametrize(
+    ("bound", "inside"),
+    [
+        ("box = [[0.1, 0.3], [-0.1, 0.1], [0, 0.2]]", lambda u: np.all(np.abs(u) <= 1)),
+        ("ellipsoid = {centre = [0.2, 0, 0.1], radii = [0.1, 0.1, 0.1]}", lambda u: u @ u <= 1),
+    ],
+)
+def test_the_centre_is_held_in_the_frame_of_the_body(bounded, rng, bound, inside):
+    """The joint of the arm is 0.1 m above its body, and that of the tip is turned by a lock."""
+    for body, turn, up in (("arm", 0.0, 0.1), ("tip", 0.7, 0.0)):
+        structure = bounded(f"locked = {{c = 0.7}}\n[bounds.bodies.{body}]\n{bound}\n")
+        region, found = physical_set(structure), []
+        c, s = np.cos(turn), np.sin(turn)
+        for _ in range(60):
+            u = rng.uniform(-1.3, 1.3, 3)
+            own = np.array([0.2, 0, 0.1]) + 0.1 * u
+            centre = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ own - [0, 0, up]
+            centres = [centre, np.zeros(3)] if body == "arm" else [np.zeros(3), centre]
+            phi = placed(structure, rng.uniform(0.5, 2, 2), centres)
+            assert region.contains(phi) == inside(u) != bool(region.violations(phi))
+            found.append(inside(u))
+        assert 5 < sum(found) < 55
+
+
+def test_bounds_that_do_not_hold_are_named(bounded):
+    structure = bounded(
+        "[bounds.bodies.arm]\nbox = [[0.1, 0.3], [-0.1, 0.1], [0, 0.2]]\n"
+        '[bounds.bodies."t*"]\nellipsoid = {centre = [0.1, 0, 0], radii = [0.05, 0.1, 0.2]}\n'
+    )
+    said = physical_set(structure).violations(placed(structure, (1, 1), ([0.5, 0, 0], [0.3, 0, 0])))
+    assert said == (
+        "x of the centre of arm ≤ 0.3 m does not hold.",
+        "centre of tip inside its ellipsoid does not hold.",
+    )
+
+
+def test_masses_are_bounded_body_by_body_and_in_all_and_a_name_goes_before_a_pattern(bounded):
+    text = '[bounds]\ntotal_mass = [1, 4]\n[bounds.bodies."*"]\nmass = [0.5, 3]\n'
+    structure = bounded(text + "[bounds.bodies.tip]\nmass = [0.1, 2]\n")
+    region = physical_set(structure)
+    centres = np.zeros((2, 3))
+    for masses, wrong in (
+        ((1, 1), ()),
+        ((3.5, 0.2), ("mass of arm ≤ 3 kg does not hold.",)),
+        ((1, 0.05), ("mass of tip ≥ 0.1 kg does not hold.",)),
+        ((2.5, 1.8), ("total mass ≤ 4 kg does not hold.",)),
+        ((0.3, 0.4), ("mass of arm ≥ 0.5 kg does not hold.", "total mass ≥ 1 kg does not hold.")),
+    ):
+        assert region.violations(placed(structure, masses, centres)) == wrong
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[bounds.bodies.amr]\nmass = [0, 1]", r"names 'amr', which is no moving body, did you"),
+        ('[bounds.bodies."leg*"]\nmass = [0, 1]', r"names 'leg\*', which is no moving body"),
+        ("[bounds.bodies.arm]\nmass = [2, 1]", "the lower limit must be below the upper one"),
+        ("[bounds.bodies.arm]\nmass = [-1, 1]", "greater than or equal to 0"),
+        ("[bounds.bodies.arm]\nellipsoid = {radii = [1, 0, 1]}", "greater than 0"),
+        ("[bounds]\ntotal_mass = [5, 6]\n[bounds.bodies.'*']\nmass = [1, 2]", "is 2 … 4 kg; widen"),
+    ],
+)
+def test_bounds_that_cannot_be_are_refused(bounded, text, said):
+    with pytest.raises(RobotError, match=said):
+        bounded(text)
+
+
+BOUNDS = (
+    "[bounds]\ntotal_mass = [2.0, 2.8]\n[bounds.bodies.arm]\nmass = [1.5, 1.9]\n"
+    "[bounds.bodies.tip]\nellipsoid = {radii = [0.05, 0.05, 0.05]}\n"
+)
+
+
+@pytest.fixture
+def problem(bounded, rng):
+    """Return a bounded set and data that every bound contradicts."""
+    structure = bounded(BOUNDS)
+    truth = placed(structure, (2.2, 1.0), ([0.2, 0, 0], [0.1, 0.02, 0]))
+    truth[-2:] = 1.0
+    R = rng.normal(size=(40, len(truth)))
+    return physical_set(structure), LeastSquares(R, R @ truth, 1.0, 60.0), truth
+
+
+def test_the_nearest_real_robot_keeps_to_its_bounds_and_is_the_optimum(problem, rng):
+    region, data, truth = problem
+    found = project(data, region)
+    assert found.accurate
+    assert region.contains(found.phi)
+    assert set(found.active_rows) == {
+        "mass of arm ≤ 1.9 kg", "total mass ≤ 2.8 kg", "centre of tip inside its ellipsoid",
+    }  # fmt: skip
+    other = project(LeastSquares(data.R, data.R @ found.phi, 1.0, 60.0), region)
+    np.testing.assert_allclose(other.phi, found.phi, atol=1e-4)
+    free = project(data, PhysicalSet(region.bodies, region.nonnegative))
+    assert free.rss < found.rss
+    for _ in range(30):  # no other robot within the bounds is nearer
+        step = project(
+            LeastSquares(data.R, data.R @ (truth + 0.3 * rng.normal(size=len(truth))), 1.0, 60.0),
+            region,
+        )
+        assert data.rss(step.phi) >= found.rss * (1 - 1e-6)
+
+
+def test_a_certificate_says_by_what_bounds_refuse(problem):
+    region, _, truth = problem
+    G = np.eye(len(truth))
+    answer = certify(G, truth, region)
+    assert not answer.feasible
+    assert answer.value < answer.level
+    inside = project(LeastSquares(G, truth, 1.0, 60.0), region, margin=1e-3).phi
+    assert certify(G, inside, region).feasible
+    assert answer.combination @ inside >= answer.level - 1e-7
+    assert "within the bounds" in answer.sentence(region.columns)
+
+
+def test_a_posterior_draws_within_the_bounds_alone(problem, rng):
+    region, data, truth = problem
+    prior = Prior(truth, np.full(len(truth), 0.3))
+    target = Target(data, prior, region, variance=0.5)
+    sampler = build_sampler(target)
+    start = project(data, region, margin=1e-3).phi
+    eta = np.repeat(target.to_eta(start)[None], 8, axis=0)
+    masses = []
+    for _ in range(200):
+        eta = sampler.step(eta, rng)
+        phi = target.origin + eta @ target.basis.T
+        assert region.contains(phi, 1e-7).all()
+        masses.append(phi[:, region.bodies[0, 9]])
+    assert 1.5 <= np.min(masses) < np.max(masses) <= 1.9 + 1e-9
+    assert np.ptp(masses) > 0.05
