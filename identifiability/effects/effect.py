@@ -62,24 +62,17 @@ class Along:
     @property
     def speed(self) -> Array:
         """Speed of the axis, (N,) [rad/s or m/s]."""
-        motion, row = self.motion, self.axis.row
-        speed: Array = motion.v[:, self.axis.dof] if row is None else motion.actuated_v @ row
-        return speed
+        return self.robot.along(self.axis, self.motion.v)
 
     @property
     def acceleration(self) -> Array:
         """Acceleration of the axis, (N,) [rad/s² or m/s²]."""
-        motion, row = self.motion, self.axis.row
-        rate: Array = motion.a[:, self.axis.dof] if row is None else motion.actuated_a @ row
-        return rate
+        return self.robot.along(self.axis, self.motion.a)
 
     @property
     def travel(self) -> Array:
-        """Position of an actuated axis from its home, (N,) [rad or m]."""
-        assert self.axis.row is not None
-        home = self.robot.actuated_positions(self.robot.home[None])[0]
-        position: Array = (self.motion.actuated_q - home) @ self.axis.row
-        return position
+        """Position of the axis from its home, (N,) [rad or m]."""
+        return self.robot.travel(self.axis, self.motion.q, self.robot.home)
 
     @property
     def load(self) -> Array:
@@ -89,9 +82,18 @@ class Along:
         """
         if self.axis.row is not None:
             return self.axis.row
-        at = int(np.flatnonzero(self.robot.dependent == self.axis.dof)[0])
         assert self.motion.X is not None
-        row: Array = -self.motion.X[:, at, :]
+        robot, passive = self.robot, [*self.robot.passive]
+        if self.axis.weights is None:
+            at = int(np.flatnonzero(robot.dependent == self.axis.dof)[0])
+            row: Array = -self.motion.X[:, at, :]
+            return row
+        row = np.zeros((len(self.motion), len(robot.actuated)))
+        for joint, c in self.axis.weights.items():
+            if joint in passive:
+                row -= c * self.motion.X[:, passive.index(joint), :]
+            else:
+                row[:, robot.joints.index(joint)] += c
         return row
 
 
@@ -191,7 +193,7 @@ def speed_along(robot: Robot, motion: Motion, axis: Axis) -> Array:
 
 
 def travel(robot: Robot, motion: Motion, axis: Axis) -> Array:
-    """Return the position of an actuated axis from its home, (N,) [rad or m]."""
+    """Return the position of an axis from its home, (N,) [rad or m]."""
     return Along(robot, motion, axis).travel
 
 

@@ -151,11 +151,13 @@ class Family:
 
 
 def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:
-    """Return the span of every actuated joint and coupled motor over some motions."""
-    motions = list(motions)
-    q = np.concatenate([m.actuated_q for m in motions])
-    v = np.concatenate([m.actuated_v for m in motions])
-    return {a.name: _span(a.name, q @ a.row, v @ a.row) for a in robot.axes if a.row is not None}
+    """Return the span of every joint, motor and stated axis that effects are at by themselves."""
+    motions, spans = list(motions), {}
+    for axis in robot.axes:
+        q = np.concatenate([robot.travel(axis, m.q) for m in motions])
+        v = np.concatenate([robot.along(axis, m.v) for m in motions])
+        spans[axis.name] = _span(axis.name, q, v)
+    return spans
 
 
 def _span(name: str, q: Array, v: Array) -> Span:

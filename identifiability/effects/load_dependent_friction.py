@@ -8,6 +8,9 @@ from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
 from identifiability.robot import Motion, Robot
 
+#: A row that is shorter than the root of this has no load of its own.
+SMALLEST = 1e-30
+
 
 @declare(
     "load-dependent friction",
@@ -34,6 +37,7 @@ class LoadDependentFriction(AlongAxes):
         """Write one column an axis; the torque of the whole robot is computed once."""
         load = rigid_torque(robot, motion)
         for k, axis in enumerate(robot.axes):
-            assert axis.row is not None
-            carried = np.abs(load @ axis.row) / float(axis.row @ axis.row)
-            put(out, k, axis.row, carried * np.sign(Along(robot, motion, axis).speed))
+            at = Along(robot, motion, axis)
+            row = at.load
+            carried = np.abs((load * row).sum(1)) / np.maximum((row * row).sum(-1), SMALLEST)
+            put(out, k, row, carried * np.sign(at.speed))

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.effects.effect import Effect
+from identifiability.effects.effect import AlongAxes, Effect
 from identifiability.foundation.errors import ModelError, listing
 from identifiability.foundation.names import Array, Parameter, find_named, is_pattern
 from identifiability.foundation.values import frozen
-from identifiability.robot import Motion, Robot
+from identifiability.robot import Axis, Motion, Robot
 
 
 @frozen
@@ -35,6 +35,47 @@ class Part:
         """Whether a parameter of the effect belongs to the part."""
         here = bool(find_named(self.owner, [parameter.owner]))
         return here and (not self.kinds or parameter.kind in self.kinds)
+
+
+class Elsewhere(AlongAxes):
+    """An effect along axes at which it is not by itself: an offset of a motor that mixes joints.
+
+    Parameters
+    ----------
+    effect : AlongAxes
+    owner : str
+        Name or pattern of joints, passive ones too, motors or stated axes.
+    """
+
+    def __init__(self, effect: AlongAxes, owner: str) -> None:
+        self.effect, self.owner = effect, owner
+        self.name, self.equation, self.source = effect.name, effect.equation, effect.source
+        self.units, self.nonnegative = effect.units, effect.nonnegative
+        self.stated_as = effect.stated_as
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return the axes that are meant."""
+        every = (*robot.axes, *robot.passive_axes)
+        named = find_named(self.owner, (axis.name for axis in every))
+        return [axis for axis in every if axis.name in named]
+
+    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+        """Return the kinds of parameters that the effect has there."""
+        return self.effect.kinds(robot, axis)
+
+    def forces(self, robot: Robot, motion: Motion, axis: Axis) -> Sequence[Array]:
+        """Return the forces of the effect there."""
+        return self.effect.forces(robot, motion, axis)
+
+
+def _find_place(part: Part, robot: Robot) -> Part:
+    """Return a part where its effect is, if it can be there at all."""
+    effect = part.effect
+    if any(part.takes(p) for p in effect.parameters(robot)):
+        return part
+    if not isinstance(effect, AlongAxes) or type(effect).fill is not AlongAxes.fill:
+        return part
+    return Part(Elsewhere(effect, part.owner), part.owner, part.kinds)
 
 
 class Placed(Effect):
@@ -92,11 +133,12 @@ class Placed(Effect):
 
         What parts name, and the patterns before, go before what fits a pattern.
         """
-        found = [{p.name for p in self.part_parameters(robot, part)} for part in self.parts]
-        wide = [is_pattern(part.owner) for part in self.parts]
+        parts = [_find_place(part, robot) for part in self.parts]
+        found = [{p.name for p in self.part_parameters(robot, part)} for part in parts]
+        wide = [is_pattern(part.owner) for part in parts]
         gone = {name for own, w in zip(found, wide, strict=True) if not w for name in own}
         out = []
-        for part, own, w in zip(self.parts, found, wide, strict=True):
+        for part, own, w in zip(parts, found, wide, strict=True):
             left = own - gone if w else own
             gone |= left
             every = part.effect.parameters(robot)
@@ -109,7 +151,7 @@ class Placed(Effect):
     def part_parameters(robot: Robot, part: Part) -> list[Parameter]:
         """Return the parameters of one part."""
         every = part.effect.parameters(robot)
-        found = [p for p in every if part.takes(p)]
+        found = [p for p in _find_place(part, robot).effect.parameters(robot) if part.takes(p)]
         if not found:
             owners = dict.fromkeys(p.owner for p in every)
             raise ModelError(

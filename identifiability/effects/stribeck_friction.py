@@ -51,7 +51,6 @@ class StribeckFriction(Shaped):
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return a share of the speed limit of an axis, or of a typical one [rad/s or m/s]."""
-        assert axis.row is not None
-        limits = robot.speed_limits[np.flatnonzero(axis.row)]
+        limits = robot.speed_limits[[] if axis.row is None else np.flatnonzero(axis.row)]
         known = limits[np.isfinite(limits)]
         return TYPICAL_SHARE * (float(known.max()) if len(known) else TYPICAL_SPEED[axis.prismatic])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,13 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.renames import Renames
 from identifiability.robot.actuation import choose_joints
+from identifiability.robot.axes import combine_joints
 from identifiability.robot.bounds import read_bounds
 from identifiability.robot.description import Description
 from identifiability.robot.joints import body_names
 from identifiability.robot.kinematics import Point
 from identifiability.robot.measured_torque import MeasuredTorque
-from identifiability.robot.parts import Loop, Stated, Transmission, name_numbers
+from identifiability.robot.parts import Combination, Loop, Stated, Transmission, name_numbers
 from identifiability.robot.sidecar import LimitEntry, LoopEntry, Sidecar
 
 
@@ -36,7 +38,10 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     RobotError
     """
     model, bodies = stated.model, body_names(stated.model)
-    _check_sidecar(path, extra, bodies, stated)
+    motors = tuple(extra.transmission.motors) if extra.transmission else ()
+    taken = (*bodies, *(d for j in stated.tree.joints for d in j.dofs), *stated.locked, *motors)
+    axes = combine_joints(path, extra.axes, stated, taken)
+    _check_sidecar(path, extra, bodies, stated, (*motors, *axes))
     loops = stated.loops
     if extra.loops is not None:
         loops = [_sidecar_loop(path, entry, stated) for entry in extra.loops]
@@ -55,7 +60,10 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         loops=tuple(loops),
         couplings=tuple(stated.couplings),
         home=np.array(pin.neutral(model)) if stated.home is None else stated.home,
-        rest={name: relaxed for name, (_, relaxed) in stated.springs.items()},
+        rest={name: relaxed for name, (_, relaxed) in stated.springs.items()}
+        | {name: axis.rest for name, axis in axes.items() if axis.rest is not None},
+        combinations={name: axis.weights for name, axis in axes.items()},
+        tendons=tuple(name for name, axis in axes.items() if axis.numbers),
         body_order=named + tuple(b for b in bodies if b not in named),
         inertia_parts=tuple(extra.inertia_parts),
         prior_relative=extra.prior_relative,
@@ -73,14 +81,13 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     )
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):
-        motors = extra.transmission.motors if extra.transmission else ()
         _check_known(
             path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors)
         )
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
     return replace(
         robot,
-        nominal=_nominal(robot, extra, stated),
+        nominal=_nominal(robot, extra, stated, axes),
         limits=_position_limits(robot, limits),
         speed_limits=np.array([np.inf if limit.v is None else limit.v for limit in limits]),
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
@@ -88,10 +95,12 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     )
 
 
-def _check_sidecar(path: Path, extra: Sidecar, bodies: tuple[str, ...], stated: Stated) -> None:
+def _check_sidecar(
+    path: Path, extra: Sidecar, bodies: tuple[str, ...], stated: Stated, lines: tuple[str, ...]
+) -> None:
     """Refuse a sidecar that names what the robot does not have; what is locked may have limits."""
     dofs = (*(d for j in stated.tree.joints for d in j.dofs), *stated.locked)
-    known = (*bodies, *dofs, *(extra.transmission.motors if extra.transmission else ()))
+    known = (*bodies, *dofs, *lines)
     _check_known(path, "symbols", extra.symbols, (*known, *stated.welded))
     _check_known(
         path, "base_parameters.bodies", extra.base_parameters.bodies, (*bodies, *stated.welded)
@@ -147,7 +156,9 @@ def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
     return Loop(name, ends[0], ends[1], axes, places)
 
 
-def _nominal(robot: Description, extra: Sidecar, stated: Stated) -> dict[str, float]:
+def _nominal(
+    robot: Description, extra: Sidecar, stated: Stated, axes: Mapping[str, Combination]
+) -> dict[str, float]:
     """Return the parameter values that the files state, by name."""
     model = robot.model
     values: dict[str, float] = {}
@@ -161,6 +172,8 @@ def _nominal(robot: Description, extra: Sidecar, stated: Stated) -> dict[str, fl
         stated_here = {word: float(each[dof]) for word, each in numbers.items()}
         values |= name_numbers(name, stated_here, parts) | {f"{name}.{p}": 0.0 for p in parts[1:]}
     values |= {f"{name}.K": stiffness for name, (stiffness, _) in stated.springs.items()}
+    for name, axis in axes.items():
+        values |= name_numbers(name, axis.numbers, parts)
     locked = tuple(f"{name}." for name in stated.locked)  # no friction where nothing moves
     values |= {name: value for name, value in extra.nominal.items() if not name.startswith(locked)}
     return values
@@ -195,18 +208,20 @@ def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
     entry, n = extra.transmission, len(robot.actuated)
     if entry is None:
         return None
-    square = len(entry.coupling) == n and all(len(row) == n for row in entry.coupling)
-    coupling = np.array(entry.coupling, float) if square else np.zeros((n, n))
-    if len(entry.motors) != n or not np.linalg.cond(coupling) < 1e9:
+    m = len(entry.motors)
+    whole = len(entry.coupling) == m and all(len(row) == n for row in entry.coupling)
+    coupling = np.array(entry.coupling, float) if whole else np.zeros((m, n))
+    if m < n or not np.linalg.cond(coupling) < 1e9 or not coupling.any(axis=1).all():
         raise RobotError(
-            f"The sidecar of {robot.path}: [transmission] needs {n} motors and an invertible "
-            f"{n}×{n} coupling for the actuated joints {listing(robot.joints)}."
+            f"The sidecar of {robot.path}: [transmission] needs at least {n} motors that move all "
+            f"the actuated joints {listing(robot.joints)}: a row of {n} numbers in 'coupling' for "
+            f"each motor, and together of rank {n}, such as an invertible {n}×{n} coupling."
         )
-    ratio = np.ones(n) if entry.ratio is None else np.array(entry.ratio, float)
+    ratio = np.ones(m) if entry.ratio is None else np.array(entry.ratio, float)
     offset = np.zeros(n) if entry.offset is None else np.array(entry.offset, float)
-    if ratio.shape != (n,) or offset.shape != (n,) or not np.all(ratio):
+    if ratio.shape != (m,) or offset.shape != (n,) or not np.all(ratio):
         raise RobotError(
-            f"The sidecar of {robot.path}: [transmission] needs {n} non-zero ratios and {n} "
-            "offsets."
+            f"The sidecar of {robot.path}: [transmission] needs {m} non-zero ratios (one a motor) "
+            f"and {n} offsets (one a joint)."
         )
     return Transmission(tuple(entry.motors), coupling, ratio, offset)

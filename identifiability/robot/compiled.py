@@ -77,6 +77,7 @@ def state_robot(path: Path, m: Any, extra: Sidecar) -> Stated:
         undriven=other,
         locked=locked,
         welded=welded,
+        combinations=forces.combinations,
     )
 
 

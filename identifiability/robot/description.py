@@ -83,6 +83,9 @@ class Description:
         Joints that were locked when the robot was loaded, of which its files say nothing.
     bounds : tuple of Bound
         What is known of masses and centres of mass.
+    combinations : mapping
+        Stated axis to the coefficient of each joint in it; `tendons` are those that the robot
+        file itself holds.
     """
 
     name: str
@@ -121,6 +124,8 @@ class Description:
     welded: Mapping[str, Array] = field(default_factory=dict)
     lock_option: tuple[str, ...] = ()
     bounds: tuple[Bound, ...] = ()
+    combinations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    tendons: tuple[str, ...] = ()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""
@@ -221,16 +226,47 @@ class Description:
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
-        """Every actuated joint, then every motor whose coordinate mixes joints."""
+        """Every actuated joint, every motor whose coordinate mixes joints, every stated axis."""
         rows = list(zip(self.joints, np.eye(len(self.actuated)), strict=True))
         if self.transmission is not None:
             motors = zip(self.transmission.motors, self.transmission.coupling, strict=True)
             rows += [(motor, row) for motor, row in motors if np.count_nonzero(row) > 1]
         slides = np.array([self.is_prismatic(dof) for dof in self.actuated], bool)
-        return tuple(
+        own = tuple(
             Axis(name, self.joint_symbols.get(name, name), row, -1, bool(slides[row != 0].all()))
             for name, row in rows
         )
+        return (*own, *(self._stated_axis(name) for name in self.combinations))
+
+    def _stated_axis(self, name: str) -> Axis:
+        weights, joints = self.combinations[name], self.joints
+        inside = all(joint in joints for joint in weights)
+        row = np.array([weights.get(joint, 0.0) for joint in joints]) if inside else None
+        slides = all(self.is_prismatic(self.dof_index(joint)) for joint in weights)
+        return Axis(name, self.joint_symbols.get(name, name), row, -1, slides, weights)
+
+    def along(self, axis: Axis, x: Array) -> Array:
+        """Return velocities or accelerations (N, nv) of the tree along an axis, (N,)."""
+        if axis.row is not None:
+            return np.asarray(x[:, self.actuated] @ axis.row)
+        if axis.weights is None:
+            return np.asarray(x[:, axis.dof])
+        return np.asarray(x[:, [*map(self.dof_index, axis.weights)]] @ [*axis.weights.values()])
+
+    def travel(self, axis: Axis, q: Array, start: Array | None = None) -> Array:
+        """Return how far configurations (N, nq) are along an axis, (N,) [rad or m].
+
+        From the zeros of its joints, or from a configuration (nq,).
+        """
+        weights = axis.weights or {}
+        if axis.row is None and not weights:
+            weights = {self.dofs[axis.dof]: 1.0}
+        names = [*weights] or self.joints
+        row = np.array([*weights.values()]) if weights else axis.row
+        at = np.stack([self.dof_position(q, joint) for joint in names], 1)
+        if start is not None:
+            at -= [self.dof_position(start[None], joint)[0] for joint in names]
+        return np.asarray(at @ row)
 
     @cached_property
     def passive_axes(self) -> tuple[Axis, ...]:

@@ -18,14 +18,15 @@ class Transmission:
     """Motors that mix joints: ``motor = ratio ∘ (coupling · (q - offset))``.
 
     Friction and rotor inertia act on the motor side and are stated referred to the output of the
-    gear, i.e. along ``coupling · q``.
+    gear, i.e. along ``coupling · q``. There may be more motors than joints, as where cables pull:
+    their positions then agree up to their errors, of which the joints take the least squares.
 
     Attributes
     ----------
     motors : tuple of str
-    coupling : (n, n)
-        Rows are motors, columns the actuated joints.
-    ratio : (n,)
+    coupling : (m, n)
+        Rows are motors, columns the actuated joints; of rank n, so that m ≥ n.
+    ratio : (m,)
         Gear ratios between the coupled coordinate and the motor's.
     offset : (n,) [rad or m]
         Joint position at motor position zero.
@@ -37,23 +38,35 @@ class Transmission:
     offset: Array
 
     def joint_side(self, q: Array, tau: Array) -> tuple[Array, Array]:
-        """Return joint positions and torques from motor positions and torques (N, n)."""
+        """Return joint positions and torques (N, n) from motor positions and torques (N, m)."""
+        return self.joint_rate(q) + self.offset, tau @ (self.ratio[:, None] * self.coupling)
+
+    def joint_rate(self, rate: Array) -> Array:
+        """Return joint velocities or accelerations (N, n) from those of motors (N, m)."""
         R = self.ratio[:, None] * self.coupling
-        return np.linalg.solve(R, q.T).T + self.offset, tau @ R
+        square = len(R) == R.shape[1]
+        out = np.linalg.solve(R, rate.T) if square else np.linalg.lstsq(R, rate.T, rcond=None)[0]
+        return np.asarray(out.T)
 
 
 @frozen
 class Axis:
-    """A line along which friction and rotor inertia act: a joint's, or a coupled motor's.
+    """A line along which friction and rotor inertia act.
+
+    It is a joint's, that of a motor which drives several, or a stated combination of joints.
 
     Attributes
     ----------
     name, symbol : str
     row : (n,) or None
-        Its speed is ``row · q̇_actuated``; None for a passive joint (the row then varies).
+        Its speed is ``row · q̇_actuated``; None where a passive joint has a part (the row then
+        varies).
     dof : int
-        Index in ``v`` of the joint (passive axes only, else -1).
+        Index in ``v`` of the joint (axes of one passive joint only, else -1).
     prismatic : bool
+        Whether it slides; a combination does where all its joints do, or stated so.
+    weights : mapping or None
+        Joint to its coefficient, of a stated combination.
     """
 
     name: str
@@ -61,11 +74,14 @@ class Axis:
     row: Array | None
     dof: int
     prismatic: bool
+    weights: Mapping[str, float] | None = None
 
     @property
     def mixed(self) -> bool:
-        """Whether it is the axis of a motor that drives several joints."""
-        return self.row is not None and int(np.count_nonzero(self.row)) > 1
+        """Whether it is the axis of a motor that drives several joints, or a stated one."""
+        return self.weights is not None or (
+            self.row is not None and int(np.count_nonzero(self.row)) > 1
+        )
 
 
 @frozen
@@ -91,6 +107,25 @@ class Coupling:
     joint: str
     of: str | None
     polynomial: tuple[float, ...]
+
+
+@frozen
+class Combination:
+    """A stated combination of joints, and what a robot file says of forces along it.
+
+    Attributes
+    ----------
+    weights : mapping
+        Joint to its coefficient.
+    numbers : mapping
+        By the words of a robot file: ``damping``, ``frictionloss``, ``armature``, ``stiffness``.
+    rest : float or None [rad or m]
+        Where a spring along it is relaxed; None where it is so at home.
+    """
+
+    weights: Mapping[str, float]
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    rest: float | None = None
 
 
 @frozen
@@ -154,6 +189,8 @@ class Stated:
         Locked joint to position [rad or m]; none of them is in the tree.
     welded : mapping
         Body behind a locked joint to its ten parameters in the frame of the joint that it hangs on.
+    combinations : mapping
+        Tendons along several joints that have friction, a rotor or a spring.
     """
 
     model: Any
@@ -167,6 +204,7 @@ class Stated:
     undriven: str = ""
     locked: Mapping[str, float] = field(default_factory=dict)
     welded: Mapping[str, Array] = field(default_factory=dict)
+    combinations: Mapping[str, Combination] = field(default_factory=dict)
 
 
 def name_numbers(

@@ -1,8 +1,8 @@
 """Damping, dry friction, rotors and springs of a compiled MJCF, joint by joint.
 
-Those of actuators and of tendons along one joint are that joint's. What no parameter of a joint
-can hold (forces on balls, between joints, bent springs, fluids) is refused: left out, it would
-make the robot another one.
+Those of actuators and of tendons along one joint are that joint's, and a tendon along several is
+an axis of its own. What no parameter can hold (forces on balls, tendons in space, bent springs,
+fluids) is refused: left out, it would make the robot another one.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
+from identifiability.robot.parts import Combination
 
 #: Spring stiffness [N·m/rad or N/m] and the position at which it is relaxed [rad or m].
 Spring = tuple[float, float]
@@ -36,12 +37,15 @@ class Forces:
     damping, frictionloss, armature : (nv,)
     springs : mapping
         By name of the joint.
+    combinations : mapping
+        Tendons along several joints, by name.
     """
 
     damping: Array
     frictionloss: Array
     armature: Array
     springs: Mapping[str, Spring] = field(default_factory=dict)
+    combinations: dict[str, Combination] = field(default_factory=dict)
 
 
 def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
@@ -68,10 +72,19 @@ def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
         name = m.joint(int(m.dof_jntid[d])).name
         raise _refusal(path, f"the springs of the joint '{name}' cancel but for a constant force")
     bits, off = mujoco.mjtDisableBit, int(m.opt.disableflags)
+    idle = []
     if off & int(bits.mjDSBL_DAMPER):
         forces.damping[:] = 0.0
+        idle.append("damping")
     if off & (int(bits.mjDSBL_FRICTIONLOSS) | int(bits.mjDSBL_CONSTRAINT)):
         forces.frictionloss[:] = 0.0
+        idle.append("frictionloss")
+    if off & int(bits.mjDSBL_SPRING):
+        idle.append("stiffness")
+    forces.combinations = {
+        name: Combination(c.weights, {**c.numbers, **dict.fromkeys(idle, 0.0)}, c.rest)
+        for name, c in forces.combinations.items()
+    }
     if not off & int(bits.mjDSBL_SPRING):
         forces.springs = {
             m.joint(int(m.dof_jntid[d])).name: (float(stiffness[d]), float(pull[d] / stiffness[d]))
@@ -177,13 +190,25 @@ def _add_tendon(
     arms = _arms(m, t)
     if not present or (arms and all(j in held for j in arms)):
         return
-    name = m.tendon(t).name or f"number {t + 1}"
+    called = m.tendon(t).name
+    name = called or f"number {t + 1}"
     single = _single(m, t, held)
-    if single is None:
-        raise _refusal(path, f"the tendon '{name}' has {present[0]} and is not along one joint")
+    if single is None and not arms:
+        raise _refusal(path, f"the tendon '{name}' has {present[0]} and is not along joints")
     low, high = m.tendon_lengthspring[t]
     if bent or (linear["stiffness"] and (low != high or _extra(m, "tendon_springyield", t))):
         raise _refusal(path, f"the tendon '{name}' has stiffness or damping that is not linear")
+    if single is None:
+        assert arms is not None
+        weights = {m.joint(j).name: c for j, c in arms.items() if j not in held}
+        still = sum(c * held[j] for j, c in arms.items() if j in held)
+        if not called:
+            raise RobotError(
+                f"{path}: the tendon {name} runs along several joints and has {present[0]}, and "
+                "parameters are named after it; give it a name."
+            )
+        forces.combinations[called] = Combination(weights, linear, low - still)
+        return
     dof, arm = int(m.jnt_dofadr[single[0]]), single[1]
     stiffness[dof] += linear["stiffness"] * arm**2
     pull[dof] += linear["stiffness"] * arm * (low - single[2])

@@ -26,11 +26,16 @@ Every key is optional::
     of = "joint2"
     polynomial = [0, -1]
 
-    [transmission]                       # motor = ratio ∘ (coupling · (q - offset))
-    motors = ["m1", "m2"]
+    [transmission]                       # motor = ratio ∘ (coupling · (q - offset)); there may be
+    motors = ["m1", "m2"]                # more motors than joints
     coupling = [[1, 0], [1, 1]]
     ratio = [45, 32]
     offset = [0, 0]
+
+    [[axes]]                             # a combination of joints on which effects can be
+    name = "jaws"                        # (jaws.Fv, jaws.K …); fixed tendons of an MJCF along
+    joints = {jaw2 = 1, jaw1 = -1}       # several joints are axes by their own names
+    rest = 0.1                           # where a spring on it is relaxed (default: at home)
 
     [symbols]                            # short forms in labels: body or joint = symbol
     platform = "3"
@@ -116,6 +121,13 @@ def _renaming(rules: dict[str, str]) -> dict[str, str]:
     return rules
 
 
+def _not_zero(value: float) -> float:
+    if not value:
+        raise ValueError("zero would leave nothing; give another number")
+    return value
+
+
+Factor = Annotated[float, AfterValidator(_not_zero)]
 Names = Annotated[list[str], AfterValidator(_unique)]
 Span = Annotated[tuple[float, float], AfterValidator(_rising)]
 Masses = Annotated[tuple[Annotated[float, Field(ge=0)], float], AfterValidator(_rising)]
@@ -157,6 +169,14 @@ class TransmissionEntry(_Strict):
     offset: list[float] | None = None
 
 
+class AxisEntry(_Strict):
+    """A combination of joints that effects can be on."""
+
+    name: str = Field(min_length=1)
+    joints: dict[str, Factor] = Field(min_length=1)
+    rest: float | None = None
+
+
 class BaseParametersEntry(_Strict):
     """Preference of the grouping."""
 
@@ -175,15 +195,6 @@ class TimeEntry(_Strict):
     """How times are written in logs."""
 
     unit: Literal["s", "ms", "us", "ns"] | None = None
-
-
-def _not_zero(value: float) -> float:
-    if not value:
-        raise ValueError("zero would leave nothing; give another number")
-    return value
-
-
-Factor = Annotated[float, AfterValidator(_not_zero)]
 
 
 class TorqueEntry(_Strict):
@@ -244,6 +255,7 @@ class Sidecar(_Strict):
     loops: list[LoopEntry] | None = None
     couplings: list[CouplingEntry] = []
     transmission: TransmissionEntry | None = None
+    axes: list[AxisEntry] = []
     symbols: dict[str, str] = {}
     base_parameters: BaseParametersEntry = BaseParametersEntry()
     nominal: dict[str, float] = {}

@@ -50,7 +50,8 @@ def write_robot(
     bodies : mapping
         The inertial parameters of every body in the order of `INERTIAL_KINDS`, (10,).
     joints : mapping
-        Numbers of joints by the words of `joint_numbers`; others stay as they are.
+        Numbers of joints, and tendons that are axes, by the words of `joint_numbers`; others stay
+        as they are.
     tables : mapping
         Tables of numbers that replace those of the template's sidecar.
 
@@ -79,9 +80,12 @@ def write_robot(
     elements = {e.get("name"): e for e in top.iter("joint")}
     degrees = robot.mjcf and not in_radians(top)
     for name, stated in joints.items():
-        _write_joint(elements[name], robot, name, stated, degrees=degrees)
+        if name not in robot.tendons:
+            _write_joint(elements[name], robot, name, stated, degrees=degrees)
     if robot.mjcf:
         clear_mjcf(top)
+    for element in [e for e in top.iter("fixed") if e.get("name") in robot.tendons]:
+        _write_tendon(element, robot, joints[str(element.get("name"))])
     ET.indent(top)
     text = ET.tostring(top, encoding="unicode") + "\n"
     beside = path.with_suffix(".toml")
@@ -191,6 +195,14 @@ def _write_joint(
         turned = not robot.is_prismatic(robot.dof_index(name))
         joint.set("stiffness", stiffness)
         joint.set("springref", f"{np.degrees(rest) if turned and degrees else rest:.17g}")
+
+
+def _write_tendon(element: ET.Element, robot: Description, stated: Mapping[str, float]) -> None:
+    """Write friction, rotor and spring of a tendon along several joints."""
+    parts = [(str(e.get("joint")), float(e.get("coef", 1.0))) for e in element.findall("joint")]
+    still = sum(c * robot.locked.get(joint, 0.0) for joint, c in parts)
+    element.attrib.update({word: f"{value:.17g}" for word, value in stated.items()})
+    element.set("springlength", f"{robot.rest[str(element.get('name'))] + still:.17g}")
 
 
 _MEANING = {

@@ -90,8 +90,11 @@ def joint_torque(
     home = robot.actuated_positions(robot.home[None])[0]
     rest = [robot.rest.get(j, at) for j, at in zip(robot.joints, home, strict=True)]
     for axis in robot.axes:
-        assert axis.row is not None
         terms = JointTerms.of(values, axis.name, robot.inertia_parts)
+        if axis.weights is not None:
+            tau += _stated_axis(robot, axis.name, move, rigid, terms)
+            continue
+        assert axis.row is not None
         motion = (x @ axis.row for x in (move.q - rest, move.dq, move.ddq))
         tau += terms.force(*motion)[:, None] * axis.row
     for axis in robot.passive_axes:
@@ -101,3 +104,25 @@ def joint_torque(
         force = terms.force(stretch, rigid.passive_v[:, k], rigid.passive_a[:, k])
         tau -= force[:, None] * rigid.X[:, k]
     return tau
+
+
+def _stated_axis(
+    robot: Robot, name: str, move: PrescribedMotion, rigid: RigidTorque, terms: JointTerms
+) -> Array:
+    """Return the torque of a combination of joints at the actuated ones, (N, n)."""
+    arms = np.zeros_like(move.q)
+    motion = np.zeros((3, len(move.q)))  # position, velocity, acceleration
+    home = 0.0
+    for joint, c in robot.combinations[name].items():
+        home += c * float(robot.dof_position(robot.home[None], joint)[0])
+        if joint in robot.joints:
+            k = robot.joints.index(joint)
+            arms[:, k] += c
+            motion += c * np.array([x[:, k] for x in (move.q, move.dq, move.ddq)])
+        else:
+            k = robot.passive.index(joint)
+            arms -= c * rigid.X[:, k]
+            passive = (rigid.passive_q, rigid.passive_v, rigid.passive_a)
+            motion += c * np.array([x[:, k] for x in passive])
+    force = terms.force(motion[0] - robot.rest.get(name, home), motion[1], motion[2])
+    return force[:, None] * arms

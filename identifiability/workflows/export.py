@@ -149,12 +149,13 @@ def write_parameters(
         If the files cannot be written, or the sidecar's name is taken by something else.
     """
     motors = () if robot.transmission is None else robot.transmission.motors
-    known = (*robot.bodies, *robot.dofs, *motors, BASE)
+    known = (*robot.bodies, *robot.dofs, *motors, *robot.combinations, BASE)
     for name in parameters:
         owner = name.rpartition(".")[0]
         if owner not in known:
             raise RobotError(
-                f"'{name}' is of no body, joint or motor of {robot.name}{near_match(owner, known)}"
+                f"'{name}' is of no body, joint, motor or axis of {robot.name}"
+                f"{near_match(owner, known)}"
             )
     values = complete_values(robot, parameters, keep=keep)
     alone = read_back(robot, values)

@@ -9,6 +9,8 @@ LOOP = 'actuated = ["shoulder"]\n[[loops]]\nbody1 = "link2"\nbody2 = '
 COUPLING = 'actuated = ["shoulder"]\n[[couplings]]\njoint = "elbow"\n'
 GEAR = '[transmission]\nmotors = ["m1", "m2"]\ncoupling = '
 
+SQUARE = "needs at least 2 motors that move all .* an invertible 2×2 coupling"
+AXIS = '[[axes]]\nname = "both"\njoints = '
 BAD = {
     "no TOML": ("actuated = ", "is not valid TOML: Invalid value"),
     "binary": (bytes(range(256)), r"is not a sidecar file \(TOML\): 'utf-8' codec"),
@@ -48,9 +50,17 @@ BAD = {
         COUPLING + 'of = "shoulder"\npolynomial = [1e308, 1e308]',
         r"the loops are open by 1e\+308 m at the home position",
     ),
-    "ragged gear": (GEAR + "[[1, 0], [1]]", "needs 2 motors and an invertible 2×2 coupling"),
-    "singular gear": (GEAR + "[[1, 1], [1, 1]]", "needs 2 motors and an invertible 2×2 coupling"),
+    "ragged gear": (GEAR + "[[1, 0], [1]]", SQUARE),
+    "singular gear": (GEAR + "[[1, 1], [1, 1]]", SQUARE),
     "gear without ratio": (GEAR + "[[1, 0], [0, 1]]\nratio = [0, 1]", "needs 2 non-zero ratios"),
+    "axis of nothing": (AXIS + "{}", "should have at least 1 item"),
+    "axis of an unknown joint": (AXIS + "{elbo = 1}", "names the joint 'elbo', .* mean 'elbow'"),
+    "axis without a part": (AXIS + "{elbow = 0, shoulder = 1}", "zero would leave nothing"),
+    "axis called as a joint": (
+        AXIS.replace("both", "elbow") + "{elbow = 1, shoulder = 1}",
+        "has the name of a body",
+    ),
+    "axis twice": (2 * (AXIS + "{elbow = 1, shoulder = 1}\n"), "name each once"),
     "motor twice": ('[transmission]\nmotors = ["m", "m"]\ncoupling = []', "name each one once"),
 }
 

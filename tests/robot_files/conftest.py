@@ -45,12 +45,27 @@ def mujoco_torque(robot, motion, text):
             d.qvel[m.jnt_dofadr[j]] = motion.v[k, joint.iv]
             d.qacc[m.jnt_dofadr[j]] = motion.a[k, joint.iv]
         mujoco.mj_inverse(m, d)
-        force = d.qfrc_inverse + m.dof_frictionloss * np.sign(d.qvel)
+        force = d.qfrc_inverse + m.dof_frictionloss * np.sign(d.qvel) + tendon_friction(m, d)
         tree = np.array([force[m.jnt_dofadr[at[name]]] for name in robot.dofs])
         out[k] = tree[robot.actuated]
         if motion.X is not None:
             out[k] -= motion.X[k].T @ tree[robot.dependent]
     return out
+
+
+def tendon_friction(m, d):
+    """Dry friction of fixed tendons, which MuJoCo counts as a constraint, (nv,)."""
+    force = np.zeros(m.nv)
+    for t in range(m.ntendon):
+        parts = range(m.tendon_adr[t], m.tendon_adr[t] + m.tendon_num[t])
+        if m.wrap_type[parts[0]] != mujoco.mjtWrap.mjWRAP_JOINT:
+            continue
+        row = np.zeros(m.nv)
+        for w in parts:
+            row[m.jnt_dofadr[m.wrap_objid[w]]] += m.wrap_prm[w]
+        if np.count_nonzero(row) > 1:  # that of a single joint is the joint's
+            force += m.tendon_frictionloss[t] * np.sign(row @ d.qvel) * row
+    return force
 
 
 @pytest.fixture

@@ -51,6 +51,14 @@ FEATURES = {
     "tendon spring": arm(after=TENDON.format(
         'stiffness="9" springlength="0.2" damping="1" armature="0.3"'),
         elbow='stiffness="7" springref="0.4"'),
+    "tendon over two joints": arm(
+        after=TENDON.replace("<joint", '<joint joint="shoulder" coef="1.3"/><joint', 1).format(
+            'stiffness="9" springlength="0.2" damping="1" armature="0.3" frictionloss="0.7"'),
+        elbow='stiffness="7" springref="0.4" ref="0.1"'),
+    "tendons switched off": arm(
+        after=TENDON.replace("<joint", '<joint joint="shoulder" coef="1.3"/><joint', 1).format(
+            'stiffness="9" springlength="0.2" damping="1" armature="0.3"'),
+        before='<option><flag spring="disable" damper="disable"/></option>'),
     "rotor of an actuator": arm(actuator=MOTORS.replace(
         '<motor joint="elbow"', '<motor joint="elbow" gear="3" armature="0.02" damping="0.1"')),
     "energy": arm(before='<option><flag energy="enable" sleep="enable"/></option>'),
@@ -78,17 +86,13 @@ REFUSED = {
             after=TENDON.format('stiffness="-9" springlength="0.2"')),
         "the springs of the joint 'elbow' cancel but for a constant force"),
     "plastic spring": (arm(elbow='stiffness="1" springyield="0.1"'), "springyield"),
-    "tendon over two joints": (
-        arm(after=TENDON.replace("<joint", '<joint joint="shoulder" coef="1"/><joint', 1)
-            .format('damping="1"')),
-        "the tendon 'cable' has damping and is not along one joint"),
     "slack tendon": (
         arm(after=TENDON.format('stiffness="1" springlength="0 1"')), "'cable' has stiffness or"),
     "tendon in space": (
         arm(beside='<site name="s"/>', inside='<site name="t"/>',
             after='<tendon><spatial name="rope" stiffness="1"><site site="s"/><site site="t"/>'
             "</spatial></tendon>"),
-        "the tendon 'rope' has stiffness and is not along one joint"),
+        "the tendon 'rope' has stiffness and is not along joints"),
     "actuator of a site": (
         arm(inside='<site name="s"/>', actuator=JET),
         r"the actuator 'jet' drives no single joint; .* actuated = \[\"joint1\""),

@@ -216,11 +216,10 @@ def joint_log(robot: Robot, log: Log) -> Log:
     log = log.select(robot.joints, gear.motors if gear else ())
     if gear is None or not motors:
         return log
-    R = gear.ratio[:, None] * gear.coupling
     q, tau = gear.joint_side(log.q, log.tau)
 
     def rate(x: Array | None) -> Array | None:
-        return None if x is None else np.linalg.solve(R, x.T).T
+        return None if x is None else gear.joint_rate(x)
 
     q_ref = None if log.q_ref is None else gear.joint_side(log.q_ref, log.tau)[0]
     log = replace(log, joints=robot.joints, tau=tau, q_ref=q_ref)

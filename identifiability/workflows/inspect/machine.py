@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -193,15 +193,28 @@ def _quoted(names: Sequence[str]) -> list[str]:
 
 def naming_sentence(robot: Robot) -> str:
     """Return which parameters are named after motors, and which after joints and bodies."""
-    mixed = [a.name for a in robot.axes if a.mixed]
+    mixed = [a.name for a in robot.axes if a.mixed and a.weights is None]
+    stated = [a for a in robot.axes if a.weights is not None]
     text = (
         "Masses and inertias are named after bodies (link.m, link.Ixx), friction, rotor inertia "
         "and offsets after joints (joint.Fv, joint.Ia)"
     )
-    if not mixed:
-        return f"{text}."
-    return (
-        f"{text}; the motors {listing(mixed, 8)} drive several joints each, and what they have of "
-        f"their own bears their name ({mixed[0]}.Fv, {mixed[0]}.Ia), referred to the output of the "
-        "gear."
-    )
+    if mixed:
+        text += (
+            f"; the motors {listing(mixed, 8)} drive several joints each, and what they have of "
+            f"their own bears their name ({mixed[0]}.Fv, {mixed[0]}.Ia), referred to the output of "
+            "the gear"
+        )
+    if stated:
+        each = [f"{a.name} = {_sum_of(a.weights or {})}" for a in stated]
+        text += (
+            f"; the axes {listing(each, 8)} are combinations of joints, and what is along them "
+            f"bears their name ({stated[0].name}.Fv, {stated[0].name}.K)"
+        )
+    return f"{text}."
+
+
+def _sum_of(weights: Mapping[str, float]) -> str:
+    """Return a combination of joints as a formula."""
+    terms = [f"{'−' if c < 0 else '+'} {abs(c):.4g}·{joint}" for joint, c in weights.items()]
+    return " ".join(terms).removeprefix("+ ").replace("− ", "−", 1 if terms[0][0] == "−" else 0)

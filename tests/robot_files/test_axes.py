@@ -1,0 +1,163 @@
+"""Axes that combine joints: columns, springs and rotors as MuJoCo's fixed tendons have them."""
+
+import numpy as np
+import pytest
+from made_robots import CLOSURES, arm, parallelogram
+
+from identifiability import Model, Robot, analyze, inspect, simulate
+from identifiability.effects.family import measure_spans
+from identifiability.foundation.errors import RobotError
+from identifiability.logs.log import Log
+from identifiability.logs.prepare.plan import joint_log
+from identifiability.regression.base_parameters import random_motion
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.workflows.export import write_parameters
+
+NUMBERS = 'stiffness="9" springlength="0.2" damping="1.1" armature="0.3" frictionloss="0.7"'
+CABLE = (
+    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="shoulder" coef="1.3"/>'
+    '<joint joint="elbow" coef="-0.5"/></fixed></tendon>'
+)
+SIDECAR = """
+[[axes]]
+name = "cable"
+joints = {shoulder = 1.3, elbow = -0.5}
+rest = 0.2
+
+[nominal]
+"cable.Fv" = 1.1
+"cable.Fc" = 0.7
+"cable.Ia" = 0.3
+"cable.K" = 9
+"""
+LOOP_CABLE = (
+    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="drive" coef="1.3"/>'
+    '<joint joint="heel" coef="-0.5"/><joint joint="knee" coef="0.4"/></fixed></tendon></mujoco>'
+)
+
+
+def test_a_sidecar_says_the_same_axis_as_a_tendon_of_the_file(load_text, tmp_path):
+    ours = load_text(arm(), sidecar=SIDECAR)
+    (tmp_path / "tendon").mkdir()
+    (tmp_path / "tendon" / "robot.xml").write_text(arm(after=CABLE))
+    theirs = Robot.load(tmp_path / "tendon" / "robot.xml")
+    assert {k: v for k, v in ours.nominal.items() if v} == pytest.approx(
+        {k: v for k, v in theirs.nominal.items() if v and k[-3:] not in ("Fc+", "Fc-")}
+    )
+    motion = random_motion(ours, np.random.default_rng(0), 20)
+    model = Model.of("viscous_friction", "coulomb_friction", "joint_stiffness", "actuator_inertia")
+    names = [p.name for p in model.parameters(ours)]
+    own = [n.removeprefix("cable.") for n in names if n.startswith("cable")]
+    assert own == ["Fv", "Fc", "K", "Ia"]
+    np.testing.assert_allclose(
+        model.regressor(ours, motion), model.regressor(theirs, motion), atol=1e-12
+    )
+
+
+def test_an_axis_through_passive_joints_of_a_loop_is_what_mujoco_makes_of_it(agrees):
+    text = parallelogram(CLOSURES["site on the root"]).replace("</mujoco>", LOOP_CABLE)
+    robot = agrees(text, spread=0.4)
+    (axis,) = (a for a in robot.axes if a.mixed)
+    assert axis.row is None
+    assert robot.tendons == ("cable",)
+
+
+def test_locked_joints_of_an_axis_stretch_its_spring_alone(agrees, tmp_path):
+    robot = agrees(arm(after=CABLE), lock={"elbow": 0.4})
+    assert robot.nominal["shoulder.K"] == pytest.approx(9 * 1.3**2)  # along one joint again
+    three = CABLE.replace("</fixed>", '<joint joint="w" coef="0.8"/></fixed>')
+    wrist = (
+        '<body name="wrist" pos="0.2 0 0"><joint name="w" axis="0 1 0"/><geom size="0.1"/></body>'
+    )
+    motors = "".join(f'<motor joint="{j}"/>' for j in ("shoulder", "elbow", "w"))
+    text = arm(after=three, inside=wrist, actuator=f"<actuator>{motors}</actuator>")
+    robot = agrees(text, lock={"w": -0.3})
+    assert robot.combinations == {"cable": {"shoulder": 1.3, "elbow": -0.5}}
+    assert robot.rest["cable"] == pytest.approx(0.2 + 0.8 * 0.3)
+    copy = Robot.load(write_parameters(robot, {"cable.K": 4.0}, tmp_path / "copy.xml").robot)
+    assert copy.rest["cable"] == pytest.approx(robot.rest["cable"])
+    assert (copy.nominal["cable.K"], copy.nominal["cable.Fv"]) == (4.0, 1.1)
+
+
+def test_every_effect_along_an_axis_is_that_of_its_coordinate(load_text):
+    robot = load_text(arm(), sidecar=SIDECAR)
+    motion = random_motion(robot, np.random.default_rng(1), 40)
+    row = np.array([1.3, -0.5])
+    s, v = motion.actuated_q @ row, motion.actuated_v @ row
+    forces = {
+        "quadratic_friction@cable": [v * np.abs(v)],
+        "stribeck_friction@cable:0.3": [np.exp(-np.abs(v) / 0.3) * np.sign(v)],
+        "position_ripple@cable:0.5": [np.sin(4 * np.pi * s), np.cos(4 * np.pi * s)],
+        "coulomb_asymmetry@cable": [np.sign(v)],
+        "torque_offset@cable": [np.ones(40)],
+        "torque_offset@c*e": [np.ones(40)],
+    }
+    for text, expected in forces.items():
+        model = Model.of(text)
+        assert {p.owner for p in model.parameters(robot)} == {"cable"}, text
+        W = model.regressor(robot, motion)
+        wanted = np.stack([f[:, None] * row for f in expected], axis=2)
+        np.testing.assert_allclose(W, wanted, atol=1e-12, err_msg=text)
+    span = measure_spans(robot, [motion])["cable"]
+    assert span.position_range == pytest.approx(np.ptp(s))
+    assert span.rms_speed == pytest.approx(np.sqrt(np.mean(v**2)))
+
+
+def test_passive_joints_can_have_what_is_placed_there(load_text):
+    text = parallelogram(CLOSURES["site on the root"]).replace("</mujoco>", LOOP_CABLE)
+    robot = load_text(text)
+    motion = random_motion(robot, np.random.default_rng(0), 20)
+    model = Model.of("joint_stiffness@knee", "viscous_friction@knee", "load_dependent_friction")
+    assert [p.name for p in model.parameters(robot)][:2] == ["knee.K", "knee.Fv"]
+    W, k = model.regressor(robot, motion), robot.passive.index("knee")
+    stretch = robot.dof_position(motion.q, "knee") - robot.dof_position(robot.home[None], "knee")
+    np.testing.assert_allclose(W[:, 0, 0], -motion.X[:, k, 0] * stretch)
+    np.testing.assert_allclose(W[:, 0, 1], motion.X[:, k, 0] ** 2 * motion.actuated_v[:, 0])
+    assert np.isfinite(W).all()
+
+
+def test_values_of_an_axis_come_back_from_a_log_without_noise(tmp_path):
+    side = tmp_path / "side.toml"
+    side.write_text(
+        '[[axes]]\nname = "cable"\njoints = {shoulder = 1, elbow = -0.5}\n'
+        '[nominal]\n"cable.Fv" = 0.4\n"cable.Fc" = 0.9\n"cable.K" = 3\n"cable.Ia" = 0.02\n'
+    )
+    robot = Robot.load("two-link", side)
+    log = simulate(robot, PrescribedMotion.of(shipped_trajectory(robot, "a"), 400))
+    found = analyze(robot, log, replicates=0).models[1]
+    values = dict(zip(found.rung.columns, found.estimate.value, strict=True))
+    for name, value in (("cable.Fv", 0.4), ("cable.Fc", 0.9), ("cable.K", 3.0)):
+        assert values[name] == pytest.approx(value, rel=1e-6)
+
+
+def test_inspection_says_what_is_named_after_an_axis(load_text):
+    said = inspect(load_text(arm(), sidecar=SIDECAR)).naming
+    assert "the axes cable = 1.3·shoulder − 0.5·elbow are combinations of joints" in said
+    assert "(cable.Fv, cable.K)" in said
+
+
+def test_a_tendon_along_several_joints_needs_a_name(load_text):
+    with pytest.raises(RobotError, match=r"the tendon number 1 runs along .* give it a name"):
+        load_text(arm(after=CABLE.replace('name="cable" ', "")))
+    with pytest.raises(RobotError, match="the axis 'elbow' has the name of a body, joint"):
+        load_text(arm(after=CABLE.replace('name="cable"', 'name="elbow"')))
+
+
+def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torques(load_text):
+    """Three cables over two joints; the positions contradict each other by an error."""
+    robot = load_text(arm(), sidecar=(
+        '[transmission]\nmotors = ["c1", "c2", "c3"]\ncoupling = [[1, 0], [1, 1], [0, 2]]\n'
+        "ratio = [2, -3, 1]\noffset = [0.1, -0.2]\n"
+    ))  # fmt: skip
+    rng = np.random.default_rng(0)
+    (q, dq), tau = rng.normal(size=(2, 50, 2)), rng.normal(size=(50, 3))
+    R = np.array([[2, 0], [-3, -3], [0, 2.0]])
+    left = np.linalg.svd(R)[0][:, 2]  # what no joint does
+    at = (q - [0.1, -0.2]) @ R.T + 0.1 * left
+    t, names = np.arange(50) / 100, robot.transmission.motors
+    motors = Log("log", names, t, at, tau, dq @ R.T, ddq=None, sha256="")
+    joints = joint_log(robot, motors)
+    np.testing.assert_allclose(joints.q, q, atol=1e-12)
+    np.testing.assert_allclose(joints.dq, dq, atol=1e-12)
+    np.testing.assert_allclose(joints.tau, tau @ R, atol=1e-12)
+    assert [a.name for a in robot.axes] == ["shoulder", "elbow", "c2"]
