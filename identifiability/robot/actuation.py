@@ -112,10 +112,13 @@ def _follow_couplings(robot: Description) -> Array:
     passive = set(robot.passive)
     for c in robot.couplings * len(robot.couplings):  # each may follow another
         poly = np.polynomial.Polynomial(c.polynomial)
-        if c.joint in passive:
-            at = 0.0 if c.of is None else float(robot.dof_position(home[None], c.of)[0])
-            follower, value = c.joint, float(poly(at))
-        elif c.of in passive and len(np.trim_zeros(poly.coef, "b")) == 2:
+        if c.joint in passive and c.joint not in c.sources:
+            value = 0.0
+            for term in c.terms:
+                parts = (w * robot.dof_position(home[None], j)[0] for j, w in term.weights.items())
+                value += float(np.polynomial.Polynomial(term.polynomial)(sum(parts)))
+            follower = c.joint
+        elif not c.more and c.of in passive and len(np.trim_zeros(poly.coef, "b")) == 2:
             at = float(robot.dof_position(home[None], c.joint)[0])
             follower, value = c.of, (at - poly.coef[0]) / poly.coef[1]
         else:

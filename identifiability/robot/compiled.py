@@ -6,7 +6,7 @@ regressor stays Pinocchio's and the simulator MuJoCo's.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from identifiability.robot.locking import add_couplings, read_locks, settle_lock
 from identifiability.robot.parts import Coupling, Loop, Stated
 from identifiability.robot.passive_forces import find_drives, read_forces
 from identifiability.robot.sidecar import Sidecar
+from identifiability.robot.tendons import read_tendon_coupling
 
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
@@ -49,7 +50,8 @@ def state_robot(path: Path, m: Any, extra: Sidecar) -> Stated:
     off, home = int(m.opt.disableflags), _home(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
-    couplings = add_couplings(_couplings(m), extra.couplings)
+    driven = extra.actuated or find_drives(m, {})[0] or ()
+    couplings = add_couplings(_couplings(path, m, driven), extra.couplings)
     locked, couplings = settle_locks(path, read_locks(extra.locked), at_home, couplings)
     model, places, names, welded = _build_tree(m, locked)
     tree, last = read_tree(path, model, names)
@@ -88,9 +90,14 @@ def _equalities(m: Any) -> np.ndarray:
     return np.empty(0, int) if idle else np.flatnonzero(m.eq_active0)
 
 
-def _couplings(m: Any) -> list[Coupling]:
-    coupling = int(mujoco.mjtEq.mjEQ_JOINT)
-    return [_read_coupling(m, int(k)) for k in _equalities(m) if int(m.eq_type[k]) == coupling]
+def _couplings(path: Path, m: Any, actuated: Collection[str]) -> list[Coupling]:
+    found = []
+    for k in map(int, _equalities(m)):
+        if int(m.eq_type[k]) == int(mujoco.mjtEq.mjEQ_JOINT):
+            found.append(_read_coupling(m, k))
+        elif int(m.eq_type[k]) == int(mujoco.mjtEq.mjEQ_TENDON):
+            found.append(read_tendon_coupling(path, m, k, actuated))
+    return found
 
 
 def _loops(path: Path, m: Any, places: list[Place], last: Mapping[int, int]) -> list[Loop]:
@@ -99,7 +106,7 @@ def _loops(path: Path, m: Any, places: list[Place], last: Mapping[int, int]) -> 
         kind = int(m.eq_type[k])
         if kind == int(mujoco.mjtEq.mjEQ_CONNECT):
             loops.append(_read_connect(m, int(k), places, last, len(loops)))
-        elif kind != int(mujoco.mjtEq.mjEQ_JOINT):
+        elif kind not in (int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON)):
             word = mujoco.mjtEq(kind).name.removeprefix("mjEQ_").lower()
             raise RobotError(
                 f"{path} closes a loop with <{word}>; only <connect> and <joint> equalities are "

@@ -13,12 +13,13 @@ from typing import Annotated, Any
 import numpy as np
 import pinocchio as pin
 
-from identifiability.foundation.errors import RobotError, near_match
+from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected
+from identifiability.robot.coupled import couple, hold_still, lead_by_another
 from identifiability.robot.description import Description
 from identifiability.robot.joints import body_names
-from identifiability.robot.parts import Coupling
+from identifiability.robot.parts import Coupling, Term
 
 #: Joints by name; a number is where one is held, none is its home position.
 Locks = Mapping[str, float | None]
@@ -92,7 +93,7 @@ def settle_locks(
             )
     held = {name: float(value) for name, value in wanted.items() if value is not None}
     for c in couplings:
-        if c.of is None and c.joint in wanted:
+        if not c.sources and c.joint in wanted:
             _hold(path, held, c.joint, float(np.polynomial.Polynomial(c.polynomial)(0.0)))
     left = _carry_on(path, held, home, list(couplings))
     for name in wanted:
@@ -110,18 +111,29 @@ def _carry_on(
     while found:
         couplings, left, found = left, [], False
         for c in couplings:
-            poly = np.polynomial.Polynomial(c.polynomial)
-            if c.of in held:
-                _hold(path, held, c.joint, float(poly(held[c.of])))
-            elif c.joint in held and c.of is None:
-                _hold(path, held, c.joint, float(poly(0.0)))
+            less = hold_still(c, held) if held.keys() & set(c.sources) else c
+            if not less.sources and (c.sources or c.joint in held):
+                _hold(path, held, c.joint, less.polynomial[0])
+            elif c.joint in held and less.of is not None:
+                _hold(path, held, less.of, _source(path, less, held[c.joint], home))
             elif c.joint in held:
-                _hold(path, held, str(c.of), _source(path, c, held[c.joint], home))
+                left.append(_turn_round(path, less, held[c.joint]))
             else:
-                left.append(c)
+                left.append(less)
                 continue
             found = True
     return left
+
+
+def _turn_round(path: Path, coupling: Coupling, at: float) -> Coupling:
+    """Return a coupling of several joints as one of another joint, where its own is locked."""
+    other = lead_by_another(coupling, at)
+    if other is None:
+        raise RobotError(
+            f"{path}: the joint '{coupling.joint}' cannot be locked: it follows "
+            f"{listing(coupling.sources)}, and none of them enters linearly; lock one of those too."
+        )
+    return other
 
 
 def _source(path: Path, coupling: Coupling, value: float, home: Mapping[str, float]) -> float:
@@ -147,7 +159,11 @@ def _hold(path: Path, held: dict[str, float], name: str, value: float) -> None:
 
 def add_couplings(stated: Iterable[Coupling], entries: Sequence[Any]) -> list[Coupling]:
     """Return a file's couplings and those of its sidecar, which go before it joint by joint."""
-    more = [Coupling(c.name or c.joint, c.joint, c.of, tuple(c.polynomial)) for c in entries]
+    more = []
+    for c in entries:
+        terms = [Term({joint: 1.0}, tuple(poly)) for joint, poly in c.terms.items()]
+        first = Term({} if c.of is None else {c.of: 1.0}, tuple(c.polynomial))
+        more.append(couple(c.name or c.joint, c.joint, [first, *terms]))
     own = {c.joint for c in more}
     return [*(c for c in stated if c.joint not in own), *more]
 

@@ -7,7 +7,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import Point
-from identifiability.robot.parts import Coupling
+from identifiability.robot.parts import Coupling, Term
 
 
 def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
@@ -69,23 +69,25 @@ def _coupling_error(coupling: Coupling, q: Array, robot: Description) -> tuple[A
     """Return the coupling error (N,) and its Jacobian (N, nv)."""
     J = np.zeros((len(q), robot.nv))
     J[:, robot.dof_index(coupling.joint)] = 1.0
-    x = _source(coupling, q, robot)
-    poly = np.polynomial.Polynomial(coupling.polynomial)
-    if coupling.of is not None:
-        J[:, robot.dof_index(coupling.of)] = -poly.deriv()(x)
-    return robot.dof_position(q, coupling.joint) - poly(x), J
+    error = robot.dof_position(q, coupling.joint)
+    for term in coupling.terms:
+        x, poly = _source(term, q, robot), np.polynomial.Polynomial(term.polynomial)
+        error = error - poly(x)
+        for joint, weight in term.weights.items():
+            J[:, robot.dof_index(joint)] -= weight * poly.deriv()(x)
+    return error, J
 
 
 def _coupling_bias(coupling: Coupling, q: Array, v: Array, robot: Description) -> Array:
     """Return ``J̇ v`` of a coupling, (N,)."""
-    if coupling.of is None:
-        return np.zeros(len(q))
-    poly = np.polynomial.Polynomial(coupling.polynomial)
-    rate = v[:, robot.dof_index(coupling.of)]
-    bias: Array = -poly.deriv(2)(_source(coupling, q, robot)) * rate**2
+    bias = np.zeros(len(q))
+    for term in coupling.terms:
+        poly = np.polynomial.Polynomial(term.polynomial)
+        rate = sum(w * v[:, robot.dof_index(joint)] for joint, w in term.weights.items())
+        bias -= poly.deriv(2)(_source(term, q, robot)) * rate**2
     return bias
 
 
-def _source(coupling: Coupling, q: Array, robot: Description) -> Array:
-    of = coupling.of
-    return robot.dof_position(q, of) if of is not None else np.zeros(len(q))
+def _source(term: Term, q: Array, robot: Description) -> Array:
+    parts = (w * robot.dof_position(q, joint) for joint, w in term.weights.items())
+    return sum(parts, np.zeros(len(q)))

@@ -100,13 +100,43 @@ class Loop:
 
 
 @frozen
+class Term:
+    """A polynomial of a sum of joints, ``Σ_k c_k (Σ_j w_j q_j)^k``.
+
+    Attributes
+    ----------
+    weights : mapping
+        Joint to its coefficient.
+    polynomial : tuple of float
+    """
+
+    weights: Mapping[str, float]
+    polynomial: tuple[float, ...]
+
+
+@frozen
 class Coupling:
-    """A joint coupling ``q_joint = Σ c_k (q_of)^k`` (MJCF ``<joint>`` equality, URDF mimic)."""
+    """A joint coupling ``q_joint = Σ c_k (q_of)^k + …``.
+
+    With one joint it is an MJCF ``<joint>`` equality or a URDF mimic; `more` adds polynomials of
+    other joints, and of sums of them as an MJCF ``<tendon>`` equality has.
+    """
 
     name: str
     joint: str
     of: str | None
     polynomial: tuple[float, ...]
+    more: tuple[Term, ...] = ()
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """All that the joint is the sum of."""
+        return (Term({} if self.of is None else {self.of: 1.0}, self.polynomial), *self.more)
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The joints that the joint follows, each once."""
+        return tuple(dict.fromkeys(joint for term in self.terms for joint in term.weights))
 
 
 @frozen

@@ -18,6 +18,7 @@ import numpy as np
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
 from identifiability.robot.parts import Combination
+from identifiability.robot.tendons import find_arms
 
 #: Spring stiffness [N·m/rad or N/m] and the position at which it is relaxed [rad or m].
 Spring = tuple[float, float]
@@ -25,7 +26,7 @@ Spring = tuple[float, float]
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _ON_BODY = int(mujoco.mjtTrn.mjTRN_BODY)  # adhesion, which acts on contacts alone
-_ON_TENDON, _ALONG = int(mujoco.mjtTrn.mjTRN_TENDON), int(mujoco.mjtWrap.mjWRAP_JOINT)
+_ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 
 
 @dataclass
@@ -112,7 +113,7 @@ def _idle(m: Any, a: int, held: Mapping[int, float]) -> bool:
     """Whether all joints that an actuator drives are locked."""
     kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
     if kind == _ON_TENDON:
-        arms = _arms(m, target)
+        arms = find_arms(m, target)
         return bool(arms) and all(j in held for j in arms or ())
     return kind in _ON_JOINT and target in held
 
@@ -126,22 +127,9 @@ def _driven(m: Any, a: int, held: Mapping[int, float]) -> int | None:
     return single[0] if single is not None else None
 
 
-def _arms(m: Any, t: int) -> dict[int, float] | None:
-    """Return the joints that a tendon runs along, with their coefficients; None of a bent one."""
-    start = int(m.tendon_adr[t])
-    parts = range(start, start + int(m.tendon_num[t]))
-    if any(int(m.wrap_type[w]) != _ALONG for w in parts):
-        return None
-    arms: dict[int, float] = {}
-    for w in parts:
-        joint = int(m.wrap_objid[w])
-        arms[joint] = arms.get(joint, 0.0) + float(m.wrap_prm[w])
-    return {j: c for j, c in arms.items() if c}
-
-
 def _single(m: Any, t: int, held: Mapping[int, float]) -> tuple[int, float, float] | None:
     """Return the one joint that moves a tendon: its index, coefficient, and length at zero."""
-    arms = _arms(m, t) or {}
+    arms = find_arms(m, t) or {}
     moving = [(j, c) for j, c in arms.items() if j not in held]
     if len(moving) != 1:
         return None
@@ -187,7 +175,7 @@ def _add_tendon(
     }
     bent = [k for k in ("stiffness", "damping") if np.any(_extra(m, f"tendon_{k}poly", t))]
     present = [k for k, value in linear.items() if value] + bent
-    arms = _arms(m, t)
+    arms = find_arms(m, t)
     if not present or (arms and all(j in held for j in arms)):
         return
     called = m.tendon(t).name

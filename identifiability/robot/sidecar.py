@@ -25,6 +25,7 @@ Every key is optional::
     joint = "joint3"
     of = "joint2"
     polynomial = [0, -1]
+    terms = {joint1 = [0, 0.5, 0.1]}     # further joints that are added, a polynomial each
 
     [transmission]                       # motor = ratio ∘ (coupling · (q - offset)); there may be
     motors = ["m1", "m2"]                # more motors than joints
@@ -152,10 +153,11 @@ class CouplingEntry(_Strict):
     joint: str
     of: str | None = None
     polynomial: list[float] = Field(default=[0.0, 1.0], min_length=1)
+    terms: dict[str, Annotated[list[float], Field(min_length=1)]] = {}
 
     @model_validator(mode="after")
     def _two_joints(self) -> CouplingEntry:
-        if self.joint == self.of:
+        if self.joint == self.of or self.joint in self.terms:
             raise ValueError("a joint cannot be coupled to itself; name another")
         return self
 

@@ -60,7 +60,8 @@ class ForwardRobot:
     Raises
     ------
     RobotError
-        If MuJoCo refuses the robot, or motors are coupled (their friction is at no joint).
+        If MuJoCo refuses the robot, or motors or axes mix joints (their friction is at no joint),
+        or a joint follows several others.
     """
 
     def __init__(self, robot: Robot, parameters: Mapping[str, float]) -> None:
@@ -68,6 +69,11 @@ class ForwardRobot:
             raise RobotError(
                 f"{robot.name} has coupled motors, whose friction and inertia MuJoCo's joints "
                 "cannot hold; it is not simulated forward."
+            )
+        if robot.combinations or any(coupling.more for coupling in robot.couplings):
+            raise RobotError(
+                f"{robot.name} has axes that combine joints or joints that follow several others; "
+                "it is not simulated forward."
             )
         self.robot = robot
         values = {**robot.nominal, **both_directions(parameters)}

@@ -71,17 +71,3 @@ def find_closures(model: Any, robot: Robot) -> list[PointClosure]:
             points = (np.array(model.eq_data[k, :3]), np.array(model.eq_data[k, 3:6]))
         out.append(PointClosure(bodies, points))
     return out
-
-
-def find_couplings(model: Any, robot: Robot) -> list[tuple[int, int, int, int, Any]]:
-    """Return joint couplings as (dof, qpos, dof of source, qpos of source, polynomial)."""
-    out = []
-    for c in robot.couplings:
-        joint = model.joint(c.joint)
-        dj, qj = int(joint.dofadr[0]), int(joint.qposadr[0])
-        do = qo = -1
-        if c.of is not None:
-            source = model.joint(c.of)
-            do, qo = int(source.dofadr[0]), int(source.qposadr[0])
-        out.append((dj, qj, do, qo, np.polynomial.Polynomial(c.polynomial)))
-    return out

@@ -18,12 +18,8 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
-from identifiability.simulation.mujoco_file import (
-    PointClosure,
-    find_closures,
-    find_couplings,
-    load_file,
-)
+from identifiability.simulation.joint_couplings import find_couplings
+from identifiability.simulation.mujoco_file import PointClosure, find_closures, load_file
 
 TOLERANCE = 1e-12
 _MAX_STEPS = 30
@@ -198,10 +194,7 @@ class MujocoRobot:
 
     def _error(self) -> Array:
         points = [self._world(c, 0) - self._world(c, 1) for c in self.closures]
-        joints = [
-            [self.data.qpos[qj] - poly(self.data.qpos[qo] if qo >= 0 else 0.0)]
-            for _, qj, _, qo, poly in self.couplings
-        ]
+        joints = [[c.error(self.data.qpos)] for c in self.couplings]
         return np.concatenate([*points, *joints]) if points or joints else np.empty(0)
 
     def _jacobian(self, *, dot: bool = False) -> Array:
@@ -215,15 +208,10 @@ class MujocoRobot:
                 jac(self.model, self.data, J, None, self._world(c, end), c.body[end])
                 ends.append(J)
             rows.append(ends[0] - ends[1])
-        for dj, _, do, qo, poly in self.couplings:
-            row = np.zeros((1, self.model.nv))
-            if not dot:
-                row[0, dj] = 1.0
-            if do >= 0:
-                x = self.data.qpos[qo]
-                rate = poly.deriv(2)(x) * self.data.qvel[do] if dot else poly.deriv()(x)
-                row[0, do] = -rate
-            rows.append(row)
+        q, v = self.data.qpos, self.data.qvel
+        for coupling in self.couplings:
+            rate = coupling.gradient_rate(q, v) if dot else coupling.gradient(q, len(v))
+            rows.append(rate)
         return np.concatenate(rows) if rows else np.empty((0, self.model.nv))
 
     def slope(self) -> Array:

@@ -94,10 +94,11 @@ MJCF = {
     "tendon": (
         (
             "</worldbody>",
-            '</worldbody><tendon><fixed name="a"><joint joint="elbow" coef="1"/></fixed></tendon>'
+            '<site name="s1"/><site name="s2" pos="0.1 0 0"/></worldbody><tendon><spatial name="a">'
+            '<site site="s1"/><site site="s2"/></spatial></tendon>'
             '<equality><tendon tendon1="a"/></equality>',
         ),
-        "closes a loop with <tendon>; only <connect>",
+        "couples the tendon 'a', which does not run along joints; only <fixed> tendons",
     ),
     "closure without anchor": (
         equality('<connect body1="link2"/>'),

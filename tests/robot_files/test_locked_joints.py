@@ -270,7 +270,7 @@ def test_a_result_is_exported_under_the_locks_it_was_made_with(load_text, tmp_pa
 
 
 def test_a_joint_that_follows_none_is_told_with_what_to_write(load_text):
-    with pytest.raises(RobotError, match=r"'f2' follows 'g1', which is not there.*\[\[couplings"):
+    with pytest.raises(RobotError, match=r"'f2' mimics 'g1', which is not there.*\[\[couplings"):
         load_text(fingers().replace('mimic joint="f1"', 'mimic joint="g1"'), "urdf")
     stated = '[[couplings]]\njoint = "f2"\nof = "f1"'
     assert load_text(fingers().replace('mimic joint="f1"', 'mimic joint="g1"'), "urdf", stated)

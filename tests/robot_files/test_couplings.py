@@ -1,0 +1,100 @@
+"""Couplings of several joints: MuJoCo's tendon equalities, and polynomials in each joint."""
+
+import numpy as np
+import pytest
+from made_robots import arm
+
+from identifiability import inspect
+from identifiability.foundation.errors import RobotError
+from identifiability.robot import complete_motion
+from identifiability.simulation.forward import ForwardRobot
+
+WRIST = """<body name="wrist" pos="0.2 0 0"><joint name="w" axis="0 1 0" {w}/>
+  <inertial mass="0.7" pos="0.1 0.02 0" diaginertia="0.003 0.004 0.005"/>
+  <body name="tip" pos="0.1 0 0"><joint name="p" type="slide" axis="1 0 0.2"/>
+  <inertial mass="0.3" pos="0.05 0 0.02" diaginertia="0.001 0.002 0.002"/></body></body>"""
+TENDONS = """<tendon><fixed name="one"><joint joint="w" coef="2"/><joint joint="elbow" coef="-0.6"/>
+  </fixed><fixed name="two"><joint joint="shoulder" coef="0.7"/><joint joint="elbow" coef="0.4"/>
+  </fixed></tendon><equality>{}</equality>"""
+EQUALITY = '<tendon tendon1="one" tendon2="two" polycoef="0.1 0.5 0.2 -0.1 0.05"/>'
+SLIDE = '<joint joint1="p" joint2="w" polycoef="0 0.2 0.1 0 0"/>'
+
+
+def coupled(equality=EQUALITY + SLIDE, w="", **parts):
+    return arm(inside=WRIST.format(w=w), after=TENDONS.format(equality), **parts)
+
+
+def test_an_equality_of_tendons_is_what_mujoco_makes_of_it_with_mimic_joints_behind(agrees):
+    text = coupled(w='ref="0.3"', elbow='ref="-0.2"')
+    robot = agrees(text)
+    q = np.random.default_rng(0).normal(size=(20, 2))
+    motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
+    at = {name: robot.dof_position(motion.q, name) for name in robot.dofs}
+    one = 2 * (at["w"] - 0.3) - 0.6 * (at["elbow"] + 0.2)
+    two = 0.7 * at["shoulder"] + 0.4 * (at["elbow"] + 0.2)
+    np.testing.assert_allclose(one, 0.1 + 0.5 * two + 0.2 * two**2 - 0.1 * two**3 + 0.05 * two**4)
+    np.testing.assert_allclose(at["p"], 0.2 * (at["w"] - 0.3) + 0.1 * (at["w"] - 0.3) ** 2)
+
+
+def test_a_tendon_alone_keeps_its_length(agrees):
+    agrees(coupled('<tendon tendon1="one" polycoef="0.2 0 0 0 0"/>' + SLIDE))
+
+
+SIDECAR = """
+[[couplings]]
+joint = "w"
+of = "elbow"
+polynomial = [0.1, 0.5, 0.2]
+terms = {shoulder = [0, -0.3, 0, 0.1]}
+
+[[couplings]]
+joint = "p"
+terms = {w = [0, 0.2], shoulder = [0.05, 0, 0.1]}
+"""
+
+
+def test_a_sidecar_couples_a_joint_by_a_polynomial_in_each_of_others(agrees):
+    robot = agrees(arm(inside=WRIST.format(w="")), sidecar=SIDECAR)
+    q = np.random.default_rng(0).normal(size=(20, 2))
+    motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
+    at = {name: robot.dof_position(motion.q, name) for name in robot.dofs}
+    s, e = at["shoulder"], at["elbow"]
+    np.testing.assert_allclose(at["w"], 0.1 + 0.5 * e + 0.2 * e**2 - 0.3 * s + 0.1 * s**3)
+    np.testing.assert_allclose(at["p"], 0.05 + 0.2 * at["w"] + 0.1 * s**2)
+    facts = {j.name: j for j in inspect(robot).joints}
+    assert facts["w"].role == "coupled"
+    assert facts["w"].remark == "= 0.1 + 0.5·elbow + 0.2·elbow^2 + -0.3·shoulder + 0.1·shoulder^3"
+
+
+@pytest.mark.parametrize("lock", [{"elbow": 0.3}, {"shoulder": -0.2}, {"w": 0.2}])
+def test_couplings_go_on_where_one_of_their_joints_is_locked(lock, load_text, agrees):
+    text = arm(inside=WRIST.format(w=""))
+    linear = SIDECAR.replace("[0.1, 0.5, 0.2]", "[0.1, 0.5]")
+    (name,) = lock
+    actuated = [j for j in ("shoulder", "elbow") if j != name]
+    if name == "w":
+        actuated = ["shoulder"]
+        linear = 'actuated = ["shoulder"]\n' + linear
+    robot = agrees(text, sidecar=linear, lock=lock)
+    assert list(robot.joints) == actuated
+    q = np.random.default_rng(0).normal(size=(20, 1))
+    motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
+    at = {name: robot.dof_position(motion.q, name) for name in robot.dofs} | dict(robot.locked)
+    s, e = at["shoulder"], at["elbow"]
+    np.testing.assert_allclose(at["w"], 0.1 + 0.5 * e - 0.3 * s + 0.1 * s**3, atol=1e-12)
+
+
+def test_couplings_that_cannot_be_are_refused(load_text):
+    bent = SIDECAR.replace("[0.1, 0.5, 0.2]", "[0.1, 0, 0.2]")
+    with pytest.raises(RobotError, match=r"'w' cannot be locked: .* none of them enters linearly"):
+        load_text(arm(inside=WRIST.format(w="")), sidecar=bent, lock={"w": 0.2})
+    own = SIDECAR.replace("{shoulder = [0, -0.3, 0, 0.1]}", "{w = [0, 1]}")
+    with pytest.raises(RobotError, match="cannot be coupled to itself"):
+        load_text(arm(inside=WRIST.format(w="")), sidecar=own)
+
+
+def test_a_coupling_of_several_joints_is_not_simulated_forward(load_text):
+    for text, sidecar in ((coupled(), None), (arm(inside=WRIST.format(w="")), SIDECAR)):
+        robot = load_text(text, sidecar=sidecar)
+        with pytest.raises(RobotError, match="joints that follow several others"):
+            ForwardRobot(robot, {})
