@@ -13,6 +13,7 @@ from identifiability.effects.placed import Part, Placed
 from identifiability.effects.registry import (
     FAMILIES,
     bring,
+    default_effects,
     effect_laws,
     find_effect,
     find_families,
@@ -38,6 +39,7 @@ __all__ = [
     "Placed",
     "Span",
     "bring",
+    "default_effects",
     "effect_laws",
     "find_effect",
     "find_families",

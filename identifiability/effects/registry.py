@@ -139,6 +139,35 @@ def stated_effects(robot: Robot) -> tuple[str, ...]:
     return tuple(name for name, family in FAMILIES.items() if family.stated(robot))
 
 
+def default_effects(robot: Robot, names: Iterable[str]) -> tuple[str, ...]:
+    """Return the effects of a default model, where the sidecar says that they are.
+
+    What the sidecar places is there alone, and Coulomb friction so with one level or with two.
+    The others are everywhere, and what files state is added.
+
+    Parameters
+    ----------
+    robot : Robot
+    names : iterable of str
+        The effects of the default model.
+    """
+    said: dict[str, list[str]] = {}
+    for text in robot.placed:
+        said.setdefault(text.partition("@")[0], []).append(text)
+    out: list[str] = []
+    used: set[str] = set()
+    for name in names:
+        refined = [s for s in said if s in find_effect(name).supersedes]
+        if name in said or refined:
+            source = name if name in said else refined[0]
+            out += [name + text.removeprefix(source) for text in said[source]]
+            used |= {name, source}
+        elif not any(name in find_effect(s).supersedes for s in said):
+            out.append(name)
+    out += [name for name in stated_effects(robot) if name not in said and name not in out]
+    return (*out, *(text for name, texts in said.items() if name not in used for text in texts))
+
+
 def effect_laws() -> Mapping[str, Law]:
     """Return the laws by which effects can be hidden in a simulated robot, by name."""
     return {name: f.law for name, f in FAMILIES.items() if f.law is not None}

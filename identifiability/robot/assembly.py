@@ -63,6 +63,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         rest={name: relaxed for name, (_, relaxed) in stated.springs.items()}
         | {name: axis.rest for name, axis in axes.items() if axis.rest is not None},
         combinations={name: axis.weights for name, axis in axes.items()},
+        placed=tuple(extra.effects),
         tendons=tuple(name for name, axis in axes.items() if axis.numbers),
         body_order=named + tuple(b for b in bodies if b not in named),
         inertia_parts=tuple(extra.inertia_parts),

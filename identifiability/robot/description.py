@@ -86,6 +86,8 @@ class Description:
     combinations : mapping
         Stated axis to the coefficient of each joint in it; `tendons` are those that the robot
         file itself holds.
+    placed : tuple of str
+        Effects of default models that are at some places only, as a ladder file writes them.
     """
 
     name: str
@@ -126,6 +128,7 @@ class Description:
     bounds: tuple[Bound, ...] = ()
     combinations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tendons: tuple[str, ...] = ()
+    placed: tuple[str, ...] = ()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""

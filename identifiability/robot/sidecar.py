@@ -8,6 +8,8 @@ Every key is optional::
     locked = ["finger"]                  # joints that do not move (or a table: finger = 0.02)
     angles = "deg"                       # unit of angles in the logs: rad or deg (default: rad,
                                          # and what looks like degrees is refused)
+    effects = ["joint_stiffness@roll"]   # effects of default models that are at some places only,
+                                         # as a ladder writes them
     inertia_parts = ["Jr", "Js"]         # what an actuator's inertia is made of (default: Ia)
 
     [home]                               # joint = position; selects the assembly of a closed chain
@@ -252,6 +254,7 @@ class Sidecar(_Strict):
     actuated: list[str] | None = None
     locked: Names | dict[str, float | None] = []
     angles: Literal["rad", "deg"] | None = None
+    effects: Names = []
     inertia_parts: Names = Field(default=["Ia"], min_length=1)
     home: dict[str, float] = {}
     loops: list[LoopEntry] | None = None

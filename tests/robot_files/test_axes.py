@@ -5,11 +5,14 @@ import pytest
 from made_robots import CLOSURES, arm, parallelogram
 
 from identifiability import Model, Robot, analyze, inspect, simulate
+from identifiability.effects import default_effects
 from identifiability.effects.family import measure_spans
 from identifiability.foundation.errors import RobotError
 from identifiability.logs.log import Log
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.regression.base_parameters import random_motion
+from identifiability.regression.reduction import build_ladder, default_ladder, ladder_model
+from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import write_parameters
 
@@ -128,6 +131,33 @@ def test_values_of_an_axis_come_back_from_a_log_without_noise(tmp_path):
     values = dict(zip(found.rung.columns, found.estimate.value, strict=True))
     for name, value in (("cable.Fv", 0.4), ("cable.Fc", 0.9), ("cable.K", 3.0)):
         assert values[name] == pytest.approx(value, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("placed", "texts"),
+    [
+        ('"viscous_friction@elb*"', ["viscous_friction@elb*", "coulomb_asymmetry"]),
+        ('"coulomb_friction@cable+elbow"', ["viscous_friction", "coulomb_asymmetry@cable+elbow"]),
+        ('"coulomb_asymmetry@elbow"', ["viscous_friction", "coulomb_asymmetry@elbow"]),
+        (
+            '"position_ripple@cable:0.2", "position_ripple@elbow"',
+            ["viscous_friction", "coulomb_asymmetry", "position_ripple@cable:0.2",
+             "position_ripple@elbow"],
+        ),
+    ],
+)  # fmt: skip
+def test_a_sidecar_places_effects_of_default_models(placed, texts, load_text):
+    robot = load_text(arm(), sidecar=f"effects = [{placed}]\n" + SIDECAR)
+    found = default_effects(robot, ("viscous_friction", "coulomb_asymmetry"))
+    rest = [t for t in texts if "ripple" not in t]
+    assert list(found) == [*rest, "joint_stiffness", *texts[len(rest) :]]
+    other = default_effects(robot, ("coulomb_friction",))
+    assert ("coulomb_friction" in other) != ("coulomb" in placed)
+    full, symmetric = build_ladder(
+        default_ladder(robot), Structure.of(robot, ladder_model(default_ladder(robot)))
+    )
+    ties = sum(c.endswith("Fc+") for c in full.columns)
+    assert len(full) - len(symmetric) == ties == (1 if "coulomb" in placed else 2)
 
 
 def test_inspection_says_what_is_named_after_an_axis(load_text):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_robots import arm
+from made_robots import CLOSURES, arm, parallelogram
 
 from identifiability import inspect
 from identifiability.foundation.errors import RobotError
@@ -40,6 +40,7 @@ def test_a_tendon_alone_keeps_its_length(agrees):
     agrees(coupled('<tendon tendon1="one" polycoef="0.2 0 0 0 0"/>' + SLIDE))
 
 
+HOME = "[home]\ndrive = 0.7\nknee = -0.7\nheel = 0.7\n"
 SIDECAR = """
 [[couplings]]
 joint = "w"
@@ -82,6 +83,16 @@ def test_couplings_go_on_where_one_of_their_joints_is_locked(lock, load_text, ag
     at = {name: robot.dof_position(motion.q, name) for name in robot.dofs} | dict(robot.locked)
     s, e = at["shoulder"], at["elbow"]
     np.testing.assert_allclose(at["w"], 0.1 + 0.5 * e - 0.3 * s + 0.1 * s**3, atol=1e-12)
+
+
+def test_couplings_loops_and_mimic_joints_go_together(agrees):
+    """A parallelogram whose coupler carries a wrist that follows knee and drive."""
+    wrist = WRIST.format(w="") + '<body name="rocker"'
+    text = parallelogram(CLOSURES["site on the root"] + SLIDE, home="0.7 -0.7 0 0")
+    text = text.replace('<body name="rocker"', wrist)
+    side = '[[couplings]]\njoint = "w"\nterms = {knee = [0.1, 0.5], drive = [0, 0, -0.4]}\n'
+    robot = agrees(text, sidecar=side + HOME, spread=0.4)
+    assert robot.passive == ("knee", "w", "p", "heel")
 
 
 def test_couplings_that_cannot_be_are_refused(load_text):

@@ -33,7 +33,7 @@ from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from identifiability.effects import stated_effects
+from identifiability.effects import default_effects
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.options import Expected
@@ -218,13 +218,16 @@ def default_ladder(robot: Robot) -> LadderEntry:
 
     Springs are part of it where the robot file states some.
     """
-    tie = {f"{joint}.Fc": [f"{joint}.Fc+", f"{joint}.Fc-"] for joint in robot.joints}
+    effects = [*default_effects(robot, DEFAULT_EFFECTS)]
+    known = {p.name for p in Model.of(*effects).parameters(robot)}
+    pairs = {f"{joint}.Fc": [f"{joint}.Fc+", f"{joint}.Fc-"] for joint in robot.joints}
+    tie = {name: pair for name, pair in pairs.items() if known.issuperset(pair)}
     return LadderEntry(
         models=[
             RungEntry(
                 name="full model",
                 description="every base parameter, friction asymmetric",
-                effects=[*DEFAULT_EFFECTS, *stated_effects(robot)],
+                effects=effects,
             ),
             RungEntry(
                 name="symmetric friction",

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from identifiability.effects import stated_effects
+from identifiability.effects import default_effects
 from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import Names, Seed, at_least, checked
@@ -180,4 +180,4 @@ def _state_decisive(opening: Opening) -> str:
 
 def usual_effects(robot: Robot) -> tuple[str, ...]:
     """Return the effects of the model that is diagnosed when none is given."""
-    return (*BASE_EFFECTS, *stated_effects(robot))
+    return default_effects(robot, BASE_EFFECTS)

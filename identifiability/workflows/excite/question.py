@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.effects import Effect, Part, Placed, find_effect, stated_effects
+from identifiability.effects import Effect, Part, Placed, default_effects, find_effect
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.names import Array, find_named
@@ -100,7 +100,8 @@ def pose_question(
     check_choice("criterion", criterion, tuple(EFFECTS))
     _check_fit(criterion, parameters, separate)
     pair = [_place_effect(robot, text) for text in separate or ()]
-    usual = (*EFFECTS[criterion], *(stated_effects(robot) if criterion != "condition" else ()))
+    own = EFFECTS[criterion]
+    usual = own if criterion == "condition" else default_effects(robot, own)
     chosen_model = choose_model(model, usual)
     structure = Structure.of(robot, chosen_model)
     base = structure.base
