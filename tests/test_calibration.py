@@ -38,6 +38,23 @@ def red(analysis):
     return calibrate(analysis, noise=(1.0,), rho=(0.9,), trials=8, replicates=150).cells[0]
 
 
+def test_a_repetition_is_asked_what_is_left_out_as_the_logs_are(analysis):
+    result = next(m for m in analysis.models if m.name == "Model 4")
+    experiment = replace(
+        Experiment.of(analysis.regression, result.rung),
+        method=result.estimate.estimator,
+        structure=analysis.structure,
+    )
+    whole = analysis.information
+    rows = result.rung.reduce(whole)
+    found = experiment.judge(rows, experiment.tau, np.random.default_rng(0), whole)
+    np.testing.assert_allclose(found.value, result.estimate.value, rtol=1e-6)
+    label = [v.sigma_label for v in result.verdicts]
+    omitted = [v.sigma_omit for v in result.verdicts]
+    assert np.median(np.divide(omitted, label)) > 0.3
+    np.testing.assert_allclose(found.robust, label, rtol=0.15)  # only one of them is resampled
+
+
 def test_robust_intervals_hold_the_truth_where_white_ones_do_not(red):
     # Thirty-two trials; their spread is measured, and the bounds leave three standard errors.
     assert red.coverage_robust > 0.90 - 3 * red.coverage_se

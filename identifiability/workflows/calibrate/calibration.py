@@ -223,7 +223,7 @@ def _world(
         thresholds=analysis.thresholds,
         replicates=replicates,
         structure=analysis.structure,
-        whole=analysis.information,
+        echo=analysis.information.echo,
     )
     logs = in_memory(analysis.recordings, Log)
     motion = tuple(

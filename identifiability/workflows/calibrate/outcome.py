@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.estimate import Method, estimate
+from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
 from identifiability.estimation.judge import judge_rung
 from identifiability.estimation.omitted import find_left_out
 from identifiability.estimation.uncertainty import assess_uncertainty
@@ -76,9 +76,10 @@ class Experiment:
         Samples a block of the information.
     method, thresholds, replicates
         As in `analyze`.
-    structure, whole : Structure, Information, or None
-        What is behind the columns, and the information of all base parameters on the log: with
-        them intervals know what the model leaves out.
+    structure : Structure or None
+        What is behind the columns: with it intervals know what the model leaves out.
+    echo : Information or None
+        What new noise of the motion does to all base parameters' columns.
     """
 
     rung: Rung
@@ -90,7 +91,7 @@ class Experiment:
     thresholds: Thresholds = Thresholds()
     replicates: int = 200
     structure: Structure | None = None
-    whole: Information | None = None
+    echo: Information | None = None
 
     @staticmethod
     def of(regression: Regression, rung: Rung) -> Experiment:
@@ -119,7 +120,13 @@ class Experiment:
         tau = self.W @ truth + noise
         return Information.of_rows(self.rung.columns, self.W, tau, self.log, self.block), tau
 
-    def judge(self, information: Information, tau: Array, rng: np.random.Generator) -> Outcome:
+    def judge(
+        self,
+        information: Information,
+        tau: Array,
+        rng: np.random.Generator,
+        whole: Information | None = None,
+    ) -> Outcome:
         """Fit and judge one outcome.
 
         Parameters
@@ -128,14 +135,20 @@ class Experiment:
             About the columns and the torque.
         tau : (N, n) [N·m or N]
         rng : numpy.random.Generator
+        whole : Information, optional
+            About all base parameters' columns: noise is measured beside them, and the outcome is
+            asked what the model leaves out.
         """
-        fit = estimate(information, self.method)
+        method = find_estimator(self.method)
+        method = method if whole is None else settle_noise(method, whole)
+        fit = method.fit(information)
         residual, rules = tau - self.W @ fit.value, self.thresholds
         spread = assess_uncertainty(information, fit, residual, self.log, rng, self.replicates)
         torque, aliases = float(np.sqrt(np.mean(tau**2))), ("",) * len(self.rung)
         left = None
-        if self.structure is not None and self.whole is not None:
-            left = find_left_out(self.structure, self.rung, self.whole, fit)
+        if self.structure is not None and whole is not None:
+            full = fit_whole(method, whole)
+            left = find_left_out(self.structure, self.rung, whole, fit, full)
         verdicts = judge_rung(
             self.rung, information, fit, spread, torque, aliases, rules, left_out=left
         )

@@ -86,17 +86,16 @@ class World:
         if Cause.NOISE_MEMORY not in causes:
             noise = ResidualNoise(tuple(np.empty(0) for _ in noise.pacf), noise.sd)
         tau = self.W @ beta + noise.simulate(self.runs, of_noise)
-        W, held, V, echo = self.experiment.W, self.W @ rung.held, None, None
+        W, V, echo = self.W, None, None
         if Cause.MOTION in causes and any(m.sd.any() for m in self.motion):
-            again, V = _columns(measure(self.robots, self.motion, of_motion))
-            W, held, V = again @ rung.M, again @ rung.held, None if V is None else V @ rung.M
-            whole = self.experiment.whole
-            if whole is not None and whole.echo is not None:
-                echo = whole.echo.reduce(rung.M, rung.columns)
+            W, V = _columns(measure(self.robots, self.motion, of_motion))
+            echo = self.experiment.echo
         log, size = self.experiment.log, self.experiment.block
-        rows = Information.of_rows(rung.columns, W, tau - held, log, size, V)
-        information = replace(rows, echo=echo)
-        return replace(self.experiment, W=W).judge(information, tau - held, of_fit), truth
+        names = self.robots.structure.base.names
+        whole = replace(Information.of_rows(names, W, tau, log, size, V), echo=echo)
+        experiment = replace(self.experiment, W=W @ rung.M)
+        left = tau - W @ rung.held
+        return experiment.judge(rung.reduce(whole), left, of_fit, whole), truth
 
 
 def measure(
