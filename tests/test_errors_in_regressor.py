@@ -114,6 +114,8 @@ def test_a_log_without_a_second_record_is_named_and_does_not_stop_the_others(
     )
     mixed = analyze("3-rps", logs, replicates=20, posterior=False)
     assert mixed.chosen.estimate.estimator.name.endswith("iv")
+    # A log that is its own instrument shares all of its noise.
+    assert mixed.chosen.estimate.estimator.record == "smoothed"
     (told,) = [h for h in mixed.hints if "no second record" in h]
     assert told.startswith("bare: ")
     alone = analyze("3-rps", logs[1], replicates=20, posterior=False)

@@ -6,8 +6,12 @@ record of the motion whose noise is another one, are correlated with the motion 
 noise: ``(Vᵀ W)⁻¹ Vᵀ τ`` converges to what noise-free columns would give [Janot, Vandanjon, Gautier
 2014]. The difference to least squares is the bias that would have been believed [Hausman 1978].
 
-Instruments are worth as much as they are correlated with W. The canonical correlations say that
-direction by direction: where they are weak the column itself stays, which is least squares.
+Instruments are worth as much as they are correlated with W. The canonical correlations r say that
+direction by direction: where they are weak the column itself stays, which is least squares. How
+much is enough depends on the record. One that was measured again is the motion: what W has beside
+it is noise, least squares keeps r² of a value, and a first-stage ``F = N r²/(1 - r²)`` of 104.7 is
+enough for intervals of ± 1.96 σ to hold [Lee, McCrary, Moreira, Porter 2022]. One that shares some
+noise, or a command, which the robot did not follow to the letter, errs by what 1/r multiplies.
 """
 
 from __future__ import annotations
@@ -27,10 +31,12 @@ from identifiability.estimation.leverage import correct_leverage
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare.samples import Record
 from identifiability.regression.information import Information
 
-#: A direction follows its instrument from this canonical correlation on.
-STRONG = 0.9
+#: A direction follows its instrument from this canonical correlation on, and one that was measured
+#: again from this first-stage F on, samples for N: one actuator alone may know of the direction.
+STRONG, ENOUGH = 0.9, 104.7
 
 #: Instruments are told apart down to this share of their columns' length.
 APART = 1e-8
@@ -55,6 +61,8 @@ class _Solution:
     value : (k,)
     weak : (k,) bool
         Directions that stay with least squares.
+    lost : (2, k)
+        What instruments would change in these, and its variance under noise of variance 1.
     """
 
     left: Array
@@ -62,10 +70,20 @@ class _Solution:
     length: Array
     value: Array
     weak: np.ndarray
+    lost: Array
 
     def residual(self) -> Array:
         """Return z with ``τ - W x = [V W τ] z``, (2k + 1,)."""
         return np.concatenate([np.zeros(len(self.value)), -self.value, [1.0]])
+
+    def bias(self, scale: float) -> Array:
+        """Return the mean square bias that least squares may have in each direction, (k,).
+
+        It is what instruments would change, as far as noise of that variance lets it be known.
+        """
+        moved, variance = self.lost
+        square: Array = moved**2 + scale * variance
+        return square
 
 
 @frozen
@@ -78,9 +96,12 @@ class InstrumentalVariables:
     ----------
     base : OrdinaryLeastSquares or WeightedLeastSquares
         Gives the weights of the actuators, and the directions without a strong instrument.
+    record : {"measured", "smoothed", "command"}
+        The second record of the motion: measured again, or the same smoothed, or the command.
     """
 
     base: OrdinaryLeastSquares = WeightedLeastSquares()
+    record: Record = "measured"
     name: str = "iv"
 
     @property
@@ -95,15 +116,16 @@ class InstrumentalVariables:
         if not information.instrumented or not kept:
             return plain
         part = information.select(kept)
-        found = _solve(part, plain.weights, plain.value[kept])
+        found = _solve(part, plain.weights, self.record, plain.value[kept])
         S = part.basis
         rss = np.maximum(part.squares(S @ np.append(-found.value, 1.0)), 0.0)
         value, covariance = plain.value.copy(), np.zeros_like(plain.covariance)
         value[kept] = found.value
-        spread = found.B * found.length
-        covariance[np.ix_(kept, kept)] = _white_covariance(part, found, plain, rss)
+        scale = noise_scale(part, plain.weights, plain.times, rss)
+        covariance[np.ix_(kept, kept)] = _white_covariance(part, found, plain, scale)
         both = np.logical_and.outer(plain.determined, plain.determined)
-        share = (spread[:, found.weak] ** 2).sum(1) / (spread**2).sum(1)
+        spread = found.B**2 * (scale * found.length**2 + found.bias(scale))
+        share = spread[:, found.weak].sum(1) / spread.sum(1)
         touched = tuple(part.columns[j] for j in np.flatnonzero(share > TOUCHED))
         return replace(
             plain,
@@ -120,7 +142,7 @@ class InstrumentalVariables:
         kept = list(fit.kept)
         if not information.instrumented or not kept:
             return self.base.refit(information, fit, counts)
-        found, A, c = _moments(information.select(kept), fit)
+        found, A, c = self._moments(information.select(kept), fit)
         k, values = len(kept), np.zeros((len(counts), information.size))
         sums = counts @ np.concatenate([A, c[:, :, None]], 2).reshape(len(A), -1)
         sums = sums.reshape(-1, k, k + 1)
@@ -132,7 +154,7 @@ class InstrumentalVariables:
         kept = list(fit.kept)
         if not information.instrumented or not kept:
             return self.base.influence(information, fit)
-        found, A, c = _moments(information.select(kept), fit)
+        found, A, c = self._moments(information.select(kept), fit)
         scores = correct_leverage(c, 0.5 * (A + A.swapaxes(1, 2)))
         moved = np.zeros((len(scores), information.size))
         moved[:, kept] = scores @ found.B.T
@@ -147,10 +169,12 @@ class InstrumentalVariables:
         kept = list(fit.kept)
         if not information.instrumented or not kept:
             return self.base.loss(information, fit)
-        found = _solve(information.select(kept), fit.weights)
-        k = information.size
+        part = information.select(kept)
+        found = _solve(part, fit.weights, self.record)
+        scale, k = noise_scale(part, fit.weights, fit.times, fit.rss), information.size
+        wider = found.bias(scale) / scale if scale > 0 else 0.0
         F = np.zeros((len(kept) + 1, k + 1))
-        F[:-1, kept] = np.linalg.inv(found.B * found.length)
+        F[:-1, kept] = np.linalg.inv(found.B * np.sqrt(found.length**2 + wider))
         F[:-1, k] = F[:-1, kept] @ fit.value[kept]
         F[-1, k] = np.sqrt(fit.weights @ fit.rss)
         return triangular_factor(np.vstack([F, np.zeros((k - len(kept), k + 1))]))
@@ -171,7 +195,7 @@ class InstrumentalVariables:
         if not information.instrumented:
             return P
         b, k = M.shape
-        found = _solve(information.reduce(M, [""] * k), fit.weights)
+        found = _solve(information.reduce(M, [""] * k), fit.weights, self.record)
         R = information.joint.factor(fit.weights)
         V, W = R[:, :b], R[:, b : 2 * b]
         Z = V @ M @ found.left[:k] + W @ M @ found.left[k:]
@@ -191,7 +215,7 @@ class InstrumentalVariables:
             They are made symmetric, as their sum is.
         """
         k = information.size
-        found, A, c = _moments(information, fit)
+        found, A, c = self._moments(information, fit)
         to_y = R[:k, :k] @ found.B  # of directions into coordinates of the loss
         turned = to_y @ A @ np.linalg.inv(to_y)
         out = np.zeros((len(A), k + 1, k + 1))
@@ -199,10 +223,23 @@ class InstrumentalVariables:
         out[:, :k, k] = out[:, k, :k] = c @ to_y.T / R[k, k]
         return out
 
+    def _moments(self, information: Information, fit: Estimate) -> tuple[_Solution, Array, Array]:
+        """Return the instruments, and each block's ``Ẑᵀ W B`` (B, k, k) and ``Ẑᵀ e`` (B, k)."""
+        found, k = _solve(information, fit.weights, self.record), information.size
+        found = replace(found, value=fit.value[list(fit.kept)])
+        left = np.vstack([found.left, np.zeros((1, k))])
+        right = np.zeros((2 * k + 1, k + 1))
+        right[k : 2 * k, :k] = found.B
+        right[:, k] = found.residual()
+        both = information.joint.products(fit.weights, left, right)
+        return found, both[:, :, :k], both[:, :, k]
 
-def _solve(information: Information, weights: Array, plain: Array | None = None) -> _Solution:
+
+def _solve(
+    information: Information, weights: Array, record: Record, plain: Array | None = None
+) -> _Solution:
     """Return the instruments of independent columns and their values (of `plain`, if given)."""
-    k = information.size
+    k, N = information.size, max(information.samples, 1)
     R = information.joint.factor(weights)
     V, (Q, root) = R[:, :k], np.linalg.qr(R[:, k : 2 * k])
     size = np.linalg.norm(V, axis=0)
@@ -212,7 +249,8 @@ def _solve(information: Information, weights: Array, plain: Array | None = None)
     U, to_U = U[:, own], (Yt[own].T / s[own]) / size[:, None]  # U = V to_U
     left, strength, Yt = np.linalg.svd(U.T @ Q)  # min(rank, k) correlations
     strength = np.append(strength, np.zeros(k - len(strength)))
-    weak = strength < STRONG
+    least = np.sqrt(ENOUGH / (N + ENOUGH)) if record == "measured" else STRONG
+    weak = strength < least
     good = np.flatnonzero(~weak)
     B = solve_triangular(root, Yt.T)
     T = np.zeros((2 * k, k))
@@ -222,31 +260,24 @@ def _solve(information: Information, weights: Array, plain: Array | None = None)
     e = R[:, 2 * k] - R[:, k : 2 * k] @ x  # what least squares leaves has digits of its own
     x = x + B[:, good] @ ((U @ left[:, good]).T @ e / strength[good])
     length = np.where(weak, 1.0, 1.0 / np.where(weak, 1.0, strength))
-    return _Solution(T, B, length, x, weak)
+    lost = np.zeros((2, k))
+    if record != "command":  # it is another motion, so what it would change is no bias
+        # Noise alone correlates by 1/√N.
+        lean, seen = np.maximum(strength, 1.0 / np.sqrt(N)), np.zeros(k)
+        seen[: left.shape[1]] = (U @ left).T @ e
+        lost = np.where(weak, [seen / lean, 1.0 / lean**2 - 1.0], 0.0)
+    return _Solution(T, B, length, x, weak, lost)
 
 
 def _white_covariance(
-    information: Information, found: _Solution, plain: Estimate, rss: Array
+    information: Information, found: _Solution, plain: Estimate, scale: float
 ) -> Array:
     """Return the covariance under independent residuals, whatever the weights know, (k, k)."""
     k, joint = information.size, information.joint
     Z = joint.basis[:, : 2 * k] @ found.left
-    spread = Z.T @ joint.total(plain.weights / plain.times) @ Z
-    scale = noise_scale(information, plain.weights, plain.times, rss)
-    white: Array = scale * found.B @ spread @ found.B.T
+    spread = scale * Z.T @ joint.total(plain.weights / plain.times) @ Z
+    white: Array = found.B @ (spread + np.diag(found.bias(scale))) @ found.B.T
     return white
-
-
-def _moments(information: Information, fit: Estimate) -> tuple[_Solution, Array, Array]:
-    """Return the instruments, and each block's ``Ẑᵀ W B`` (B, k, k) and ``Ẑᵀ e`` (B, k)."""
-    found, k = _solve(information, fit.weights), information.size
-    found = replace(found, value=fit.value[list(fit.kept)])
-    left = np.vstack([found.left, np.zeros((1, k))])
-    right = np.zeros((2 * k + 1, k + 1))
-    right[k : 2 * k, :k] = found.B
-    right[:, k] = found.residual()
-    both = information.joint.products(fit.weights, left, right)
-    return found, both[:, :, :k], both[:, :, k]
 
 
 def _solve_each(sums: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from identifiability.estimation.estimate import Kind, Method, choose_estimator
@@ -16,12 +16,19 @@ from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.echo import NOTHING, add_echoes, noise_share
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.samples import Record
 from identifiability.logs.repeats import Recording
 from identifiability.robot import Robot
 from identifiability.workflows.opening import Opening
 
 #: Noise with this share of an acceleration (rms) is said where nothing can be done about it.
 LOUD = 0.1
+
+#: Second records, each less to be trusted than the one before.
+RECORDS: tuple[Record, ...] = ("measured", "command", "smoothed")
+
+#: What gives instruments to a log that is too long for memory.
+SHORTER = "it is too long for memory, in which instruments are made: give a part of it"
 
 #: What gives a log a second record of its motion.
 REMEDY = (
@@ -65,7 +72,7 @@ def add_instruments(
         if record is None and kind == "iv":
             raise LogError(
                 f"{log.name} has no second record of its motion, which instrumental variables "
-                f"need: {REMEDY}; else leave out the estimator."
+                f"need: {_find_remedy([samples])}; else leave out the estimator."
             )
         records.append(record)
     missing = [s for s, r in zip(opening.samples, records, strict=True) if r is None]
@@ -77,6 +84,8 @@ def add_instruments(
     if len(whole) < len(found):
         return replace(opening, hints=hints), plain
     estimator = choose_estimator(method, kind, instruments=True)
+    if isinstance(estimator, InstrumentalVariables):
+        estimator = replace(estimator, record=max((s.record for s in whole), key=RECORDS.index))
     return replace(opening, samples=tuple(whole), hints=hints), estimator
 
 
@@ -129,7 +138,7 @@ def _try_noise(
     hint = (
         f"{listing(loud, 4)}: noise of the measured motion has up to {100 * max(shares):.2g} % of "
         "an acceleration (rms) and is not accounted for: least squares pulls values towards zero "
-        f"by it, and intervals do not hold that; {REMEDY}."
+        f"by it, and intervals do not hold that; {_find_remedy(s for _, s in pairs)}."
     )
     return replace(opening, hints=(*opening.hints, hint)), plain
 
@@ -146,7 +155,12 @@ def _own_motion(samples: Prepared) -> Samples | None:
     """Return a log that is its own instrument, as least squares has it; None if it is too long."""
     if not isinstance(samples, Samples):
         return None
-    return replace(samples, instrument=samples.motion)
+    return replace(samples, instrument=samples.motion, record="smoothed")
+
+
+def _find_remedy(missing: Iterable[Prepared]) -> str:
+    """Return what gives logs without a second record of their motion one."""
+    return REMEDY if all(isinstance(s, Samples) for s in missing) else SHORTER
 
 
 def _tell_apart(missing: Sequence[Prepared], *, alike: bool) -> list[str]:
@@ -155,5 +169,5 @@ def _tell_apart(missing: Sequence[Prepared], *, alike: bool) -> list[str]:
     what = "all logs were fitted by least squares" if alike else "it was fitted by least squares"
     return [
         f"{listing([s.name for s in missing], 4)}: no second record of the motion in memory, so "
-        f"{what}, which noise in the motion biases; {REMEDY}."
+        f"{what}, which noise in the motion biases; {_find_remedy(missing)}."
     ]

@@ -61,6 +61,7 @@ def attach_record(robot: Robot, samples: Samples, record: SecondRecord) -> Sampl
     if motion is None:
         return None
     notes = (*samples.notes, record.note)
+    samples = replace(samples, record=record.kind)
     far = _thrown(robot, samples.motion, motion)
     if not len(far):
         return replace(samples, instrument=motion, notes=notes)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.prepare.survey import Rows, Survey
 from identifiability.robot import Motion, Robot, complete_motion
+
+#: A second record of a motion: measured again, or the same smoothed, or what was commanded.
+Record = Literal["measured", "smoothed", "command"]
 
 #: Samples a piece when torque is summed.
 SURVEYED = 1024
@@ -71,6 +75,8 @@ class Samples:
         Low-pass of computed derivatives; None where there is none.
     instrument : Motion or None
         A second record of the motion at the same samples, whose errors are not those of `motion`.
+    record : {"measured", "smoothed", "command"}
+        Which one.
     lost : int
         Samples of its own rows that were left out because they lie beside a gap.
     breaks : (b,) int
@@ -90,6 +96,7 @@ class Samples:
     own: Rows | None = None
     cutoff: float | None = None
     instrument: Motion | None = None
+    record: Record = "measured"
     lost: int = 0
     breaks: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     hints: tuple[str, ...] = ()

@@ -20,7 +20,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare.command import follow_command
 from identifiability.logs.prepare.repetition import Repetition, find_repetition
-from identifiability.logs.prepare.samples import Samples
+from identifiability.logs.prepare.samples import Record, Samples
 from identifiability.logs.prepare.white_noise import has_gap, noise_level, resolution
 
 #: Noise below this share of a signal moves no value by what could be seen.
@@ -54,6 +54,7 @@ class SecondRecord:
         Position, velocity and acceleration.
     note : str
         Which one it is.
+    kind : {"measured", "smoothed", "command"}
     noise : tuple of (n,)
         Of each channel that was measured.
     series : FourierFit or None
@@ -64,6 +65,7 @@ class SecondRecord:
 
     motion: tuple[Array, Array, Array]
     note: str
+    kind: Record = "measured"
     noise: tuple[Array, ...] = ()
     series: fourier.FourierFit | None = None
     cutoffs: tuple[float, ...] = ()
@@ -101,7 +103,9 @@ def find_record(
                 "the instruments' motion is a Fourier series of all that was measured of it, of "
                 f"{series.harmonics} harmonics with period {series.period:.6g} s"
             )
-            return SecondRecord(series.motion(log.t - log.t[0]), note, tuple(noise), series)
+            return SecondRecord(
+                series.motion(log.t - log.t[0]), note, noise=tuple(noise), series=series
+            )
     if again is not None:
         return _repeat(again, samples, log)
     if samples.cutoff is None and len(channels) == 3:
@@ -109,7 +113,7 @@ def find_record(
         if smooth is not None:
             return smooth
     followed = follow_command(log, samples.cutoff)
-    return None if followed is None else SecondRecord(*followed)
+    return None if followed is None else SecondRecord(*followed, "command")
 
 
 def _share(noise: Array, size: Array) -> float:
@@ -176,7 +180,9 @@ def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> Seco
         "the instruments' motion is the measured one smoothed, position, velocity and acceleration "
         f"low-passed at {used}"
     )
-    return SecondRecord(_filter(channels, log.t, cutoffs), note, tuple(noise), cutoffs=cutoffs)
+    return SecondRecord(
+        _filter(channels, log.t, cutoffs), note, "smoothed", tuple(noise), cutoffs=cutoffs
+    )
 
 
 def _filter(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.estimation.verdict import Class
@@ -94,14 +95,17 @@ def state_weak(chosen: RungResult) -> str:
     touched = [name for name in correction.touched if name in known]
     if not touched:
         return ""
-    why = "the second record of the motion says too little"
-    if isinstance(chosen.estimate.estimator, RenoisedLeastSquares):
+    why, counted = "the second record of the motion says too little", ""
+    estimator = chosen.estimate.estimator
+    if isinstance(estimator, RenoisedLeastSquares):
         why = "noise of the motion leaves too little to be corrected"
+    elif isinstance(estimator, InstrumentalVariables) and estimator.record != "command":
+        counted = " (σ holds it)"
     return (
         f"In {correction.weak} of {len(chosen.estimate.kept)} directions {why}, and least squares "
         "stays, with the bias that noise in the motion "
-        f"gives it; {listing(touched, 4)} lean on them: move faster or longer, or measure the "
-        "motion better."
+        f"gives it{counted}; {listing(touched, 4)} lean on them: move faster or longer, or measure "
+        "the motion better."
     )
 
 

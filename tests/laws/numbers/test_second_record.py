@@ -73,6 +73,7 @@ def test_the_errors_of_the_second_record_are_small_and_its_own(robot, periodic, 
     log, exact = noisy(robot, periodic)
     samples = record(robot, log, Preparation(keep_rest=True))
     assert words in samples.notes[-1]
+    assert samples.record == ("measured" if periodic else "smoothed")
     for first, second in errors(samples, exact, samples.motion.kept):
         inner = slice(100, -100)  # the smoothed motion is poor at the ends
         a, b = first[inner], second[inner]
@@ -193,6 +194,7 @@ def test_the_command_is_followed_with_its_delay_unless_it_is_a_copy(robot):
     q = late + (log.q - exact[0])
     log = positions_only(log, q=q, q_ref=1.03 * exact[0])
     samples = record(robot, log, Preparation(cutoff=10.0, keep_rest=True))
+    assert samples.record == "command"
     (delay,) = re.findall(r"commanded .* delayed by (\S+) ms", samples.notes[-1])
     assert float(delay) == pytest.approx(30, abs=1)
     copied = replace(log, q_ref=log.q)
