@@ -126,7 +126,7 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
     assert row["order"] >= 0
     assert row["autocorrelation_time"] > 0
     assert "rank of the planted value" in html
-    few = ["--trials", "4", "--no-sbc", "--names", "0"]
+    few = ["--quick", "--trials", "4", "--no-sbc", "--names", "0"]
     run = CliRunner().invoke(app, ["calibrate", "two-link", str(log), *few])
     assert run.exit_code == 0, run.output
     assert "posterior" not in run.output

@@ -6,11 +6,13 @@ import contextlib
 import re
 import shlex
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 import typer
 
+import identifiability
 from identifiability.cli import app
 
 README = Path(__file__).resolve().parents[1] / "README.md"
@@ -32,12 +34,23 @@ def shown_commands() -> list[str]:
     return [line for line in lines if line.startswith("identifiability ")]
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
-    """An empty folder in which the Python of the README has run, from top to bottom."""
+@pytest.fixture(
+    scope="module", params=[20, pytest.param(200, marks=pytest.mark.everything)], ids="{} times".format
+)
+def folder(request, tmp_path_factory) -> Path:
+    """An empty folder in which the Python of the README has run, from top to bottom.
+
+    Pruning resamples less often than it would by itself, but for one run of everything.
+    """
     place = tmp_path_factory.mktemp("readme")
     known: dict[str, object] = {}
-    with contextlib.chdir(place), contextlib.redirect_stdout(place.joinpath("said").open("w")):
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        contextlib.chdir(place),
+        contextlib.redirect_stdout(place.joinpath("said").open("w")),
+    ):
+        few = partial(identifiability.prune, replicates=request.param)
+        patch.setattr(identifiability, "prune", few)
         for line, text in blocks("python"):
             # Padded, so that a traceback names the line of the README.
             exec(compile("\n" * (line - 1) + text, str(README), "exec"), known)

@@ -41,6 +41,5 @@ def chosen_set(search, criterion="identifiable") -> set[str]:
 @pytest.fixture(scope="session")
 def pruned(simulated_session):
     """The 3-RPS with the paper's noise, pruned on one trajectory and validated on another."""
-    return prune(
-        "3-rps", simulated_session("3-rps", "601", 0), simulated_session("3-rps", "595", 1)
-    )
+    logs = (simulated_session("3-rps", t, k) for k, t in enumerate(("601", "595")))
+    return prune("3-rps", *logs, replicates=50)

@@ -29,13 +29,13 @@ def peak(path) -> int:
 def test_four_times_the_samples_take_the_same_memory(sizes, frame_of, saved, monkeypatch):
     from identifiability.regression import regression as model
 
-    sizes(piece=1000, shortest=4000, rows=1000, characters=100_000, window=500)
+    sizes(piece=500, shortest=2000, rows=500, characters=50_000, window=250)
     monkeypatch.setattr(model, "KEEP_BYTES", 0)
-    frame = frame_of("two-link", periods=8, samples=1000, derivatives=False)
+    frame = frame_of("two-link", periods=8, samples=500, derivatives=False)
     step = frame["t"][1] - frame["t"][0]
     for form in ("parquet", "csv"):
         short, long = (
-            peak(saved(frame.iloc[np.arange(n) % 8000].assign(t=step * np.arange(n)), form))
-            for n in (12_000, 48_000)
+            peak(saved(frame.iloc[np.arange(n) % 4000].assign(t=step * np.arange(n)), form))
+            for n in (6_000, 24_000)
         )
         assert long < 1.25 * short
