@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
-from functools import cache
+from contextlib import contextmanager
+from functools import cache, partial
+from importlib import import_module
 
+import joblib
 import numpy as np
 import pytest
 
@@ -18,6 +21,7 @@ from identifiability.simulation import (
     shipped_trajectory,
     simulate,
 )
+from identifiability.workflows.analyze.belief import Effort
 
 ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
 PAPER_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
@@ -31,6 +35,11 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.addinivalue_line("markers", "everything: takes too long for make test")
+    # Tests that run at the same time share the cores: else each starts processes for all of them.
+    runners = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    if runners > 1:
+        cores = max(1, joblib.cpu_count() // runners)
+        os.environ.setdefault("LOKY_MAX_CPU_COUNT", str(cores))
 
 
 def pytest_collection_modifyitems(config, items):
@@ -93,6 +102,20 @@ def noisy_log() -> Log:
 @pytest.fixture
 def exact_log() -> Log:
     return simulated_log("3-rps", "601", noise=Noise())
+
+
+@pytest.fixture(scope="session")
+def few_draws():
+    """A context in which `analyze` samples short posteriors, for what claims nothing of them."""
+    module = import_module("identifiability.workflows.analyze.form_belief")
+
+    @contextmanager
+    def patched():
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(module, "Effort", partial(Effort, draws=16, warmup=4))
+            yield
+
+    return patched
 
 
 @pytest.fixture

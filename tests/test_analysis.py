@@ -104,20 +104,21 @@ def test_several_logs_leave_one_out(simulated):
 
 
 def test_the_same_inputs_give_the_same_result(simulated):
-    a, b = (analyze("3-rps", simulated("3-rps", "601", 0)).to_dict() for _ in range(2))
+    log = simulated("3-rps", "601", 0)
+    a, b = (analyze("3-rps", log, replicates=50).to_dict() for _ in range(2))
     assert a == b
 
 
 def test_a_data_frame_is_a_log(simulated):
     log = simulated("3-rps", "601", 0)
-    a, b = analyze("3-rps", log), analyze("3-rps", log.to_frame())
+    a, b = (analyze("3-rps", x, replicates=20) for x in (log, log.to_frame()))
     assert a.to_dict()["models"] == b.to_dict()["models"]
 
 
 def test_other_robots_are_analysed_without_special_cases(simulated, robot):
     noise = Noise(torque=0.02)
     name = "601" if robot.name == "3-rps" else "a"
-    out = analyze(robot, simulated(robot.name, name, 0, noise))
+    out = analyze(robot, simulated(robot.name, name, 0, noise), replicates=50)
     assert np.isfinite(out.full.error_ra)
     assert out.full.error_ra < 0.05
     assert out.chosen.count(Class.IDENTIFIABLE) > 0

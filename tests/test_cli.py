@@ -19,18 +19,21 @@ def run():
     return lambda *words: runner.invoke(app, list(map(str, words)))
 
 
-def test_simulate_then_analyze_writes_report_and_json(run, tmp_path):
+def test_simulate_then_analyze_writes_report_and_json(run, few_draws, tmp_path):
     train, test = tmp_path / "train.csv", tmp_path / "test.parquet"
     for path, name, seed in ((train, "601", 1), (test, "595", 2)):
         out = run("simulate", "3-rps", name, "--noise", "paper", "--seed", seed, "--out", path)
         assert out.exit_code == 0, out.output
     assert len(pd.read_csv(train)) == 750
     report, result = tmp_path / "report.html", tmp_path / "result.json"
-    out = run("analyze", "3-rps", train, "--validate", test, "--report", report, "--json", result)
+    words = ["--validate", test, "--report", report, "--json", result]
+    with few_draws():
+        out = run("analyze", "3-rps", train, *words)
     assert out.exit_code == 0, out.output
     assert "Model 4" in out.output
     assert str(report) in out.output
     assert json.loads(result.read_text())["selected"].startswith("Model")
+    assert json.loads(result.read_text())["posterior"]
     assert "<html" in report.read_text()
 
 

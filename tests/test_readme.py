@@ -35,7 +35,9 @@ def shown_commands() -> list[str]:
 
 
 @pytest.fixture(
-    scope="module", params=[20, pytest.param(200, marks=pytest.mark.everything)], ids="{} times".format
+    scope="module",
+    params=[20, pytest.param(200, marks=pytest.mark.everything)],
+    ids="{} times".format,
 )
 def folder(request, tmp_path_factory) -> Path:
     """An empty folder in which the Python of the README has run, from top to bottom.

@@ -71,15 +71,17 @@ def visit(chromium) -> Callable:
 
 
 @pytest.fixture(scope="session")
-def reports(tmp_path_factory) -> dict[str, Path]:
+def reports(tmp_path_factory, few_draws) -> dict[str, Path]:
     """Every kind of report, by name; those of commands that do not exist yet are missing."""
     folder = tmp_path_factory.mktemp("reports")
     demo = run_demo(quick=True)
     robot, log = _hostile(folder)
+    with few_draws():
+        analysis = analyze(robot, log, replicates=100, posterior=True)
     results = {
         "demo": demo,
         "inspection": inspect(robot, log),
-        "analysis": analyze(robot, log, replicates=100, posterior=True),
+        "analysis": analysis,
         "pruning": prune(robot, log, replicates=10),
         "calibration": calibrate(demo, trials=4, replicates=20),
     }

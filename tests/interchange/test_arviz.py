@@ -14,9 +14,10 @@ arviz = pytest.importorskip("arviz_stats")
 
 
 @pytest.fixture(scope="module")
-def result(simulated_session):
+def result(simulated_session, few_draws):
     log = simulated_session("two-link", "a", samples=200)
-    return analyze("two-link", log, replicates=0, posterior=True)
+    with few_draws():
+        return analyze("two-link", log, replicates=0, posterior=True)
 
 
 @pytest.mark.parametrize("which", ["physical", "signs"])

@@ -65,7 +65,7 @@ def test_many_logs_get_a_row_each(chain_analysis):
 def test_twentyfour_joints_fit_into_a_page(chain_analysis, one_rung):
     ladder = one_rung.model_copy(deep=True)
     ladder.models[0].effects = ["viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
-    analysis = chain_analysis([f"j{k}" for k in range(24)], held=1, ladder=ladder, samples=1500)
+    analysis = chain_analysis([f"j{k}" for k in range(24)], held=1, ladder=ladder, samples=600)
     html = render(analysis)
     assert "18 more joints" in html
     assert len(html.encode()) < 1_500_000

@@ -13,9 +13,9 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 
 
-def peak(path) -> int:
+def peak(robot, path) -> int:
     """The largest memory [bytes] from the file to the prediction errors."""
-    robot, model = Robot.load("two-link"), Model.of("rigid_body", "viscous_friction")
+    model = Model.of("rigid_body", "viscous_friction")
     tracemalloc.start()
     samples = prepare_log(robot, LogFile.read(path), engine=Serial())
     regression = Regression(robot, model, (samples,), np.array([3, 6, 10, 11]))
@@ -31,11 +31,14 @@ def test_four_times_the_samples_take_the_same_memory(sizes, frame_of, saved, mon
 
     sizes(piece=500, shortest=2000, rows=500, characters=50_000, window=250)
     monkeypatch.setattr(model, "KEEP_BYTES", 0)
-    frame = frame_of("two-link", periods=8, samples=500, derivatives=False)
+    robot, frame = (
+        Robot.load("two-link"),
+        frame_of("two-link", periods=8, samples=500, derivatives=False),
+    )
     step = frame["t"][1] - frame["t"][0]
     for form in ("parquet", "csv"):
         short, long = (
-            peak(saved(frame.iloc[np.arange(n) % 4000].assign(t=step * np.arange(n)), form))
+            peak(robot, saved(frame.iloc[np.arange(n) % 4000].assign(t=step * np.arange(n)), form))
             for n in (6_000, 24_000)
         )
         assert long < 1.25 * short
