@@ -12,6 +12,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, Names, Rng, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.forces import both_directions, joint_torque
 from identifiability.simulation.hidden import Law, hidden_torque, parse_hidden
@@ -96,7 +97,7 @@ def _record(
         ddq=ddq if derivatives else None,
         sha256="",
     )
-    return Log.from_frame(log.to_frame(), move.name)
+    return Log.from_frame(log.to_frame(), move.name, Conventions(time_unit="s"))
 
 
 @frozen(kw_only=True)

@@ -216,7 +216,7 @@ def test_millimetres_and_centimetres_for_metres_are_refused(factor, unit, simula
         ),
         (".ddq", 180 / np.pi, r"'shoulder\.ddq' is 57\.\d+ times .* of 'shoulder\.dq'"),
         (".dq", -1.0, r"'shoulder\.dq' is -1\.?\d* times .* has another sign"),
-        ("t", 1e3, r"'shoulder\.dq' is \d+\.?\d* times .* \(or the time\) is in another unit"),
+        ("t", 60.0, r"'shoulder\.dq' is \d+\.?\d* times .* \(or the time\) is in another unit"),
     ],
 )
 def test_derivatives_that_do_not_fit_are_refused(columns, factor, sentence, arm):

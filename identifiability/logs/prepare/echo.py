@@ -21,9 +21,12 @@ from identifiability.logs.prepare.instruments import put
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.prepare.preparation import Preparation, make_plan
 from identifiability.logs.prepare.samples import Samples
-from identifiability.logs.prepare.white_noise import noise_level, resolution
+from identifiability.logs.prepare.white_noise import ORDER, noise_level, resolution
 from identifiability.logs.stale import StaleRule
 from identifiability.robot import Motion, Robot, complete_motion
+
+#: So few samples do not tell noise from the motion.
+SHORT = 4 * ORDER
 
 #: Noise with a smaller share of every acceleration (rms) does nothing to values.
 NOTHING = 0.01
@@ -39,7 +42,7 @@ OPEN = 0.02
 
 
 def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> float:
-    """Return the largest share that noise has of a joint's acceleration (rms).
+    """Return the largest share that noise has of a joint's acceleration (rms); 0 of short logs.
 
     Parameters
     ----------
@@ -49,6 +52,8 @@ def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> 
         Of the low-pass of computed derivatives; None where they were measured.
     seed : int
     """
+    if len(log) < SHORT:
+        return 0.0
     log = joint_log(robot, StaleRule.of([log]).mend(log))
     if cutoff is None:
         size = np.zeros(1) if log.ddq is None else log.ddq.std(0)

@@ -14,6 +14,15 @@ import pinocchio as pin
 from robot_corpus.mujoco_road import States
 
 
+def _with_limits(path: Path) -> str:
+    """Return a file with limits at every joint: Pinocchio asks for them, dynamics do not."""
+    root = ET.parse(path).getroot()
+    for joint in root.findall("joint"):
+        if joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is None:
+            ET.SubElement(joint, "limit", lower="-9", upper="9", effort="10", velocity="5")
+    return ET.tostring(root, encoding="unicode")
+
+
 class PinocchioRoad:
     """A URDF.
 
@@ -23,7 +32,7 @@ class PinocchioRoad:
     """
 
     def __init__(self, path: Path) -> None:
-        self.model = pin.buildModelFromUrdf(str(path))
+        self.model = pin.buildModelFromXML(_with_limits(path))
         self.data = self.model.createData()
         nv = self.model.nv
         names = {

@@ -147,7 +147,7 @@ ALL = (
         arm(limit='<limit lower="[[-1||-2]]" upper="1" effort="1" velocity="1"/>'),
         inert=True,
     ),
-    Entry("URDF limits missing", arm(limit=""), unreadable=True, refusal="limit"),
+    Entry("URDF limits missing", arm(limit="")),
     Entry(
         "URDF safety controller and calibration",
         arm(
