@@ -1,13 +1,20 @@
-"""The robot file as a prior: it pulls what the data leave open; an impossible one is refused."""
+"""The robot file as a prior: it pulls what the data leave open; a ball stands in for no body."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from identifiability import Robot, analyze
-from identifiability.foundation.errors import IdentifiabilityError, RobotError
-from identifiability.physical.pseudo_inertia import to_matrix
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import INERTIAL
+from identifiability.physical.mass import total_mass
+from identifiability.physical.nominal_bodies import draw_bodies
+from identifiability.physical.pseudo_inertia import check_body, to_matrix
+from identifiability.regression.base_parameters import find_base_parameters
+from identifiability.regression.model import Model
+from identifiability.regression.structure import Structure
 
 
 @pytest.fixture
@@ -15,7 +22,7 @@ def log(simulated):
     return simulated("two-link", "a", 0)
 
 
-def test_an_infeasible_cad_file_is_refused_with_the_body_named(simulated, tmp_path):
+def test_an_infeasible_cad_file_is_told_of_first_and_a_ball_stands_in(simulated, tmp_path):
     """A link gets an inertia that breaks the triangle inequality; URDF readers take it."""
     shipped = Robot.load("six-dof-arm")
     text = shipped.path.read_text().replace('izz="0.286"', 'izz="9.9"')
@@ -23,11 +30,51 @@ def test_an_infeasible_cad_file_is_refused_with_the_body_named(simulated, tmp_pa
     path.write_text(text)
     (tmp_path / "broken.toml").write_text(shipped.sidecar.read_text())
     robot = Robot.load(path)
-    log = simulated("six-dof-arm", "a", 0)
-    with pytest.raises(IdentifiabilityError, match=r"broken\.urdf: link_1"):
-        analyze(robot, log, replicates=0, cad_weight=1.0)
-    # Without the file as a prior the logs can still be analysed.
-    assert analyze(robot, log, replicates=0).models
+    result = analyze(robot, simulated("six-dof-arm", "a", 0), replicates=0)
+    assert result.hints[0].startswith("The robot file states a body that cannot exist. link_1")
+    said = result.chosen.physical.sentence
+    assert "no body with mass and possible moments for link_1: where the logs are silent" in said
+    assert result.chosen.physical.cad_weight > 0
+    found = result.chosen.physical.parameters()
+    assert total_mass(robot, found) < 3 * total_mass(robot, robot.nominal)
+
+
+def test_a_body_that_the_file_does_not_state_is_drawn_as_a_light_ball():
+    robot = Robot.load("two-link")
+    nominal = dict(robot.nominal)
+    first, second = robot.bodies
+    nominal |= {f"{second}.{kind}": 0.0 for kind in INERTIAL}
+    base = find_base_parameters(robot, Model.of("rigid_body"))
+    lost = Structure(replace(robot, nominal=nominal), Model.of("rigid_body"), base)
+    drawn = draw_bodies(lost)
+    assert drawn.replaced == (second,)
+    ball = drawn.phi[lost.inertial[1]]
+    assert ball[9] == nominal[f"{first}.m"]
+    np.testing.assert_array_equal(ball[6:9], 0.0)
+    assert ball[0] == ball[3] == ball[5] > 0
+    assert "it is drawn to a ball as light as the lightest other body" in drawn.sentence
+    heavy = nominal | {f"{second}.m": 2.5, f"{second}.mx": 0.5}
+    stated = draw_bodies(Structure(replace(robot, nominal=heavy), Model.of("rigid_body"), base))
+    ball = stated.phi[lost.inertial[1]]
+    assert (ball[9], ball[6]) == (2.5, 0.5)  # the mass and centre that it states stay
+    assert check_body(ball, second).feasible
+    none = dict.fromkeys(nominal, 0.0)
+    empty = draw_bodies(Structure(replace(robot, nominal=none), Model.of("rigid_body"), base))
+    assert (empty.phi[lost.inertial[:, 9]] == 1.0).all()
+    assert "each is drawn to a ball of 1 kg" in empty.sentence
+    whole = draw_bodies(Structure(robot, Model.of("rigid_body"), base))
+    np.testing.assert_array_equal(whole.phi, [robot.nominal[n] for n in lost.columns])
+    assert not whole.sentence
+
+
+def test_a_load_is_drawn_as_the_body_that_carries_it():
+    robot = Robot.load("two-link")
+    model = Model.of("rigid_body", "payload")
+    structure = Structure.of(robot, model)
+    drawn = draw_bodies(structure)
+    carrier, load = structure.inertial[-2], structure.inertial[-1]
+    assert list(structure.bodies)[-1].endswith(".payload_")
+    np.testing.assert_array_equal(drawn.phi[load], drawn.phi[carrier])
 
 
 def test_mujoco_decides_that_an_impossible_body_is_none(rps, tmp_path):
@@ -54,7 +101,7 @@ def test_a_flat_body_pulls_like_one_with_a_little_thickness(simulated):
 
 
 def test_the_prior_pulls_what_the_data_leave_open_to_the_robot_file(log):
-    free = analyze("two-link", log, replicates=0)
+    free = analyze("two-link", log, replicates=0, cad_weight=0.0)
     pulled = analyze("two-link", log, replicates=0, cad_weight=10.0)
     nominal = pulled.structure.nominal
 

@@ -109,4 +109,4 @@ def print_analysis(result: Analysis, written: Iterable[Path]) -> None:
         left=("model", "real robot"),
     )
     common.print_errors(result.chosen.name, result.error_frame())
-    common.print_end([result.statement], written)
+    common.print_end(filter(None, [result.statement, result.mass_statement]), written)

@@ -205,12 +205,14 @@ class Fitting:
         Least squares, or instrumental variables (auto: where the logs allow), which noise in the
         motion does not bias.
     cad_prior
-        Weight of a log-det prior around the robot file's bodies.
+        Weight of a log-det prior around the robot file's bodies, which decides where the logs are
+        silent; default: of 10, 1 and 0 the strongest that predicts unseen motion as well as the
+        best.
     """
 
     method: Annotated[str, Option(metavar="NAME", autocompletion=estimators)] = "wls"
     estimator: Literal["auto", "ls", "iv"] = "auto"
-    cad_prior: Annotated[float, Option(min=0)] = 0.0
+    cad_prior: Annotated[float | None, Option(min=0)] = None
 
     def arguments(self) -> dict[str, Any]:
         """Return what the library calls them."""

@@ -113,7 +113,8 @@ def print_pruning(result: Ladder, written: Iterable[Path]) -> None:
     )
     common.print_errors(result.chosen.name, result.error_frame())
     stability = [] if result.nothing else [result.stability.statement]
-    common.print_end([result.statement, *stability], written)
+    masses = filter(None, [result.mass_statement])
+    common.print_end([result.statement, *masses, *stability], written)
 
 
 def _short(text: str, most: int = 60) -> str:

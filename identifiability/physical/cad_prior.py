@@ -12,6 +12,13 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.program import adjoint_inverse, cp
 from identifiability.physical.pseudo_inertia import BASIS, BOUNDARY, check_body, to_matrix
 
+#: Weights [σ²] among which the error on unseen motion chooses by default, the strongest first. Both
+#: are weak: at 10 a body three times as heavy as the file's costs what a 3 σ deviation does.
+WEIGHTS = (10.0, 1.0, 0.0)
+
+#: The one where nothing chooses.
+WEAK = 1.0
+
 #: Least mean square of a nominal body's thickness, as a share of that of its size.
 THIN = 1e-3
 

@@ -11,10 +11,11 @@ from identifiability.estimation.estimator import settle_signs
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.cad_prior import CadPrior, nominal_cones
+from identifiability.physical.cad_prior import WEIGHTS, CadPrior
 from identifiability.physical.certify import Certificate, certify
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import FittedModel, physical_set
+from identifiability.physical.nominal_bodies import draw_bodies
 from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BodyCheck, check_body
 from identifiability.regression.reduction import Rung
@@ -123,38 +124,18 @@ def stated_body(robot: Robot, body: str) -> Array:
     return np.array([robot.nominal[f"{body}.{kind}"] for kind in INERTIAL])
 
 
-def _cad_prior(structure: Structure, weight: float) -> CadPrior | None:
-    """Return the prior of the robot file, whose bodies must be possible and no points."""
-    if not weight:
-        return None
-    robot = structure.robot
-    if len(structure.bodies) > len(robot.bodies):
-        raise IdentifiabilityError(
-            "A prior around the robot file knows no payload; leave the effect payload out of the "
-            "model (the last body has it), or the prior."
-        )
-    check_nominal(robot)
-    prior = CadPrior(structure.nominal, weight)
-    try:
-        nominal_cones(physical_set(structure), prior)
-    except ValueError as error:
-        raise IdentifiabilityError(f"{robot.path}: {error}") from None
-    return prior
-
-
-def assess_feasibility(model: FittedModel, cad_weight: float = 0.0) -> PhysicalResult:
-    """Say whether a real robot has the estimated parameters, and find the nearest that has.
+def assess_feasibility(
+    model: FittedModel, cad_weight: float | None = None
+) -> tuple[PhysicalResult, ...]:
+    """Say whether a real robot has the estimated parameters, and find the nearest that have.
 
     Parameters
     ----------
     model : FittedModel
-    cad_weight : float
-        Weight of a log-det prior around the bodies of the robot file, in σ² of the residual.
-
-    Raises
-    ------
-    IdentifiabilityError
-        If the robot file states a body that cannot be a prior, with its name.
+    cad_weight : float, optional
+        Weight of a log-det prior around the bodies of the robot file, in σ² of the residual. By
+        default there is one result for each of `cad_prior.WEIGHTS`, the strongest first, and the
+        error on unseen motion chooses.
     """
     certificate = None
     sentence = "The motion leaves parameters of the model undetermined."
@@ -165,23 +146,31 @@ def assess_feasibility(model: FittedModel, cad_weight: float = 0.0) -> PhysicalR
             sentence = certificate.sentence(model.rung.columns)
     except ValueError as error:
         sentence = f"Whether a real robot has these values was not decided: {error}"
-    found = find_nearest(model, cad_weight)
-    return replace(found, certificate=certificate, sentence=sentence + found.sentence)
+    return tuple(
+        replace(found, certificate=certificate, sentence=sentence + found.sentence)
+        for found in find_nearest(model, cad_weight)
+    )
 
 
-def find_nearest(model: FittedModel, cad_weight: float = 0.0) -> PhysicalResult:
-    """Find the nearest real robot, without asking whether it is the estimate itself.
+def find_nearest(model: FittedModel, cad_weight: float | None = None) -> tuple[PhysicalResult, ...]:
+    """Find the nearest real robots, without asking whether one is the estimate itself.
 
-    Cross-validation needs its torque alone. Parameters and errors as in `assess_feasibility`.
+    Cross-validation needs their torque alone. Parameters as in `assess_feasibility`.
     """
+    weights = WEIGHTS if cad_weight is None else (cad_weight,)
+    return tuple(_find_nearest(model, weight) for weight in weights)
+
+
+def _find_nearest(model: FittedModel, cad_weight: float) -> PhysicalResult:
     structure = model.structure
     region = physical_set(structure)
     found = _no_answer(region, model.rung, cad_weight)
+    bodies = draw_bodies(structure)
     try:
         nearest = Projection(
             model.region,
             reference=_possible(structure.nominal, region),
-            prior=_cad_prior(structure, cad_weight),
+            prior=CadPrior(bodies.phi, cad_weight) if cad_weight and bodies.titles else None,
             held=model.held,
         ).solve(model.data.beside(*model.left_out))
     except ValueError as error:
@@ -193,6 +182,8 @@ def find_nearest(model: FittedModel, cad_weight: float = 0.0) -> PhysicalResult:
     if not nearest.accurate:
         reach = f"within {nearest.gap:.2g} σ² of the optimum"
         sentence = f" The nearest real robot is {reach}.{sentence}"
+    if cad_weight and bodies.sentence:
+        sentence = f"{sentence} {bodies.sentence}"
     value = model.to_x @ nearest.phi
     return replace(
         found, nearest=nearest, value=value, base=base[0], in_file=base[1], sentence=sentence

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from identifiability.physical.cad_prior import thick_inertia
-from identifiability.physical.feasibility import stated_body
+from identifiability.foundation.errors import listing
+from identifiability.physical.cad_prior import WEAK
 from identifiability.robot import Robot
 
 #: Times the robot file's total mass beyond which another one is spoken of.
@@ -28,21 +28,65 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
     stated = total_mass(robot, robot.nominal)
     if not mass > HEAVY * stated > 0:
         return ""
-    remedy = f"analyze and prune with --cad-prior {10 * cad_weight or 1:g} keep it near the file"
-    if any(".payload_" in name for name in parameters):
-        remedy = f"leave the effect payload out (the last body has it); then {remedy}"
-    if not _can_pull(robot):
-        remedy = f"correct the bodies of the robot file that cannot exist; then {remedy}"
+    remedy = f"--cad-prior {10 * cad_weight or WEAK:g} keeps it nearer to the file"
+    why = f"the logs do not determine every mass; {remedy}"
+    if cad_weight:
+        why = (
+            "the logs contradict the file where they are not silent; look whether a mass of the "
+            f"file, a unit or a torque scale is wrong, or {remedy}"
+        )
     return (
-        f"The nearest real robot weighs {mass:.4g} kg, that of the robot file {stated:.4g} kg: the "
-        f"logs do not determine every mass; {remedy}."
+        f"The nearest real robot weighs {mass:.4g} kg, that of the robot file {stated:.4g} kg: "
+        f"{why}."
     )
+
+
+def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Return of each body and of all its mass and the robot file's [kg].
+
+    Parameters
+    ----------
+    robot : Robot
+    parameters : mapping
+        Standard parameters by name; empty where no real robot was found.
+    """
+    return [
+        {
+            "body": body,
+            "mass": sum(parameters[n] for n in _masses(body) if n in parameters),
+            "mass_file": float(robot.nominal.get(f"{body}.m", 0.0)),
+        }
+        for body in robot.bodies
+        if any(n in parameters for n in _masses(body))
+    ]
+
+
+def state_masses(robot: Robot, parameters: Mapping[str, float]) -> str:
+    """Return in one line what a real robot and its bodies weigh beside the robot file's.
+
+    Parameters
+    ----------
+    robot : Robot
+    parameters : mapping
+        Standard parameters by name; the line is empty without masses.
+    """
+    rows = mass_rows(robot, parameters)
+    if not rows:
+        return ""
+    text = (
+        f"The nearest real robot weighs {total_mass(robot, parameters):.4g} kg, that of the robot "
+        f"file {total_mass(robot, robot.nominal):.4g} kg"
+    )
+    far = [r for r in rows if not r["mass_file"] / HEAVY <= r["mass"] <= HEAVY * r["mass_file"]]
+    if not far:
+        return f"{text}; every body is within a factor {HEAVY:g} of the file's."
+    each = [f"{r['body']} {r['mass']:.3g} for {r['mass_file']:.3g} kg" for r in far]
+    return f"{text}; far from the file's are {listing(each, 4)}."
 
 
 def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
     """Return the mass of all moving bodies with their payloads [kg]."""
-    kinds = ("m", "payload_m")
-    return float(sum(parameters.get(f"{b}.{kind}", 0.0) for b in robot.bodies for kind in kinds))
+    return float(sum(parameters.get(name, 0.0) for b in robot.bodies for name in _masses(b)))
 
 
 def real_robot_dict(
@@ -73,17 +117,12 @@ def real_robot_dict(
         "file": "mjcf" if robot.mjcf else "urdf",
         "mass": total_mass(robot, parameters) if parameters else None,
         "mass_file": total_mass(robot, robot.nominal),
+        "masses": mass_rows(robot, parameters),
         "cad_prior": cad_weight,
         "shapes": dict(shapes),
         "parameters": dict(parameters),
     }
 
 
-def _can_pull(robot: Robot) -> bool:
-    """Whether a prior around the bodies of the robot file is possible."""
-    try:
-        for body in robot.bodies:
-            thick_inertia(stated_body(robot, body), body)
-    except ValueError:
-        return False
-    return True
+def _masses(body: str) -> tuple[str, str]:
+    return f"{body}.m", f"{body}.payload_m"

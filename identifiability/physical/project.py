@@ -11,6 +11,7 @@ Two things keep the optimum right: R is factored, never squared, and the columns
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
-from identifiability.physical.cad_prior import CadPrior, divergence, prior_gap
+from identifiability.physical.cad_prior import CadPrior, divergence, nominal_cones, prior_gap
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Held, Plane
 from identifiability.physical.least_squares import LeastSquares
@@ -32,6 +33,7 @@ from identifiability.physical.program import (
     semidefinite,
     solve_program,
 )
+from identifiability.physical.pulled import pull
 
 #: Smallest dimensionless eigenvalue of a body in the answer: simulators refuse singular inertia.
 MARGIN = 1e-6
@@ -89,6 +91,44 @@ class _Scaled:
     plane: Plane
 
 
+class _Program:
+    """The program as a general solver knows it, compiled once."""
+
+    def __init__(
+        self, region: PhysicalSet, margin: float, prior: CadPrior | None, held: Held
+    ) -> None:
+        # The unknown is the step from the unconstrained optimum, so that the solver's accuracy is
+        # relative to what feasibility changes, not to the data.
+        p = region.size
+        self._step, self._free = cp.Variable(p), cp.Parameter(p)
+        self._factor = cp.Parameter(p * (p + 1) // 2)  # no zeros below the diagonal
+        self._normal = cp.Parameter(held.rows.shape) if len(held.rows) else None
+        x = self._step + self._free
+        self._signs = region.scaled_rows @ x >= region.least_with(margin)
+        bodies = [above(map_, x, margin) for map_ in region.cones]
+        self._inside = [above(map_, x, margin) for map_ in region.ellipsoids]
+        cost = cp.sum_squares(cp.vec_to_upper_tri(self._factor) @ self._step)
+        if prior is not None:
+            cost = cost + prior.weight * divergence(region, prior, x)
+        fixed = [] if self._normal is None else [self._normal @ self._step == 0]
+        self._problem = cp.Problem(cp.Minimize(cost), [self._signs, *bodies, *self._inside, *fixed])
+
+    def solve(self, scaled: _Scaled, free: Array) -> tuple[Array, Array, Array, str]:
+        """Return the optimum (p,), multipliers of rows (m,) and ellipsoids (e, 16), the status."""
+        self._factor.value, self._free.value = scaled.factor[np.triu_indices(free.size)], free
+        if self._normal is not None:
+            self._normal.value = scaled.plane.normal.T
+        status = solve_program(self._problem)
+        if self._step.value is None or self._signs.dual_value is None:
+            raise ValueError(
+                f"projection: the solver found no answer ({status}); expected one, since every "
+                f"body has room; {ADVICE}."
+            )
+        y = np.maximum(self._signs.dual_value, 0.0)
+        duals = np.array([c.dual_value.ravel() for c in self._inside]).reshape(-1, 16)
+        return scaled.plane.project(free + self._step.value), y, semidefinite(duals), status
+
+
 class Projection:
     """A compiled program: solve it for as many data sets as there are, one at a time.
 
@@ -124,21 +164,13 @@ class Projection:
         self.region, self.margin, self.prior = region, margin, prior
         self.reference = np.zeros(p) if reference is None else reference
         self.held = Held.none(p) if held is None else held
-        # The unknown is the step from the unconstrained optimum, so that the solver's accuracy is
-        # relative to what feasibility changes, not to the data.
-        self._step, self._free = cp.Variable(p), cp.Parameter(p)
-        self._factor = cp.Parameter(p * (p + 1) // 2)  # no zeros below the diagonal
-        self._normal = cp.Parameter(self.held.rows.shape) if len(self.held.rows) else None
-        x = self._step + self._free
         self._rows, self._least = region.scaled_rows, region.least_with(margin)
-        self._signs = self._rows @ x >= self._least
-        bodies = [above(map_, x, margin) for map_ in region.cones]
-        self._inside = [above(map_, x, margin) for map_ in region.ellipsoids]
-        cost = cp.sum_squares(cp.vec_to_upper_tri(self._factor) @ self._step)
         if prior is not None:
-            cost = cost + prior.weight * divergence(region, prior, x)
-        fixed = [] if self._normal is None else [self._normal @ self._step == 0]
-        self._problem = cp.Problem(cp.Minimize(cost), [self._signs, *bodies, *self._inside, *fixed])
+            nominal_cones(region, prior)  # raises
+
+    @cached_property
+    def _program(self) -> _Program:
+        return _Program(self.region, self.margin, self.prior, self.held)
 
     def solve(self, data: LeastSquares) -> FeasibleEstimate:
         """Project one data set.
@@ -157,21 +189,14 @@ class Projection:
             scaled = self._scale(data)
             free = scaled.plane.solve(scaled.factor, scaled.target)
             if self.prior is None and self._holds(free):
-                none = np.zeros((len(self._inside), 16))
-                return self._read(data, scaled, free, np.zeros(self._signs.shape), none, "optimal")
-            self._factor.value, self._free.value = scaled.factor[np.triu_indices(free.size)], free
-            if self._normal is not None:
-                self._normal.value = scaled.plane.normal.T
-            status = solve_program(self._problem)
-            if self._step.value is None or self._signs.dual_value is None:
-                raise ValueError(
-                    f"projection: the solver found no answer ({status}); expected one, since every "
-                    f"body has room; {ADVICE}."
-                )
-            y = np.maximum(self._signs.dual_value, 0.0)
-            x = scaled.plane.project(free + self._step.value)
-            duals = np.array([c.dual_value.ravel() for c in self._inside]).reshape(-1, 16)
-            return self._read(data, scaled, x, y, semidefinite(duals), status)
+                none = np.zeros(len(self._least)), np.zeros((len(self.region.ellipsoids), 16))
+                return self._read(data, scaled, free, *none, "optimal")
+            if self.prior is not None and not len(self.region.ellipsoids):
+                lines = self._rows, self._least
+                pulled = pull(self.region, self.prior, lines, scaled.factor, free, scaled.plane)
+                if pulled is not None and self._holds(pulled[0]):
+                    return self._read(data, scaled, *pulled, np.zeros((0, 16)), "optimal")
+            return self._read(data, scaled, *self._program.solve(scaled, free))
 
     def _scale(self, data: LeastSquares) -> _Scaled:
         norms = np.linalg.norm(data.R, axis=0)

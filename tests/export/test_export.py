@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze
 from identifiability.cli import app
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
@@ -44,9 +45,17 @@ def test_every_exported_body_is_real(exported):
 
 def test_the_feasible_estimate_is_near_the_data_and_the_file(exported):
     result, _ = exported
-    for model in result.models:
+    for model in result.models[1:]:
         assert model.physical.nearest.excess < 30  # in σ² of thousands of rows
         assert model.physical.region.contains(model.physical.nearest.phi)
+    # In the unpruned model the robot that made the log has no prior against it, and is beaten.
+    full = result.models[0]
+    reduced = full.rung.reduce(result.information)
+    fitted = FittedModel(result.structure, full.rung, result.information, reduced, full.estimate)
+    data = fitted.data.beside(*fitted.left_out)
+    true = float(data.rss(result.structure.nominal) - data.rss_min) / data.unit**2
+    assert full.physical.nearest.excess < true
+    assert full.physical.region.contains(full.physical.nearest.phi)
     assert result.structure.nominal.shape == (85,)
 
 

@@ -1,4 +1,4 @@
-"""A real robot far heavier than the file's is told of first, with a remedy that works."""
+"""A real robot weighs about what its file says; a far heavier one is told of, with a remedy."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 from identifiability import Robot, analyze, prune
 from identifiability.cli import app
-from identifiability.physical.mass import state_mass, total_mass
+from identifiability.physical.mass import state_mass, state_masses, total_mass
 from identifiability.regression.reduction import LadderEntry, RungEntry
 
 FULL = LadderEntry(models=[RungEntry(name="full")])
@@ -17,17 +17,32 @@ def log(simulated_session):
     return simulated_session("3-rps", "601", 0)
 
 
-def test_a_heavy_robot_is_told_of_and_the_remedy_works(log, tmp_path):
+def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(log, tmp_path):
     result = analyze("3-rps", log, ladder=FULL, replicates=50)
+    found = result.chosen.physical.parameters()
+    assert 25.248 / 3 < total_mass(result.robot, found) < 3 * 25.248
+    assert "weighs" not in result.statement
+    line = result.mass_statement
+    assert line.startswith(f"The nearest real robot weighs {total_mass(result.robot, found):.4g} ")
+    assert "that of the robot file 25.25 kg" in line
+    rows = result.to_dict()["physical"]["masses"]
+    assert [row["body"] for row in rows] == list(result.robot.bodies)
+    assert [row["mass"] for row in rows] == [found[f"{b}.m"] for b in result.robot.bodies]
+    assert sum(row["mass_file"] for row in rows) == pytest.approx(25.248, rel=1e-3)
+
+
+def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, tmp_path):
+    result = analyze("3-rps", log, ladder=FULL, replicates=50, cad_weight=0.0)
     mass = total_mass(result.robot, result.chosen.physical.parameters())
     assert mass > 3 * 25.248
     path = result.to_json(tmp_path / "result.json")
     run = CliRunner().invoke(app, ["export", "3-rps", str(path), "--out", str(tmp_path / "x.xml")])
     first = run.output.splitlines()[0]
     assert first.startswith(f"The nearest real robot weighs {mass:.4g} kg, that of the robot file ")
-    assert first.endswith("analyze and prune with --cad-prior 1 keep it near the file.")
+    assert first.endswith("--cad-prior 1 keeps it nearer to the file.")
     assert first in result.statement
     assert first in result.physical_statement
+    assert "far from the file's are" in result.mass_statement
     light = analyze("3-rps", log, ladder=FULL, replicates=50, cad_weight=1.0)
     assert "weighs" not in light.statement
     assert total_mass(light.robot, light.chosen.physical.parameters()) < 3 * 25.248
@@ -46,16 +61,17 @@ def test_three_times_the_file_is_the_limit():
     assert not state_mass(robot, values)
     assert not state_mass(robot, values | {"link1.m": 4.0 + 12.99})
     assert "weighs 19.51 kg" in state_mass(robot, values | {"link1.m": 4.0 + 13.01})
-    assert "--cad-prior 20" in state_mass(robot, values | {"link1.m": 40.0}, 2.0)
+    pulled = state_mass(robot, values | {"link1.m": 40.0}, 2.0)
+    assert "the logs contradict the file" in pulled
+    assert "--cad-prior 20" in pulled
 
 
-def test_the_remedy_says_what_stands_in_its_way(tmp_path):
-    shipped = Robot.load("six-dof-arm")
-    wrong = tmp_path / "wrong.urdf"
-    wrong.write_text(shipped.path.read_text().replace('izz="0.286"', 'izz="9.9"'))
-    advice = state_mass(Robot.load(wrong, shipped.sidecar), {"link_1.m": 1000.0})
-    assert "correct the bodies of the robot file that cannot exist; then" in advice
+def test_a_load_weighs_with_its_body_and_far_bodies_are_named():
     robot = Robot.load("two-link")
     carried = dict(robot.nominal) | {"link2.payload_m": 100.0}
-    assert "leave the effect payload out" in state_mass(robot, carried)
     assert np.isclose(total_mass(robot, carried), 106.5)
+    assert "link2 102 for 2.5 kg" in state_masses(robot, carried)
+    near = state_masses(robot, dict(robot.nominal) | {"link2.m": 2.5 * 2.99})
+    assert near.endswith("every body is within a factor 3 of the file's.")
+    assert "link1 1.3 for 4 kg" in state_masses(robot, dict(robot.nominal) | {"link1.m": 1.3})
+    assert not state_masses(robot, {"elbow.Fv": 1.0})

@@ -17,9 +17,10 @@ from identifiability.workflows.analyze.form_belief import form_belief
 EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
 
 
-def fit(simulated, **rung):
+def fit(simulated, cad_weight=0.0, **rung):
     entry = LadderEntry(models=[RungEntry(name="reduced", effects=EFFECTS, **rung)])
-    return analyze("two-link", simulated("two-link", "a", 0), ladder=entry, replicates=0)
+    log = simulated("two-link", "a", 0)
+    return analyze("two-link", log, ladder=entry, replicates=0, cad_weight=cad_weight)
 
 
 def base_values(result):
@@ -40,6 +41,14 @@ def test_what_a_rung_holds_is_held_in_the_nearest_real_robot(simulated):
     result = fit(simulated, hold={"elbow.Ia": 0.05, "link1.mx": 2.0})
     assert result.models[-1].physical.parameters()["elbow.Ia"] == 0.05
     assert base_values(result)["link1.mx"] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_a_prior_hardly_moves_what_a_rung_holds_or_ties(simulated):
+    result = fit(simulated, None, hold={"elbow.Ia": 0.05, "link1.mx": 2.0})
+    chosen = result.models[-1].physical
+    assert chosen.cad_weight > 0
+    assert chosen.parameters()["elbow.Ia"] == 0.05
+    assert base_values(result)["link1.mx"] == pytest.approx(2.0, abs=1e-4)
 
 
 def test_what_a_rung_ties_is_equal_in_the_nearest_real_robot(simulated):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from identifiability.foundation.linalg import RANK_TOLERANCE
-from identifiability.physical.mass import state_mass
+from identifiability.physical.mass import mass_rows, state_mass, total_mass
 from identifiability.report.blocks import Fold, Gallery, Picture, Prose, Section, Term, Terms
 from identifiability.report.figures.models import draw_conditions, draw_errors, draw_spectrum
 from identifiability.report.figures.parameters import draw_pulls
@@ -14,6 +16,7 @@ from identifiability.report.sections.facts import model_title, sigma_percents
 from identifiability.report.sections.models import pulls_from
 from identifiability.report.tables import Column, Table
 from identifiability.report.words import picture, section, sentence
+from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 
 
@@ -26,7 +29,29 @@ def section_physics(analysis: Analysis) -> Section:
     way = None
     if not chosen.feasible:
         way = Gallery((nearest_picture(analysis), cost_picture(analysis)))
-    return section("analysis.physics", way, nearest_fold(analysis), certificate=certificate)
+    blocks = (way, mass_table(analysis.robot, physical.parameters()), nearest_fold(analysis))
+    return section("analysis.physics", *blocks, certificate=certificate)
+
+
+def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
+    """Return what a real robot's bodies weigh beside the robot file's; nothing without masses.
+
+    Parameters
+    ----------
+    robot : Robot
+    parameters : mapping
+        Standard parameters by name.
+    """
+    rows = mass_rows(robot, parameters)
+    if not rows:
+        return None
+    whole = ("all", total_mass(robot, parameters), total_mass(robot, robot.nominal))
+    columns = (
+        Column("body"),
+        Column("nearest real robot [kg]", stated_text),
+        Column("robot file [kg]", stated_text),
+    )
+    return Table.of("Masses", columns, [*(tuple(row.values()) for row in rows), whole])
 
 
 def nearest_picture(analysis: Analysis) -> Picture:

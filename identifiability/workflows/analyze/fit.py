@@ -9,7 +9,7 @@ import numpy as np
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.layout import choose_folds, leave_out, take_turns
 from identifiability.estimation.least_squares import leave_open
-from identifiability.estimation.prediction import Task
+from identifiability.estimation.prediction import Prediction, Task
 from identifiability.foundation.names import Array
 from identifiability.physical.feasibility import (
     PhysicalResult,
@@ -22,16 +22,19 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
 
+#: The nearest real robots of a model, the strongest prior first.
+Candidates = tuple[PhysicalResult, ...]
+
 
 def fit_ladder(
     structure: Structure,
     rungs: Sequence[Rung],
     information: Information,
     estimator: Estimator,
-    cad_weight: float,
+    cad_weight: float | None,
     silence: str,
-) -> tuple[list[FittedModel], list[PhysicalResult]]:
-    """Return the models fitted, and what physics says of each.
+) -> tuple[list[FittedModel], list[Candidates]]:
+    """Return the models fitted, and what physics says of each (`assess_feasibility`).
 
     With `silence`, which says why there is nothing to explain, nothing is fitted.
     """
@@ -41,13 +44,17 @@ def fit_ladder(
             FittedModel(structure, rung, information, part, leave_open(part, estimator))
             for rung, part in zip(rungs, parts, strict=True)
         ]
-        return open_, [leave_undecided(structure, rung, silence) for rung in rungs]
+        return open_, [(leave_undecided(structure, rung, silence),) for rung in rungs]
     models = [FittedModel.of(structure, rung, information, estimator) for rung in rungs]
     return models, [assess_feasibility(model, cad_weight) for model in models]
 
 
 def plan_cross_validation(
-    structure: Structure, rungs: Sequence[Rung], information: Information, estimator: Estimator
+    structure: Structure,
+    rungs: Sequence[Rung],
+    information: Information,
+    estimator: Estimator,
+    cad_weight: float | None,
 ) -> Task:
     """Return how every stretch of the logs is predicted by models fitted to the others."""
     folds = choose_folds(information.log)
@@ -55,11 +62,82 @@ def plan_cross_validation(
     for fold in range(int(folds.max()) + 1):
         rest = leave_out(information, folds, fold)
         models = [FittedModel.of(structure, rung, rest, estimator) for rung in rungs]
-        values.append(base_values(models, [find_nearest(model) for model in models]))
+        values.append(base_values(models, [find_nearest(m, cad_weight) for m in models])[0])
     return Task(np.stack(values), take_turns(information, folds))
 
 
-def base_values(models: Sequence[FittedModel], physical: Sequence[PhysicalResult]) -> Array:
-    """Return the base parameters of all fits, then of all nearest real robots, (b, 2 m)."""
+def base_values(
+    models: Sequence[FittedModel], candidates: Sequence[Candidates]
+) -> tuple[Array, Array]:
+    """Return the base parameters (b, m + c m) of m fits, then of their nearest real robots.
+
+    Of these come the first of each model, then the second of each, and so on. The second array
+    (b, m + 2 c m) goes on with what robot files hold of them.
+    """
     values = [model.rung.expand(model.estimate.value) for model in models]
-    return np.stack([*values, *(p.base for p in physical)], 1)
+    robots = [p for each in zip(*candidates, strict=True) for p in each]
+    whole = np.stack([*values, *(p.base for p in robots)], 1)
+    return whole, np.column_stack([whole, *(p.in_file for p in robots)])
+
+
+def settle_robots(
+    candidates: Sequence[Candidates], held_out: Prediction, predictions: Sequence[Prediction]
+) -> tuple[list[PhysicalResult], list[Prediction]]:
+    """Return the nearest real robot to use of each model, and predictions by these alone.
+
+    Parameters
+    ----------
+    candidates : sequence of tuples of PhysicalResult
+        Of each model equally many, the strongest prior first.
+    held_out : Prediction
+        By all estimates, then as in `base_values`.
+    predictions : sequence of Prediction
+        The same, perhaps with as many more by what robot files hold of the robots.
+    """
+    chosen = settle_prior(candidates, held_out)
+    robots = [each[at] for each, at in zip(candidates, chosen, strict=True)]
+    return robots, [_keep(candidates, chosen, p) for p in predictions]
+
+
+def settle_prior(candidates: Sequence[Candidates], held_out: Prediction) -> list[int]:
+    """Return which nearest real robot of each of m models to use.
+
+    It is the one that the strongest prior drew to the robot file of those that predict unseen
+    motion as well as the best: within one standard error of the difference, over all torque and
+    over each joint's own scale.
+
+    Parameters
+    ----------
+    candidates : sequence of tuples of PhysicalResult
+        Of each model equally many, the strongest prior first.
+    held_out : Prediction
+        By all estimates, then as in `base_values`.
+    """
+    m = len(candidates)
+    chosen = []
+    for k, each in enumerate(candidates):
+        found = [c for c, robot in enumerate(each) if robot.nearest is not None] or [0]
+        several = held_out.select([m * (1 + c) + k for c in found])
+        measures = (
+            (several.relative_error(), several.standard_error),
+            (several.error_over_joints(), several.standard_error_over_joints),
+        )
+        good = np.ones(len(found), bool)
+        for error, spread in measures:
+            if np.isfinite(error).all() and len(found) > 1:
+                best = int(np.argmin(error))
+                good &= error - error[best] <= spread(best)
+        if not good.any():
+            good[np.argmin(measures[1][0])] = True
+        chosen.append(found[int(np.argmax(good))])
+    return chosen
+
+
+def _keep(
+    candidates: Sequence[Candidates], chosen: Sequence[int], prediction: Prediction
+) -> Prediction:
+    m, count = len(chosen), len(candidates[0])
+    robots = np.array([m * (1 + c) + k for k, c in enumerate(chosen)], int)
+    files = robots + m * count
+    held = files if prediction.predicted.shape[2] > m * (1 + count) else files[:0]
+    return prediction.select([*range(m), *robots, *held])

@@ -14,6 +14,7 @@ from identifiability.foundation.options import check_choice
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs.repeats import Recording
+from identifiability.physical.mass import state_masses
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource
 from identifiability.workflows.analyze.arviz import Which, build_datatree
@@ -228,3 +229,8 @@ class Analysis(Result, Opening, Predicts):
     def physical_statement(self) -> str:
         """What physics says of the selected model, in words."""
         return state_physics(self.robot, self.chosen)
+
+    @property
+    def mass_statement(self) -> str:
+        """What the nearest real robot and its bodies weigh beside the robot file's, in a line."""
+        return state_masses(self.robot, self.chosen.physical.parameters())

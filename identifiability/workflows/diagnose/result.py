@@ -17,6 +17,7 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
+from identifiability.physical.cad_prior import WEAK
 from identifiability.physical.feasibility import assess_feasibility
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.mass import real_robot_dict
@@ -205,7 +206,8 @@ def fit_physical(structure: Structure, samples: Sequence[Samples]) -> Physical:
     """
     information = gather_information(structure.regression(samples))
     rung, fit = full_rung(structure.base), estimate(information)
-    found = assess_feasibility(FittedModel(structure, rung, information, information, fit))
+    model = FittedModel(structure, rung, information, information, fit)
+    (found,) = assess_feasibility(model, WEAK)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence)
     return Physical(structure, found.parameters())
@@ -256,7 +258,8 @@ def nearest_dict(d: Findings) -> dict[str, Any]:
     regression = Regression(d.robot, d.model, d.samples)
     errors = predict(regression, phi * first[:, None]).relative_error()
     held = (float(errors[0]), float(errors[1]))
-    return real_robot_dict(d.robot, _fold(values), held, structure.shapes)
+    weight = 0.0 if d.fixed else WEAK
+    return real_robot_dict(d.robot, _fold(values), held, structure.shapes, weight)
 
 
 def _fold(values: dict[str, float]) -> dict[str, float]:

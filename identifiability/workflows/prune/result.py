@@ -13,6 +13,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
+from identifiability.physical.mass import state_masses
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -184,6 +185,11 @@ class Ladder(Result, Opening, Measured, Predicts):
             "seed": self.seed,
             "provenance": self.provenance,
         }
+
+    @property
+    def mass_statement(self) -> str:
+        """What the nearest real robot and its bodies weigh beside the robot file's, in a line."""
+        return state_masses(self.robot, self.result.physical.parameters())
 
     def write_model(self, path: str | Path) -> Path:
         """Write the chosen model as a model file (a ladder of one rung), for every other verb."""

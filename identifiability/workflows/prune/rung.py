@@ -28,6 +28,7 @@ from identifiability.workflows.analyze.assessment import (
     assess_ladder,
     forbidden_signs,
 )
+from identifiability.workflows.analyze.fit import settle_robots
 from identifiability.workflows.analyze.words import WORSE
 from identifiability.workflows.opening import Opening
 from identifiability.workflows.prune.elimination import Step, explain
@@ -168,7 +169,7 @@ def measure_rungs(
     question: Question,
     search: Search,
     chosen: int,
-    physical: PhysicalResult,
+    physical: tuple[PhysicalResult, ...],
     replicates: int,
     rng: np.random.Generator,
     engine: Engine,
@@ -182,8 +183,8 @@ def measure_rungs(
     search : Search
     chosen : int
         The step to use.
-    physical : PhysicalResult
-        Its nearest real robot.
+    physical : tuple of PhysicalResult
+        Its nearest real robots, of which one is settled on.
     replicates : int
         Of the bootstrap.
     rng : numpy.random.Generator
@@ -193,8 +194,9 @@ def measure_rungs(
     opening, steps = question.opening, search.path.steps
     models = [question.fit(s) for s in steps]
     values = np.stack([m.rung.expand(m.estimate.value) for m in models], 1)
-    pair = np.stack([values[:, chosen], physical.base, physical.in_file], 1)
-    every, two = Task(values[None], excerpt=False), Task(pair[None])
+    robots = [p.base for p in physical] + [p.in_file for p in physical]
+    own_values = np.stack([values[:, chosen], *robots], 1)
+    every, two = Task(values[None], excerpt=False), Task(own_values[None])
     crossed = _plan_unseen(question, search)
     fitted, unseen, own = predict_all(
         opening.regression, [every, crossed, two], engine=engine, progress=progress
@@ -205,9 +207,8 @@ def measure_rungs(
         held = opening.structure.regression(opening.validation)
         outside, own_held = predict_all(held, [every, two], engine=engine)
         error_held, joints_held = outside.relative_error(), outside.error_over_joints()
-    (result,) = assess_ladder(
-        [models[chosen]], [physical], own, own_held, Thresholds(), rng, replicates
-    )
+    robot, (own, own_held) = settle_robots([physical], own_held, (own, own_held))
+    (result,) = assess_ladder([models[chosen]], robot, own, own_held, Thresholds(), rng, replicates)
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
     joints, joints_unseen = fitted.error_over_joints(), unseen.error_over_joints()

@@ -87,7 +87,7 @@ def prune(
     method: Method = "wls",
     estimator: Kind = "auto",
     replicates: Replicates = 200,
-    cad_weight: NotNegative = 0.0,
+    cad_weight: NotNegative | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
@@ -122,7 +122,7 @@ def prune(
         As for `analyze`.
     replicates : int
         Resampled logs on which the pruning is repeated.
-    cad_weight : float
+    cad_weight : float, optional
         As for `analyze`: keeps the nearest real robot near the robot file.
     seed : int
         Of every random choice.
@@ -249,11 +249,11 @@ def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> N
 
 
 def _choose(
-    question: Question, search: Search, criterion: Criterion, cad_weight: float
-) -> tuple[int, PhysicalResult]:
+    question: Question, search: Search, criterion: Criterion, cad_weight: float | None
+) -> tuple[int, tuple[PhysicalResult, ...]]:
     """Return the step to use: the first as good as the best that a real robot can have."""
     steps = search.path.steps
-    asked: list[tuple[int, PhysicalResult]] = []
+    asked: list[tuple[int, tuple[PhysicalResult, ...]]] = []
     problems: list[IdentifiabilityError] = []
     good = good_steps(steps, criterion)
     sound = [k for k in good if not contradicts(question.fit(steps[k]), question.full)]
@@ -263,7 +263,7 @@ def _choose(
         except IdentifiabilityError as error:
             problems.append(error)
             continue
-        if physical.feasible:
+        if physical[0].feasible:
             return k, physical
         asked.append((k, physical))
     if not asked:

@@ -160,4 +160,4 @@ def test_more_than_three_times_the_files_mass_is_spoken_of():
     assert state_physics(ROBOT, Judged(weighs=6.0)) == "A real robot can have its values."
     heavy = state_physics(ROBOT, Judged(weighs=6.1))
     assert "weighs 6.1 kg, that of the robot file 2 kg" in heavy
-    assert "--cad-prior 1 keep it near the file" in heavy
+    assert "--cad-prior 1 keeps it nearer to the file" in heavy
