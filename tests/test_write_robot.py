@@ -55,7 +55,7 @@ def test_the_template_is_unchanged_and_the_other_format_is_refused(rps, tmp_path
     before = rps.path.read_bytes()
     write_parameters(rps, {"platform.m": 11.0}, tmp_path / "copy.xml")
     assert rps.path.read_bytes() == before
-    with pytest.raises(RobotError, match=r"asks for URDF, but .*robot\.xml is MJCF"):
+    with pytest.raises(RobotError, match=r"robot\.xml closes loops, and .* written as URDF"):
         write_parameters(rps, {}, tmp_path / "copy.urdf")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from typer import Option
@@ -16,6 +16,7 @@ def export(
     machine: options.Machine,
     result: Path,
     out: Annotated[Path, Option()],
+    form: Annotated[Literal["mjcf", "urdf", "json"] | None, Option("--format")] = None,
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file.
 
@@ -34,7 +35,10 @@ def export(
     result
         JSON that analyze, prune or diagnose wrote.
     out
-        Robot file to write: .xml (MJCF) or .urdf.
+        File to write: .xml (MJCF) or .urdf, or .json with the parameters alone.
+    form
+        What to write; default: what the ending says. From an MJCF comes a URDF as well, and
+        the other way round, without geometry; closed chains keep their own format.
     """
     with common.sentences():
         from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415
@@ -42,7 +46,7 @@ def export(
 
         common.check_outputs(out, inputs=[*machine.files, result])
         robot = machine.load()
-        exported = run(robot, result, out)
+        exported = run(robot, result, out, form)
     for line in (exported.mass, exported.statement):
         if line:
             typer.echo(line)

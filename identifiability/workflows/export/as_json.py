@@ -1,0 +1,45 @@
+"""The real robot of a result as plain JSON, for programs of one's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from identifiability.effects import FAMILIES
+from identifiability.effects.holding import complete_values
+from identifiability.foundation.names import INERTIAL_KINDS
+from identifiability.foundation.output import write_json
+from identifiability.robot import Robot
+from identifiability.workflows.export.entries import Result
+
+
+def write_parameters_json(robot: Robot, content: Result, out: Path) -> Path:
+    """Write names, values and units of the real robot, and each body as it is usually stated."""
+    physical = content.physical
+    units = {p.name: p.unit for f in FAMILIES.values() for p in f.effect.parameters(robot)}
+    whole = complete_values(robot, physical.parameters, keep=False)
+    bodies = {b: _state_body([whole[f"{b}.{kind}"] for kind in INERTIAL_KINDS])
+              for b in robot.bodies}  # fmt: skip
+    told = {
+        "schema": "identifiability/robot/1",
+        "robot": robot.identity,
+        "parameters": [
+            {"name": name, "value": value, "unit": units.get(name, "")}
+            for name, value in physical.parameters.items()
+        ],
+        "shapes": physical.shapes,
+        "bodies": bodies,
+        "error_ra": physical.error_ra,
+    }
+    return write_json(out, told)
+
+
+def _state_body(theta: list[float]) -> dict[str, object]:
+    """Return mass [kg], centre [m] and inertia about it [kg·m²], in the frame of the joint."""
+    mass, first = theta[0], np.array(theta[1:4])
+    xx, xy, yy, xz, yz, zz = theta[4:]
+    centre = first / mass
+    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    inertia = about - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    return {"mass": mass, "centre": centre, "inertia": inertia}

@@ -1,0 +1,87 @@
+"""What is exported of a result: its JSON, checked against the robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from identifiability.effects.holding import complete_values
+from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
+from identifiability.foundation.names import INERTIAL
+from identifiability.physical.pseudo_inertia import check_body
+from identifiability.robot import Robot
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+
+
+class RobotEntry(_Entry):
+    """What the result is about."""
+
+    name: str
+    locked: dict[str, float] = {}
+
+
+class PhysicalEntry(_Entry):
+    """The nearest real robot."""
+
+    parameters: dict[str, float]
+    shapes: dict[str, float] = {}
+    error_ra: float | None
+    error_ra_file: float | None
+    cad_prior: float = 0.0
+    certificate: str = ""
+    sentence: str = ""
+    reason: str = ""
+
+
+class Result(_Entry):
+    """The part of a result that is exported."""
+
+    robot: RobotEntry
+    physical: PhysicalEntry
+    nothing: str | None = None
+
+
+def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> None:
+    """Refuse a result of another robot, or one without a whole real robot.
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    given = content.physical.parameters
+    if content.robot.locked.keys() != robot.locked.keys():
+        was = ", ".join(f"{n} = {at:g}" for n, at in content.robot.locked.items()) or "nothing"
+        raise IdentifiabilityError(
+            f"{path} was made with {was} locked, and now {listing(robot.locked) or 'nothing'} is; "
+            "lock the same joints (--lock, or 'locked' in the sidecar)."
+        )
+    for name in given:
+        if name not in known:
+            raise IdentifiabilityError(
+                f"{path} is about '{content.robot.name}' and has the parameter '{name}', which "
+                f"{robot.name} does not have{near_match(name, known)} Give the robot that the "
+                "result was made with."
+            )
+    if not given:
+        entry = content.physical
+        why = entry.reason or entry.certificate or entry.sentence
+        raise IdentifiabilityError(f"{path} holds no real robot to export. {why}".rstrip())
+    missing = [body for body in robot.bodies if f"{body}.m" not in given]
+    if missing:
+        raise IdentifiabilityError(
+            f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
+            "make a result whose model has the effect rigid_body."
+        )
+    whole = complete_values(robot, given, keep=False)
+    for body in robot.bodies:
+        check = check_body(np.array([whole[f"{body}.{kind}"] for kind in INERTIAL]), body)
+        if not check.feasible:
+            raise IdentifiabilityError(
+                f"{path}: {check.reason} It was found with the other values kept: make the result "
+                "without --fixed."
+            )

@@ -1,0 +1,161 @@
+"""Write the feasible standard parameters of a result into the robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+from identifiability.effects import FAMILIES
+from identifiability.effects.nominal import reference_values
+from identifiability.foundation.documents import read_document
+from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.options import FilePath, checked
+from identifiability.foundation.output import check_ending
+from identifiability.foundation.values import frozen
+from identifiability.physical.mass import state_mass
+from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.export.as_json import write_parameters_json
+from identifiability.workflows.export.entries import PhysicalEntry, Result, check_result
+from identifiability.workflows.export.parameters import Written, write_parameters
+
+#: What is written, and the ending of its file.
+Format = Literal["mjcf", "urdf", "json"]
+ENDINGS: dict[Format, str] = {"mjcf": ".xml", "urdf": ".urdf", "json": ".json"}
+
+
+@frozen(kw_only=True)
+class Exported:
+    """What was exported.
+
+    Attributes
+    ----------
+    robot : Path
+    sidecar : Path or None
+    beside : mapping
+        What the robot file cannot hold and the sidecar does: parameters by effect.
+    error_ra, error_ra_file : float or None
+        ε_RA on the fitted logs of all that was fitted, and of what the robot file alone holds;
+        None where the torque does not vary.
+    mass : str
+        What is wrong with the total mass, and the remedy; empty if nothing is.
+    anew : bool
+        Whether it is another format than the robot's own file, and so without geometry.
+    """
+
+    robot: Path
+    sidecar: Path | None
+    beside: Mapping[str, tuple[str, ...]]
+    error_ra: float | None
+    error_ra_file: float | None
+    mass: str
+    anew: bool = False
+
+    @property
+    def statement(self) -> str:
+        """What the files hold, in words."""
+        parts = []
+        if self.beside:
+            held = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
+            stand = "it stands" if len(held) == 1 else "they stand"
+            parts.append(
+                f"{self.robot.name} cannot hold {listing(held, len(held))}: {stand} in the "
+                "sidecar, which simulators do not read."
+            )
+        if self.error_ra is not None and self.error_ra_file is not None:
+            parts.append(
+                f"On the fitted logs the real robot errs by {100 * self.error_ra:.3g} %, and what "
+                f"{self.robot.name} alone holds by {100 * self.error_ra_file:.3g} %."
+            )
+        if self.anew:
+            parts.append(
+                f"{self.robot.name} is of another format than the robot's own file: it has no "
+                "geometry, so nothing is seen and nothing collides."
+            )
+        return " ".join(parts)
+
+
+@checked
+def export(
+    robot: RobotLike, result: FilePath, out: FilePath, form: Format | None = None
+) -> Exported:
+    """Write the nearest real robot of a JSON result as a robot file, and a sidecar if it needs one.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+        The robot that the result is about.
+    result : path
+        JSON of `analyze`, `prune` or `diagnose`.
+    out : path
+        ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.json`` for the
+        parameters alone.
+    form : {"mjcf", "urdf", "json"}, optional
+        By default what the ending says.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the file is no result, one of another robot, or has no masses.
+    """
+    robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+    content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
+    if content.nothing:
+        raise IdentifiabilityError(
+            f"Nothing can be exported, because {content.nothing} ({result}); give a result of "
+            "other logs."
+        )
+    physical = content.physical
+    families = reversed(FAMILIES.values())  # of two with the same parameter the first has it
+    effect_of = {p.name: f for f in families for p in f.effect.parameters(robot)}
+    check_result(robot, Path(result), content, {*effect_of, *robot.nominal})
+    given = physical.parameters
+    loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
+    reference = reference_values(robot) if loaded else {}
+    shapes = physical.shapes
+    if _find_format(Path(out), form) == "json":
+        written = Written(write_parameters_json(robot, content, Path(out)), None, ())
+        return Exported(
+            robot=written.robot,
+            sidecar=None,
+            beside={},
+            error_ra=physical.error_ra,
+            error_ra_file=physical.error_ra,
+            mass=state_mass(robot, given, physical.cad_prior),
+        )
+    written = write_parameters(robot, given, out, keep=False, shapes=shapes, reference=reference)
+    beside: dict[str, list[str]] = {}
+    for name in written.beside:
+        if name not in effect_of and name[:-1] in written.beside:
+            continue  # one way of a level that both have
+        title = effect_of[name].title if name in effect_of else name
+        beside.setdefault(title, []).append(name)
+    anew = robot.mjcf != (written.robot.suffix.lower() == ".xml")
+    return Exported(
+        anew=anew,
+        robot=written.robot,
+        sidecar=written.sidecar,
+        beside={title: tuple(names) for title, names in beside.items()},
+        error_ra=physical.error_ra,
+        error_ra_file=_error_of_file(written, physical) if anew else physical.error_ra_file,
+        mass=state_mass(robot, given, physical.cad_prior),
+    )
+
+
+def _find_format(out: Path, form: Format | None) -> Format:
+    """Return the format that is asked for; it and the ending must agree.
+
+    Raises
+    ------
+    OutputError
+    """
+    if form is not None:
+        check_ending(out, ENDINGS[form])
+        return form
+    check_ending(out, *ENDINGS.values())
+    return next(name for name, ending in ENDINGS.items() if ending == out.suffix.lower())
+
+
+def _error_of_file(written: Written, physical: PhysicalEntry) -> float | None:
+    """Return the error of a file of another format alone; None where nobody measured it."""
+    return None if written.beside else physical.error_ra

@@ -1,0 +1,113 @@
+"""From either kind of file comes either kind, and both give the fitted parameters when read."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import analyze, simulate
+from identifiability.cli import app
+from identifiability.foundation.errors import OutputError, RobotError
+from identifiability.logs.prepare import prepare_samples
+from identifiability.robot import Robot
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.workflows.export import export, write_parameters
+
+OTHER = {"six-dof-arm": "fitted.xml", "two-link": "fitted.urdf"}
+
+
+def make_log(robot, seed=0):
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
+    return simulate(robot, motion, noise=Noise(torque=0.02), rng=np.random.default_rng(seed))
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder, found = tmp_path_factory.mktemp("results"), {}
+    for name in OTHER:
+        result = analyze(name, make_log(Robot.load(name)), replicates=0)
+        found[name] = result, result.to_json(folder / f"{name}.json")
+    return found
+
+
+@pytest.mark.parametrize("name", OTHER)
+def test_the_other_format_has_the_fitted_parameters(name, results, replayed, tmp_path):
+    result, path = results[name]
+    exported = export(name, path, tmp_path / OTHER[name])
+    copy = Robot.load(exported.robot)
+    assert copy.joints == result.robot.joints
+    assert copy.bodies == result.robot.bodies
+    for parameter, value in json.loads(path.read_text())["physical"]["parameters"].items():
+        assert copy.nominal.get(parameter, 0.0) == pytest.approx(value, rel=1e-9, abs=1e-9)
+    assert np.array_equal(copy.limits, result.robot.limits)
+    assert "no geometry" in exported.statement
+
+
+def test_simulators_read_rotors_and_friction_of_a_urdf_from_its_mjcf(results, tmp_path, replayed):
+    """MuJoCo alone reproduces the error of all that was fitted, without any sidecar."""
+    result, path = results["six-dof-arm"]
+    exported = export("six-dof-arm", path, tmp_path / "fitted.xml")
+    copy = Robot.load(exported.robot)
+    log = prepare_samples(copy, make_log(result.robot, 5))
+    own = replayed(copy, Reread(path, copy), log, tmp_path)
+    assert own.mujoco == pytest.approx(own.pinocchio, rel=1e-6)
+    assert own.mujoco == pytest.approx(own.whole, rel=0.02)
+    assert copy.nominal["joint_2.Ia"] > 0
+
+
+class Reread:
+    """A result that was written before, about the exported robot."""
+
+    def __init__(self, path, robot):
+        self.content = json.loads(path.read_text())
+        self.content["robot"] = robot.identity
+
+    def to_json(self, path):
+        path.write_text(json.dumps(self.content))
+        return path
+
+
+def test_a_urdf_says_what_it_cannot_hold(results, tmp_path):
+    exported = export("two-link", results["two-link"][1], tmp_path / "fitted.urdf")
+    assert "fitted.urdf cannot hold" in exported.statement
+    assert "shoulder.Ia" in exported.statement
+    assert exported.error_ra_file is None
+
+
+def test_parameters_alone_have_units_and_bodies(results, tmp_path):
+    words = ["export", "two-link", str(results["two-link"][1]), "--out"]
+    out = CliRunner().invoke(app, [*words, str(tmp_path / "robot.json"), "--format", "json"])
+    assert out.exit_code == 0, out.output
+    told = json.loads((tmp_path / "robot.json").read_text())
+    values = {p["name"]: p["value"] for p in told["parameters"]}
+    units = {p["name"]: p["unit"] for p in told["parameters"]}
+    body = next(iter(told["bodies"].values()))
+    assert any(body["mass"] == pytest.approx(v) for n, v in values.items() if n.endswith(".m"))
+    assert np.linalg.eigvalsh(body["inertia"]).min() > 0
+    assert set(units.values()) >= {"kg", "kg·m", "kg·m²"}
+
+
+def test_an_ending_that_is_another_format_is_refused(results, tmp_path):
+    path = results["two-link"][1]
+    with pytest.raises(OutputError):
+        export("two-link", path, tmp_path / "fitted.xml", "urdf")
+    with pytest.raises(OutputError):
+        export("two-link", path, tmp_path / "fitted.txt")
+
+
+@pytest.mark.parametrize("name", ["3-rps", "five-bar"])
+def test_closed_chains_keep_their_format(name, tmp_path):
+    robot = Robot.load(name)
+    with pytest.raises(RobotError, match="closes loops"):
+        write_parameters(robot, dict(robot.nominal), tmp_path / "fitted.urdf")
+
+
+def test_a_locked_joint_is_one_body_with_its_host(tmp_path):
+    robot = Robot.load("six-dof-arm", lock=["joint_4=0.3"])
+    write_parameters(robot, dict(robot.nominal), tmp_path / "fitted.xml")
+    copy = Robot.load(tmp_path / "fitted.xml")
+    assert copy.joints == robot.joints
+    assert not copy.locked
+    for parameter, value in robot.nominal.items():
+        assert copy.nominal[parameter] == pytest.approx(value, rel=1e-9, abs=1e-9)
