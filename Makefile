@@ -70,9 +70,9 @@ docs: $(VENV)/dev
 	  --docformat numpy --no-show-source --footer-text identifiability \
 	  --output-directory reports/docs $(MODULES)
 
-# Public robot files, 131 MB, for a test that make test leaves out.
+# Public robot files, 131 MB, and CasADi, 93 MB, for tests that make test leaves out.
 $(VENV)/robots: $(VENV)/dev
-	$(PIP) --editable '.[robots]'
+	$(PIP) --editable '.[robots,codegen]'
 	@touch $@
 
 clean:

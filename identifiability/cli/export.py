@@ -16,7 +16,9 @@ def export(
     machine: options.Machine,
     result: Path,
     out: Annotated[Path, Option()],
-    form: Annotated[Literal["mjcf", "urdf", "json"] | None, Option("--format")] = None,
+    form: Annotated[
+        Literal["mjcf", "urdf", "json", "python", "c"] | None, Option("--format")
+    ] = None,
 ) -> None:
     """Write the physically feasible parameters of a result back into the robot file.
 
@@ -35,7 +37,8 @@ def export(
     result
         JSON that analyze, prune or diagnose wrote.
     out
-        File to write: .xml (MJCF) or .urdf, or .json with the parameters alone.
+        File to write: .xml (MJCF) or .urdf, .json with the parameters alone, .py or .c with a
+        function that computes the torques (of trees; extra codegen).
     form
         What to write; default: what the ending says. From an MJCF comes a URDF as well, and
         the other way round, without geometry; closed chains keep their own format.

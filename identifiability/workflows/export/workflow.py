@@ -16,12 +16,19 @@ from identifiability.foundation.values import frozen
 from identifiability.physical.mass import state_mass
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.export.as_json import write_parameters_json
+from identifiability.workflows.export.code import write_code
 from identifiability.workflows.export.entries import PhysicalEntry, Result, check_result
 from identifiability.workflows.export.parameters import Written, write_parameters
 
 #: What is written, and the ending of its file.
-Format = Literal["mjcf", "urdf", "json"]
-ENDINGS: dict[Format, str] = {"mjcf": ".xml", "urdf": ".urdf", "json": ".json"}
+Format = Literal["mjcf", "urdf", "json", "python", "c"]
+ENDINGS: dict[Format, str] = {
+    "mjcf": ".xml",
+    "urdf": ".urdf",
+    "json": ".json",
+    "python": ".py",
+    "c": ".c",
+}
 
 
 @frozen(kw_only=True)
@@ -89,14 +96,16 @@ def export(
         JSON of `analyze`, `prune` or `diagnose`.
     out : path
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.json`` for the
-        parameters alone.
-    form : {"mjcf", "urdf", "json"}, optional
+        parameters alone; ``.py`` and ``.c`` for a function of position, velocity and acceleration
+        that returns the torque of a tree (extra ``codegen``).
+    form : {"mjcf", "urdf", "json", "python", "c"}, optional
         By default what the ending says.
 
     Raises
     ------
     IdentifiabilityError
-        If the file is no result, one of another robot, or has no masses.
+        If the file is no result, one of another robot, or has no masses; if code was asked for
+        that cannot be generated.
     """
     robot = robot if isinstance(robot, Robot) else Robot.load(robot)
     content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
@@ -113,10 +122,15 @@ def export(
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
     reference = reference_values(robot) if loaded else {}
     shapes = physical.shapes
-    if _find_format(Path(out), form) == "json":
-        written = Written(write_parameters_json(robot, content, Path(out)), None, ())
+    wanted = _find_format(Path(out), form)
+    path = None
+    if wanted == "json":
+        path = write_parameters_json(robot, content, Path(out))
+    elif wanted in ("python", "c"):
+        path = write_code(robot, given, shapes, Path(out), "c" if wanted == "c" else "python")
+    if path is not None:
         return Exported(
-            robot=written.robot,
+            robot=path,
             sidecar=None,
             beside={},
             error_ra=physical.error_ra,

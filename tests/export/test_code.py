@@ -1,0 +1,134 @@
+"""Generated code computes what the model predicts; CasADi is large, so make check-all runs this."""
+
+import ctypes
+import importlib.util
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from identifiability import Robot, analyze, simulate
+from identifiability.effects import FAMILIES
+from identifiability.foundation.errors import IdentifiabilityError, RobotError
+from identifiability.regression.base_parameters import random_motion
+from identifiability.regression.model import Model
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.workflows.export import export
+from identifiability.workflows.export.code import write_code
+from identifiability.workflows.export.symbols import CURVES
+
+TREES = ("six-dof-arm", "two-link")
+EFFECTS = ("rigid_body", "payload", *(name for name in CURVES if name != "coulomb_friction"))
+
+#: Time of a call of the six-axis arm [µs].
+FAST = 5.0
+
+MAIN = """
+#include <stdio.h>
+#include <time.h>
+int main(void) {
+    double q[6] = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6}, v[6] = {1, 1, 1, 1, 1, 1}, a[6] = {1}, tau[6];
+    double sum = 0.0;
+    clock_t start = clock();
+    for (int k = 0; k < 200000; k++) {
+        q[0] += 1e-6;
+        inverse_dynamics(q, v, a, tau);
+        sum += tau[0];
+    }
+    printf("%g %g", 5.0 * (double)(clock() - start) / CLOCKS_PER_SEC, sum);
+    return 0;
+}
+"""
+STRICT = ("cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-O2")
+
+
+def planted(name):
+    """A robot with a value of every parameter that code can hold, and torque along a motion."""
+    robot, rng = Robot.load(name), np.random.default_rng(0)
+    model = Model.of(*EFFECTS)
+    names = [p.name for p in model.parameters(robot)]
+    values = {n: robot.nominal.get(n, 0.0) + rng.uniform(0.01, 0.1) for n in names}
+    motion = random_motion(robot, rng, 100)
+    tau = model.regressor(robot, motion) @ np.array([values[n] for n in names])
+    return robot, values, model.shapes(robot), motion, tau
+
+
+def load_python(path):
+    spec = importlib.util.spec_from_file_location("generated", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("name", TREES)
+def test_generated_python_is_the_prediction(name, tmp_path):
+    robot, values, shapes, m, tau = planted(name)
+    code = load_python(write_code(robot, values, shapes, tmp_path / "code.py", "python"))
+    assert robot.joints == code.JOINTS
+    found = code.inverse_dynamics(m.actuated_q, m.actuated_v, m.actuated_a)
+    np.testing.assert_allclose(found, tau, rtol=0, atol=1e-10)
+    still = code.inverse_dynamics(m.actuated_q, 0 * m.actuated_v, 0 * m.actuated_a)
+    assert np.isfinite(still).all()
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("name", TREES)
+def test_generated_c_compiles_without_a_warning_and_is_the_prediction(name, tmp_path):
+    robot, values, shapes, m, tau = planted(name)
+    path = write_code(robot, values, shapes, tmp_path / "code.c", "c")
+    library = tmp_path / "code.so"
+    subprocess.run([*STRICT, "-shared", "-fPIC", path, "-o", library, "-lm"], check=True)
+    call = ctypes.CDLL(str(library)).inverse_dynamics
+    found = np.zeros_like(tau)
+    for k in range(len(tau)):
+        rows = (m.actuated_q[k], m.actuated_v[k], m.actuated_a[k], found[k])
+        call(*(row.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for row in rows))
+    np.testing.assert_allclose(found, tau, rtol=0, atol=1e-10)
+
+
+@pytest.mark.everything
+def test_generated_c_is_fast(tmp_path):
+    robot, values, shapes, *_ = planted("six-dof-arm")
+    path = write_code(robot, values, shapes, tmp_path / "code.c", "c")
+    path.write_text(path.read_text() + MAIN)
+    subprocess.run([*STRICT, path, "-o", tmp_path / "timed", "-lm"], check=True)
+    out = subprocess.run([tmp_path / "timed"], check=True, capture_output=True, text=True)
+    assert float(out.stdout.split()[0]) < FAST
+
+
+@pytest.mark.everything
+def test_a_result_becomes_code_that_predicts_as_its_real_robot(tmp_path):
+    robot = Robot.load("two-link")
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
+    log = simulate(robot, motion, noise=Noise(torque=0.02), rng=np.random.default_rng(0))
+    result = analyze(robot, log, replicates=0)
+    path = result.to_json(tmp_path / "result.json")
+    code = load_python(export(robot, path, tmp_path / "code.py").robot)
+    phi = json.loads(path.read_text())["physical"]["parameters"]
+    m = random_motion(robot, np.random.default_rng(1), 50)
+    model = Model.of(*result.effects)
+    tau = model.regressor(robot, m) @ np.array([phi[p.name] for p in model.parameters(robot)])
+    found = code.inverse_dynamics(m.actuated_q, m.actuated_v, m.actuated_a)
+    np.testing.assert_allclose(found, tau, rtol=0, atol=1e-10)
+
+
+@pytest.mark.everything
+def test_what_has_no_code_is_refused_by_name(tmp_path):
+    robot = Robot.load("two-link")
+    family = FAMILIES["load_dependent_friction"]
+    (name, *_) = (p.name for p in family.effect.parameters(robot))
+    with pytest.raises(IdentifiabilityError, match="load_dependent_friction"):
+        write_code(robot, {name: 1.0}, {}, tmp_path / "code.py", "python")
+    with pytest.raises(RobotError, match="closed chain"):
+        write_code(Robot.load("3-rps"), {}, {}, tmp_path / "code.c", "c")
+
+
+def test_without_casadi_the_line_that_installs_it_is_said(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    robot = Robot.load("two-link")
+    with pytest.raises(IdentifiabilityError, match=r"pip install 'identifiability\[codegen\]'"):
+        write_code(robot, dict(robot.nominal), {}, tmp_path / "code.c", "c")
+    assert not (tmp_path / "code.c").exists()
