@@ -75,7 +75,8 @@ def _find_place(part: Part, robot: Robot) -> Part:
         return part
     if not isinstance(effect, AlongAxes) or type(effect).fill is not AlongAxes.fill:
         return part
-    return Part(Elsewhere(effect, part.owner), part.owner, part.kinds)
+    other = Elsewhere(effect, part.owner)
+    return Part(other, part.owner, part.kinds) if other.axes(robot) else part
 
 
 class Placed(Effect):
