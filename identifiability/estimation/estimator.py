@@ -7,6 +7,7 @@ in `estimate.ESTIMATORS` or a call of `register_estimator`.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -17,6 +18,9 @@ from identifiability.regression.information import Information
 
 #: Factor of the paper's rule: σ% below 10 × the smallest σ% [Khalil 2002, Díaz 2010].
 PAPER_FACTOR = 10.0
+
+#: A parameter leans on directions that make this share of its variance.
+TOUCHED = 0.1
 
 #: A value that makes less than this share of the torque is zero up to rounding.
 NOTHING = 1e-9
@@ -75,6 +79,22 @@ class Correction:
     least_squares: Array
     weak: int
     touched: tuple[str, ...]
+
+    @classmethod
+    def of(cls, plain: Estimate, directions: Array, weak: np.ndarray) -> Correction:
+        """Return what is mended of least squares in all but the weak directions.
+
+        Parameters
+        ----------
+        plain : Estimate
+            By least squares, of which k columns are kept.
+        directions : (k, k)
+            Of unit information, one a column.
+        weak : (k,) bool
+        """
+        share = (directions[:, weak] ** 2).sum(1) / (directions**2).sum(1)
+        touched = tuple(plain.columns[plain.kept[j]] for j in np.flatnonzero(share > TOUCHED))
+        return cls(plain.value, int(weak.sum()), touched)
 
 
 @frozen
@@ -155,6 +175,42 @@ class Estimate:
         least = percent.min(initial=np.inf)
         passed: np.ndarray = percent < PAPER_FACTOR * least
         return passed if np.isfinite(least) else np.zeros(len(percent), bool)
+
+
+def correct(
+    plain: Estimate,
+    estimator: Estimator,
+    value: Array,
+    covariance: Array,
+    rss: Array,
+    mended: Correction,
+) -> Estimate:
+    """Return an estimate by least squares with other values of its k kept columns.
+
+    Parameters
+    ----------
+    plain : Estimate
+    estimator : Estimator
+        What made them.
+    value : (k,)
+    covariance : (k, k)
+    rss : (n,)
+        What they leave.
+    mended : Correction
+    """
+    kept, values, spread = list(plain.kept), plain.value.copy(), plain.covariance.copy()
+    values[kept], spread[np.ix_(kept, kept)] = value, covariance
+    both = np.logical_and.outer(plain.determined, plain.determined)
+    samples = (plain.dof + len(kept)) / len(plain.rss)
+    return replace(
+        plain,
+        value=values,
+        covariance=np.where(both, spread, plain.covariance),
+        rss=rss,
+        variance=plain.variance + np.maximum(rss - plain.rss, 0.0) / samples,
+        estimator=estimator,
+        correction=mended,
+    )
 
 
 def settle_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:

@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from identifiability.estimation.estimator import Correction, Estimate
+from identifiability.estimation.estimator import Correction, Estimate, correct
 from identifiability.estimation.least_squares import (
     OrdinaryLeastSquares,
     WeightedLeastSquares,
@@ -40,9 +40,6 @@ STRONG, ENOUGH = 0.9, 104.7
 
 #: Instruments are told apart down to this share of their columns' length.
 APART = 1e-8
-
-#: A parameter is touched by weak directions that make this share of its variance.
-TOUCHED = 0.1
 
 
 @frozen
@@ -119,23 +116,11 @@ class InstrumentalVariables:
         found = _solve(part, plain.weights, self.record, plain.value[kept])
         S = part.basis
         rss = np.maximum(part.squares(S @ np.append(-found.value, 1.0)), 0.0)
-        value, covariance = plain.value.copy(), np.zeros_like(plain.covariance)
-        value[kept] = found.value
         scale = noise_scale(part, plain.weights, plain.times, rss)
-        covariance[np.ix_(kept, kept)] = _white_covariance(part, found, plain, scale)
-        both = np.logical_and.outer(plain.determined, plain.determined)
-        spread = found.B**2 * (scale * found.length**2 + found.bias(scale))
-        share = spread[:, found.weak].sum(1) / spread.sum(1)
-        touched = tuple(part.columns[j] for j in np.flatnonzero(share > TOUCHED))
-        return replace(
-            plain,
-            value=value,
-            covariance=np.where(both, covariance, plain.covariance),
-            rss=rss,
-            variance=plain.variance + np.maximum(rss - plain.rss, 0.0) / part.samples,
-            estimator=self,
-            correction=Correction(plain.value, int(found.weak.sum()), touched),
-        )
+        covariance = _white_covariance(part, found, plain, scale)
+        directions = found.B * np.sqrt(scale * found.length**2 + found.bias(scale))
+        mended = Correction.of(plain, directions, found.weak)
+        return correct(plain, self, found.value, covariance, rss, mended)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
         """Return the values of the same instruments for weighted sums of blocks, (R, k)."""

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from identifiability.estimation.estimator import Correction, Estimate
+from identifiability.estimation.estimator import Correction, Estimate, correct
 from identifiability.estimation.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
@@ -23,9 +23,6 @@ from identifiability.regression.information import Information
 #: Directions of which noise leaves less than this share stay with least squares: what is known of
 #: the noise is not enough to multiply them by more.
 LEFT = 0.5
-
-#: A parameter is touched by such directions if they make this share of its variance.
-TOUCHED = 0.1
 
 
 @frozen
@@ -57,27 +54,15 @@ class RenoisedLeastSquares:
         if information.echo is None or not kept:
             return plain
         part = information.select(kept)
-        B, spread, weak = _shrinkage(part, plain.weights)
-        value, covariance = plain.value.copy(), plain.covariance.copy()
-        value[kept] = np.linalg.solve(B, plain.value[kept])
-        at, H = np.ix_(kept, kept), np.linalg.inv(B)
+        B, directions, weak = _shrinkage(part, plain.weights)
+        value, H = np.linalg.solve(B, plain.value[kept]), np.linalg.inv(B)
+        own = plain.covariance[np.ix_(kept, kept)]
         # Of what is determined alone; the rest has no variance.
-        finite = np.where(np.isfinite(plain.covariance[at]), plain.covariance[at], 0.0)
-        both = np.logical_and.outer(plain.determined, plain.determined)
-        covariance[at] = H @ finite @ H.T
+        covariance = H @ np.where(np.isfinite(own), own, 0.0) @ H.T
         S = part.basis
-        rss = np.maximum(part.squares(S @ np.append(-value[kept], 1.0)), 0.0)
-        share = (spread[:, weak] ** 2).sum(1) / (spread**2).sum(1)
-        touched = tuple(part.columns[j] for j in np.flatnonzero(share > TOUCHED))
-        return replace(
-            plain,
-            value=value,
-            covariance=np.where(both, covariance, plain.covariance),
-            rss=rss,
-            variance=plain.variance + np.maximum(rss - plain.rss, 0.0) / part.samples,
-            estimator=self,
-            correction=Correction(plain.value, int(weak.sum()), touched),
-        )
+        rss = np.maximum(part.squares(S @ np.append(-value, 1.0)), 0.0)
+        mended = Correction.of(plain, directions, weak)
+        return correct(plain, self, value, covariance, rss, mended)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
         """Return the corrected values for weighted sums of blocks, (R, k)."""

@@ -8,22 +8,20 @@ anew, filtered, differentiated and carried through the loops as the log's own wa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
-from identifiability.logs.prepare.instruments import put
+from identifiability.logs.prepare.closing import complete_along
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.prepare.preparation import Preparation, make_plan
 from identifiability.logs.prepare.samples import Samples
-from identifiability.logs.prepare.white_noise import ORDER, noise_level, resolution
+from identifiability.logs.prepare.white_noise import ORDER, lowest_cutoff, noise_level, resolution
 from identifiability.logs.stale import StaleRule
-from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.robot import Robot
 
 #: So few samples do not tell noise from the motion.
 SHORT = 4 * ORDER
@@ -36,9 +34,6 @@ EXPLAINED = 1.03
 
 #: The cut-off of the smoothed motion is found within this factor.
 WIDER = 1.1
-
-#: Loops may stay open along the new motions at this share of the samples.
-OPEN = 0.02
 
 
 def noise_share(robot: Robot, log: Log, cutoff: float | None, seed: int = 0) -> float:
@@ -85,12 +80,12 @@ def add_echoes(robot: Robot, log: Log, samples: Samples, seed: int = 0) -> Sampl
     plan = make_plan(robot, log, Preparation(derivatives="butterworth", cutoff=samples.cutoff))
     log = joint_log(robot, plan.mend(log))
     smooth, drawn = _draw(log, plan, np.random.default_rng(seed))
-    first = _complete(robot, samples, plan.derive(smooth))
+    first = complete_along(robot, samples.motion, plan.derive(smooth))
     if first is None:
         return None
     echoes = []
     for noisy in drawn:
-        other = _complete(robot, samples, plan.derive(noisy), instead=first)
+        other = complete_along(robot, samples.motion, plan.derive(noisy), first)
         if other is None:
             return None
         echoes.append(replace(samples, motion=first, instrument=other, notes=()))
@@ -127,32 +122,10 @@ def _draw(log: Log, plan: Plan, rng: np.random.Generator) -> tuple[Log, tuple[Lo
 
 def _smooth(x: Array, noise: Array, dt: float, highest: float) -> Array:
     """Return the motion low-passed as much as noise allows, and no more than its derivatives."""
-    low, high = 1.0 / (dt * len(x)), highest
-    while high > WIDER * low:
-        middle = float(np.sqrt(low * high))
-        left = np.sqrt(np.mean((x - signals.lowpass(x, dt, middle)) ** 2, axis=0))
-        share = np.sqrt(max(1.0 - 2.0 * middle * dt, 0.0))
-        if np.all(left <= EXPLAINED * share * noise + 1e-6 * x.std(0)):
-            high = middle
-        else:
-            low = middle
-    return signals.lowpass(x, dt, high)
 
+    def is_noise(cutoff: float) -> bool:
+        left = np.sqrt(np.mean((x - signals.lowpass(x, dt, cutoff)) ** 2, axis=0))
+        share = np.sqrt(max(1.0 - 2.0 * cutoff * dt, 0.0))
+        return bool(np.all(left <= EXPLAINED * share * noise + 1e-6 * x.std(0)))
 
-def _complete(
-    robot: Robot, samples: Samples, motion: Sequence[Array], instead: Motion | None = None
-) -> Motion | None:
-    """Return the motion of all joints at the samples; None if too few loops close.
-
-    Where a loop stays open, another motion, that of the samples by default, stands for it.
-    """
-    measured = samples.motion
-    try:
-        found = complete_motion(robot, measured.t, *(x[measured.kept] for x in motion))
-    except ClosureError:
-        return None
-    if len(found) < (1.0 - OPEN) * len(measured):
-        return None
-    if len(found) == len(measured):
-        return replace(found, kept=measured.kept)
-    return put(measured if instead is None else instead, found.kept, found)
+    return signals.lowpass(x, dt, lowest_cutoff(is_noise, 1.0 / (dt * len(x)), highest, WIDER))

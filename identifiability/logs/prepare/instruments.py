@@ -10,19 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.foundation.errors import ClosureError
 from identifiability.logs import Log
+from identifiability.logs.prepare.closing import OPEN, complete_along, put
 from identifiability.logs.prepare.plan import joint_log
 from identifiability.logs.prepare.samples import Samples
 from identifiability.logs.prepare.second_record import SecondRecord, find_record
-from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.robot import Motion, Robot
 
 #: Passive joints of two records are far apart at a sample if they are so many times as far as
 #: usual: noise makes them so where it brings a mechanism near a singular configuration.
 THROWN = 30.0
-
-#: Share of samples at which the loops may stay open along the second record.
-OPEN = 0.02
 
 
 def add_instrument(
@@ -57,7 +54,7 @@ def add_instrument(
 
 def attach_record(robot: Robot, samples: Samples, record: SecondRecord) -> Samples | None:
     """Return the samples with a second record of their motion; None if too few loops close."""
-    motion = _complete(robot, samples.motion, record)
+    motion = complete_along(robot, samples.motion, record.motion)
     if motion is None:
         return None
     notes = (*samples.notes, record.note)
@@ -73,23 +70,6 @@ def attach_record(robot: Robot, samples: Samples, record: SecondRecord) -> Sampl
     return replace(samples, motion=mended, instrument=motion, notes=(*notes, text))
 
 
-def _complete(robot: Robot, measured: Motion, record: SecondRecord) -> Motion | None:
-    """Return the motion of all joints at the measured samples; None if too few loops close.
-
-    Where a loop stays open along the record, the measured motion stands for it.
-    """
-    rows = measured.kept
-    try:
-        other = complete_motion(robot, measured.t, *(x[rows] for x in record.motion))
-    except ClosureError:
-        return None
-    if len(other) < (1.0 - OPEN) * len(measured):
-        return None
-    if len(other) == len(measured):
-        return replace(other, kept=measured.kept)
-    return put(measured, other.kept, other)
-
-
 def _thrown(robot: Robot, measured: Motion, other: Motion) -> np.ndarray:
     """Return the few samples at which passive joints alone are far apart, (F,) int."""
     passive = np.isin(np.arange(robot.nv), robot.dependent)
@@ -100,13 +80,3 @@ def _thrown(robot: Robot, measured: Motion, other: Motion) -> np.ndarray:
         far |= beyond[:, ~passive].any(1), beyond[:, passive].any(1)
     far = far[1] & ~far[0]  # where actuated joints are far too, one of the records is wrong
     return np.flatnonzero(far) if far.mean() < OPEN else np.empty(0, int)
-
-
-def put(motion: Motion, rows: np.ndarray, other: Motion) -> Motion:
-    """Return a motion with another one at some samples."""
-    names = ("q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "X")
-    known = [name for name in names if getattr(motion, name) is not None]
-    mixed = {name: getattr(motion, name).copy() for name in known}
-    for name, values in mixed.items():
-        values[rows] = getattr(other, name)
-    return replace(motion, **mixed)

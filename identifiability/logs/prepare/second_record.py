@@ -21,7 +21,12 @@ from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare.command import follow_command
 from identifiability.logs.prepare.repetition import Repetition, find_repetition
 from identifiability.logs.prepare.samples import Record, Samples
-from identifiability.logs.prepare.white_noise import has_gap, noise_level, resolution
+from identifiability.logs.prepare.white_noise import (
+    has_gap,
+    lowest_cutoff,
+    noise_level,
+    resolution,
+)
 
 #: Noise below this share of a signal moves no value by what could be seen.
 NEGLIGIBLE = 1e-3
@@ -200,13 +205,11 @@ def _smoothing(x: Array, noise: Array, dt: float) -> float:
     """Return the lowest cut-off [Hz] that leaves out no more than noise; ∞ where there is none."""
     if np.all(noise <= NEGLIGIBLE * x.std(0)):
         return np.inf
-    low, high = 1.0 / (dt * len(x)), SHARED / dt
-    if not _explained(x - signals.lowpass(x, dt, high), x, noise):
+
+    def is_noise(cutoff: float) -> bool:
+        return _explained(x - signals.lowpass(x, dt, cutoff), x, noise)
+
+    high = SHARED / dt
+    if not is_noise(high):
         return 2.0 * high
-    while high > WIDER * low:
-        middle = float(np.sqrt(low * high))
-        if _explained(x - signals.lowpass(x, dt, middle), x, noise):
-            high = middle
-        else:
-            low = middle
-    return high
+    return lowest_cutoff(is_noise, 1.0 / (dt * len(x)), high, WIDER)

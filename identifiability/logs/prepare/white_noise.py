@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.special import binom
 
@@ -50,3 +52,24 @@ def resolution(x: Array) -> Array:
         if len(own) and np.all(np.abs(own / least - np.rint(own / least)) < WHOLE):
             found[k] = least
     return found
+
+
+def lowest_cutoff(
+    is_noise: Callable[[float], bool], low: float, high: float, within: float
+) -> float:
+    """Return the lowest cut-off between two [Hz], within a factor, that leaves out noise alone.
+
+    Parameters
+    ----------
+    is_noise : callable(float)
+        Whether what a cut-off leaves out is no more than noise; the highest need not be asked.
+    low, high : float [Hz]
+    within : float
+    """
+    while high > within * low:
+        middle = float(np.sqrt(low * high))
+        if is_noise(middle):
+            high = middle
+        else:
+            low = middle
+    return high
