@@ -18,7 +18,6 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
-from identifiability.foundation.output import check_ending, write_bytes, write_text
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
@@ -28,7 +27,7 @@ from identifiability.logs.missing import propose_locks
 from identifiability.logs.naming import Naming
 from identifiability.logs.reading import Reading
 from identifiability.logs.source import scan_file
-from identifiability.logs.tables import PARQUET, is_parquet
+from identifiability.logs.tables import write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -240,11 +239,7 @@ class Log:
         OutputError
             If it cannot be written, or is none of these.
         """
-        path = Path(path)
-        check_ending(path, ".csv", *PARQUET)
-        if is_parquet(path):
-            return write_bytes(path, self.to_frame().to_parquet(index=False))
-        return write_text(path, self.to_frame().to_csv(index=False))
+        return write_table(path, self.to_frame())
 
     def select(self, joints: Sequence[str], motors: Sequence[str] = ()) -> Log:
         """Return the log with its joints in a robot's order.

@@ -16,6 +16,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.output import check_ending, write_bytes, write_text
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
 from identifiability.logs.containers import CONTAINERS
@@ -38,6 +39,21 @@ WHOLE = 64_000_000
 def is_parquet(path: Path) -> bool:
     """Whether the name of a file says that it is Parquet."""
     return path.suffix.lower() in PARQUET
+
+
+def write_table(path: str | Path, frame: pd.DataFrame) -> Path:
+    """Write a table as CSV or Parquet, whole or not at all; CSV keeps every digit.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written, or is none of these.
+    """
+    path = Path(path)
+    check_ending(path, ".csv", *PARQUET)
+    if is_parquet(path):
+        return write_bytes(path, frame.to_parquet(index=False))
+    return write_text(path, frame.to_csv(index=False))
 
 
 @contextmanager

@@ -112,9 +112,14 @@ class Analysis(Result, Opening, Predicts):
         """The model to use: values, covariance, and how torque scatters about it."""
         both = (self.fitted.select([self.selected]), self.held_out.select([self.selected]))
         return keep_fit(
-            self.structure, self.information, self.chosen, both, self.samples, self.settings,
+            self.structure,
+            self.information,
+            self.chosen,
+            both,
+            self.samples,
+            self.settings,
             self.nothing,
-        )  # fmt: skip
+        )
 
     def to_frame(self, model: str | None = None) -> pd.DataFrame:
         """Return one row a parameter of the selected model, or of the named one.

@@ -116,8 +116,8 @@ class Fit:
                 predicted = chunk.W @ self.base
                 reach = self.spread.reach(chunk.W @ self.rung.M)
                 log = np.full(len(chunk.t), chunk.log)
-                found.append((log, chunk.t.copy(), chunk.tau.copy(), chunk.raw.copy(),
-                              predicted, *reach))  # fmt: skip
+                measured = (chunk.t.copy(), chunk.tau.copy(), chunk.raw.copy())
+                found.append((log, *measured, predicted, *reach))
         names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new")
         joined = map(np.concatenate, zip(*found, strict=True))
         return TorquePrediction(

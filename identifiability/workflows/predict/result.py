@@ -11,10 +11,9 @@ import pandas as pd
 from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.output import check_ending, write_bytes, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.logs.tables import PARQUET, is_parquet
+from identifiability.logs.tables import write_table
 from identifiability.robot import Robot
 
 #: Share of samples inside their 95 % interval below which something must have changed.
@@ -148,11 +147,15 @@ class TorquePrediction(Result):
         """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
         low, raw = self.errors
         columns = {
-            "joint": self.robot.joints, "unit": self.robot.torque_units,
-            "error": low.joint_error()[:, 0], "rms": low.joint_rms()[:, 0],
-            "error_raw": raw.joint_error()[:, 0], "rms_raw": raw.joint_rms()[:, 0],
-            "inside": self.inside, "unknown": self.unknown,
-        }  # fmt: skip
+            "joint": self.robot.joints,
+            "unit": self.robot.torque_units,
+            "error": low.joint_error()[:, 0],
+            "rms": low.joint_rms()[:, 0],
+            "error_raw": raw.joint_error()[:, 0],
+            "rms_raw": raw.joint_rms()[:, 0],
+            "inside": self.inside,
+            "unknown": self.unknown,
+        }
         return pd.DataFrame(columns)
 
     def parameters_frame(self) -> pd.DataFrame:
@@ -186,8 +189,4 @@ class TorquePrediction(Result):
         OutputError
             If it cannot be written, or is none of these.
         """
-        path = Path(path)
-        check_ending(path, ".csv", *PARQUET)
-        if is_parquet(path):
-            return write_bytes(path, self.to_frame().to_parquet(index=False))
-        return write_text(path, self.to_frame().to_csv(index=False))
+        return write_table(path, self.to_frame())

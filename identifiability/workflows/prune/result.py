@@ -123,9 +123,14 @@ class Ladder(Result, Opening, Measured, Predicts):
         """The rung to use: values, covariance, and how torque scatters about it."""
         both = (self.fitted, self.held_out)
         return keep_fit(
-            self.structure, self.information, self.result, both, self.samples, self.settings,
+            self.structure,
+            self.information,
+            self.result,
+            both,
+            self.samples,
+            self.settings,
             self.nothing,
-        )  # fmt: skip
+        )
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the rung to use."""
