@@ -20,6 +20,9 @@ from identifiability.foundation.values import frozen
 #: Decisions about a long log are made on this many windows of so many samples.
 WINDOWS, WINDOW = 8, 16_384
 
+#: A step longer than so many usual ones is a gap.
+GAP = 1.5
+
 #: What is left of a filter's transient where it is called over; twice differentiated it must
 #: still be small beside 1e-8.
 FORGOTTEN = 1e-14
@@ -32,6 +35,13 @@ CONSTANT = 1e-9
 def sampling_step(t: Array) -> float:
     """Return the sampling step of uniform times, their median difference [s]."""
     return float(np.median(np.diff(t)))
+
+
+def has_gap(t: Array) -> np.ndarray:
+    """Return after which samples at times t (N,) others are missing, (N - 1,) bool."""
+    steps = np.diff(t)
+    found: np.ndarray = steps > GAP * np.median(steps)
+    return found
 
 
 def is_constant(low: Array, high: Array, size: float = 0.0) -> np.ndarray:

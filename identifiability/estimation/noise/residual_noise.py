@@ -16,6 +16,7 @@ from identifiability.estimation.noise.autoregression import Runs, autocovariance
 from identifiability.estimation.noise.restricted_likelihood import RestrictedLikelihood
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
 
 #: Rows that are fitted; more tell nothing new of the noise.
@@ -26,8 +27,6 @@ FLOOR = 1e-4
 RANK = 1e-9
 #: A residual below this share of the torque is rounding, and has no correlation to speak of.
 ROUNDING = 1e-8
-#: A step longer than this many usual ones ends a stretch.
-GAP = 1.5
 
 
 @frozen
@@ -113,8 +112,7 @@ def find_runs(samples: Sequence[Samples]) -> list[tuple[int, int]]:
     start = 0
     for s in samples:
         t = s.output_times()
-        steps = np.diff(t)
-        breaks = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+        breaks = np.flatnonzero(signals.has_gap(t)) + 1
         runs += pairwise([start, *(start + breaks).tolist(), start + len(t)])
         start += len(t)
     return runs

@@ -7,7 +7,6 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare.repetition import ROUNDS, agrees, align, shares_noise
-from identifiability.logs.prepare.white_noise import has_gap
 from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
 
 #: A command differs from the motion by no more than this share of how much it varies (rms), and
@@ -30,7 +29,7 @@ def follow_command(log: Log, cutoff: float | None) -> tuple[tuple[Array, Array, 
         Of the low-pass of the log; None chooses one for the command.
     """
     dt = signals.sampling_step(log.t)
-    if log.q_ref is None or has_gap(log.t).any():  # no differences across one
+    if log.q_ref is None or signals.has_gap(log.t).any():  # no differences across one
         return None
     if cutoff is None:
         wide = max(WIDE * bandwidth_of_windows([log.q_ref], dt), LOWEST_CUTOFF)

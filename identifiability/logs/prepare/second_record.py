@@ -21,12 +21,7 @@ from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare.command import follow_command
 from identifiability.logs.prepare.repetition import Repetition, find_repetition
 from identifiability.logs.prepare.samples import Record, Samples
-from identifiability.logs.prepare.white_noise import (
-    has_gap,
-    lowest_cutoff,
-    noise_level,
-    resolution,
-)
+from identifiability.logs.prepare.white_noise import lowest_cutoff, noise_level, resolution
 
 #: Noise below this share of a signal moves no value by what could be seen.
 NEGLIGIBLE = 1e-3
@@ -174,7 +169,7 @@ def _explained(rest: Array, x: Array, noise: Array) -> bool:
 
 def _smooth(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> SecondRecord | None:
     """Return the low-passed motion; None where its band would hold much of the noise too."""
-    if has_gap(log.t).any():  # a filter does not reach across
+    if signals.has_gap(log.t).any():  # a filter does not reach across
         return None
     dt = signals.sampling_step(log.t)
     cutoffs = tuple(_smoothing(x, level, dt) for x, level in zip(channels, noise, strict=True))

@@ -8,12 +8,10 @@ import numpy as np
 from scipy.special import binom
 
 from identifiability.foundation.names import Array
+from identifiability.logs import signals
 
 #: Order of the differences that leave noise alone.
 ORDER = 8
-
-#: Steps longer than so many usual ones are gaps.
-GAP = 1.5
 
 #: Changes are whole multiples of a step up to this share of it.
 WHOLE = 1e-3
@@ -28,18 +26,11 @@ def noise_level(x: Array, t: Array | None = None) -> Array:
         return np.zeros(x.shape[1])
     differences = np.diff(x, ORDER, axis=0)
     if t is not None:
-        gaps = np.concatenate([[0], np.cumsum(has_gap(t))])
+        gaps = np.concatenate([[0], np.cumsum(signals.has_gap(t))])
         whole = gaps[ORDER:] == gaps[:-ORDER]
         differences = differences[whole] if whole.any() and not whole.all() else differences
     level: Array = np.sqrt(np.mean(differences**2, axis=0) / binom(2 * ORDER, ORDER))
     return level
-
-
-def has_gap(t: Array) -> np.ndarray:
-    """Return after which samples at times t (N,) others are missing, (N - 1,) bool."""
-    steps = np.diff(t)
-    found: np.ndarray = steps > GAP * np.median(steps)
-    return found
 
 
 def resolution(x: Array) -> Array:

@@ -36,9 +36,6 @@ CUT = 0.995
 #: Rounds of the fit of variances, and the least of them over the largest when they weigh.
 STEPS, FLOOR = 6, 1e-4
 
-#: Logs with a step longer than this many usual ones are not smoothed.
-GAP = 1.5
-
 
 def noise_size(x: Array) -> Array:
     """Return the standard deviation of independent noise on smooth signals x (N, n), (N, n).
@@ -179,10 +176,9 @@ def _with(log: Log, channels: Sequence[Array | None]) -> Log:
 
 def _smoothed(robot: Robot, samples: Samples, log: Log, plan: Plan) -> Samples:
     """Return samples without the errors of velocities and accelerations that were measured."""
-    step = np.diff(log.t)
-    dt = float(np.median(step))
-    if plan.cutoff is not None or plan.series is not None or step.max() > GAP * dt:
+    if plan.cutoff is not None or plan.series is not None or signals.has_gap(log.t).any():
         return samples
+    dt = signals.sampling_step(log.t)
     cutoff = max(WIDE * bandwidth_of_windows([log.q], dt), LOWEST_CUTOFF)
     cutoff = min(cutoff, HIGHEST / dt)
     given = plan.derive(log)

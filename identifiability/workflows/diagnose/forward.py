@@ -24,9 +24,6 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.forward import Extra, ForwardRobot
 
-#: Steps of more than so many usual ones are gaps, along which nothing is simulated.
-GAP = 1.5
-
 #: Length of a simulated stretch [s].
 HORIZON = 0.25
 #: Simulated stretches, at most: each is drawn by itself for intervals.
@@ -196,7 +193,7 @@ def _starts(
             continue  # one step size for all
         while start + steps < len(kept):
             lasts = np.diff(samples.motion.t[start : start + steps + 1]).max()
-            if kept[start + steps] - kept[start] == steps and lasts < GAP * dt:
+            if kept[start + steps] - kept[start] == steps and lasts < signals.GAP * dt:
                 found.append((samples, start))
                 start += steps
             else:
