@@ -16,6 +16,7 @@ from identifiability.logs.prepare import Preparation, longsamples, prepare_sampl
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.second_record import find_record
 from identifiability.logs.prepare.white_noise import noise_level
+from identifiability.logs.signals import has_gap
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.gather import gather_information
@@ -250,3 +251,7 @@ def test_uneven_steps_that_add_up_are_said(two):
     noise = 0.3 * DT * np.random.default_rng(6).uniform(-1, 1, 3000)
     jitter = Log.from_frame(frame(np.arange(3000), jitter=noise))
     assert prepare_samples(two, jitter, Preparation(cutoff=CUTOFF)).hints == ()
+
+
+def test_a_step_of_one_and_a_half_usual_ones_is_a_gap():
+    assert has_gap(np.array([0, 1, 2, 3.4, 4.4, 6.0])).tolist() == [False] * 4 + [True]
