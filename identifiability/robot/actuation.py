@@ -56,20 +56,19 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
         raise RobotError(f"{robot.path}: the actuated joints are {names}; name each one once.")
     dependent = np.array([k for k in range(robot.nv) if k not in set(index.tolist())], int)
     robot = replace(robot, actuated=index, dependent=dependent, home=_set_home(robot, extra))
-    equations = sum(len(loop.axes) for loop in robot.loops) + len(robot.couplings)
-    if not len(dependent) and not equations:
+    if not len(dependent) and not robot.equations:
         return robot
-    robot = replace(robot, loop_rows=np.arange(equations), home=_follow_couplings(robot))
-    rows = closure.independent_rows(robot) if equations else np.empty(0, int)
-    if len(rows) < len(dependent):
-        _refuse_loose(robot, len(rows))
-    if len(rows) > len(dependent):
+    robot = replace(robot, home=_follow_couplings(robot))
+    count = closure.count_independent(robot) if robot.equations else 0
+    if count < len(dependent):
+        _refuse_loose(robot, count)
+    if count > len(dependent):
         raise RobotError(
-            f"{robot.path}: the loops give {len(rows)} independent equations for "
+            f"{robot.path}: the loops give {count} independent equations for "
             f"{len(dependent)} passive joints, so not all {len(index)} actuated joints are free; "
-            "remove an actuator or a closure."
+            "remove an actuator or a closure (or give the lengths and angles of redundant loops "
+            "all their digits)."
         )
-    robot = replace(robot, loop_rows=rows)
     _check_closed_home(robot)
     try:
         closure.check_home(robot)
@@ -175,7 +174,7 @@ def _check_closed_home(robot: Description) -> None:
 
 def _nearest_closed(robot: Description) -> str:
     """Return the passive positions that close the loops with the actuated joints at home."""
-    if len(robot.loop_rows) != len(robot.dependent):
+    if robot.equations < len(robot.dependent):
         return ""
     closed = newton(robot, robot.home[None])
     single = [name for name in robot.passive if name in robot.tree.single]

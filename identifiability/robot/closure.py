@@ -17,9 +17,10 @@ from scipy.linalg import qr
 from identifiability.foundation.errors import ClosureError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.robot.dependence import invert, passes_singular
 from identifiability.robot.description import Description
 from identifiability.robot.loop_equations import loop_bias, loop_equations, loop_jacobian
-from identifiability.robot.newton import ACCEPTED, HOPELESS, close_loops, invert, newton
+from identifiability.robot.newton import ACCEPTED, HOPELESS, close_loops, newton
 
 #: Condition number of A_e above which a configuration is called near-singular; within their
 #: limits the shipped robots stay below 130.
@@ -127,9 +128,8 @@ def complete_motion(robot: Description, t: Array, q: Array, dq: Array, ddq: Arra
     v[:, robot.dependent] = -np.einsum("nij,nj->ni", X, dq)
     b = -loop_bias(robot, full, v)
     a[:, robot.dependent] = np.einsum("nij,nj->ni", inverse, b) - np.einsum("nij,nj->ni", X, ddq)
-    sign = np.linalg.slogdet(A[:, :, robot.dependent])[0]
     near = condition > SINGULAR
-    near[1:] |= sign[1:] != sign[:-1]
+    near[1:] |= passes_singular(A[:, :, robot.dependent])
     return Motion(
         t=t[rows],
         q=full,
@@ -152,15 +152,20 @@ def loop_error(robot: Description, q: Array) -> Array:
     return error
 
 
-def independent_rows(robot: Description) -> np.ndarray:
-    """Return the loop equations that are independent at home (a planar loop has idle ones)."""
-    closed = loop_jacobian(robot, robot.home[None])[0]
-    # Home itself may be off by rounding or more; the rank of a generic point nearby is the same.
-    scale = np.abs(closed).max() or 1.0
-    _, r, order = qr(closed.T / scale, mode="economic", pivoting=True)
-    rank = int((np.abs(np.diag(r)) > 1e-9).sum())
-    rows: np.ndarray = np.sort(order[:rank])
-    return rows
+def count_independent(robot: Description) -> int:
+    """Return how many loop equations are independent at home; other ones follow from them.
+
+    Where the loops can be closed with the actuated joints at home they are closed first: beside
+    the closed configurations redundant equations contradict each other.
+    """
+    home = robot.home[None]
+    if robot.equations >= len(robot.dependent):
+        closed = newton(robot, home)
+        home = closed.q if closed.error[0] < ACCEPTED else home
+    A = loop_jacobian(robot, home)[0]
+    scale = np.abs(A).max() or 1.0
+    r, _ = qr(A.T / scale, mode="r", pivoting=True)
+    return int((np.abs(np.diag(r)) > 1e-9).sum())
 
 
 def check_home(robot: Description) -> None:

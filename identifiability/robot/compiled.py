@@ -104,13 +104,13 @@ def _loops(path: Path, m: Any, places: list[Place], last: Mapping[int, int]) -> 
     loops: list[Loop] = []
     for k in _equalities(m):
         kind = int(m.eq_type[k])
-        if kind == int(mujoco.mjtEq.mjEQ_CONNECT):
-            loops.append(_read_connect(m, int(k), places, last, len(loops)))
+        if kind in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)):
+            loops += _read_closure(m, int(k), places, last, len(loops))
         elif kind not in (int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON)):
             word = mujoco.mjtEq(kind).name.removeprefix("mjEQ_").lower()
             raise RobotError(
-                f"{path} closes a loop with <{word}>; only <connect> and <joint> equalities are "
-                "supported: close the loop at a joint with <connect> instead."
+                f"{path} closes a loop with <{word}>; only <connect>, <weld> and <joint> "
+                "equalities are supported: close the loop at a joint with <connect> instead."
             )
     return loops
 
@@ -227,16 +227,31 @@ def _home(m: Any) -> Array:
     return q
 
 
-def _read_connect(m: Any, k: int, places: list[Place], last: Mapping[int, int], count: int) -> Loop:
-    ends: list[Point] = []
+def _read_closure(
+    m: Any, k: int, places: list[Place], last: Mapping[int, int], count: int
+) -> list[Loop]:
+    """Return a <connect> as a loop, and a <weld> as three: points off one line fix a body."""
+    weld = int(m.eq_type[k]) == int(mujoco.mjtEq.mjEQ_WELD)
+    at, frames = m.eq_data[k], []
     for end, index in enumerate((int(m.eq_obj1id[k]), int(m.eq_obj2id[k]))):
+        body, turn = index, np.eye(3)
         if int(m.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE):
-            body, position = int(m.site_bodyid[index]), np.array(m.site_pos[index])
+            body, position = int(m.site_bodyid[index]), m.site_pos[index]
+            turn = _rotation(m.site_quat[index])
+        elif weld:  # the place of the second body in the first, and a point of the second
+            position = at[3:6] if end == 0 else at[:3]
+            turn = _rotation(at[6:10]) if end == 0 else turn
         else:
-            body, position = index, np.array(m.eq_data[k, 3 * end : 3 * end + 3])
+            position = at[3 * end : 3 * end + 3]
         joint, place = places[body]
-        ends.append(Point(last[joint], place.act(position)))
-    return Loop(m.equality(k).name or f"closure{count + 1}", ends[0], ends[1])
+        frames.append((last[joint], place * pin.SE3(turn, np.array(position))))
+    name = m.equality(k).name or f"closure{count + 1}"
+    # Without torque a weld leaves the rotation free.
+    points = {f"{name}.{p}": np.eye(3)[i] for i, p in enumerate("xy")} if weld and at[10] else {}
+    return [
+        Loop(word, *(Point(joint, frame.act(point)) for joint, frame in frames))
+        for word, point in {name: np.zeros(3), **points}.items()
+    ]
 
 
 def _read_coupling(m: Any, k: int) -> Coupling:

@@ -45,7 +45,7 @@ class Description:
     actuated, dependent : (n,), (n_e,) int
         Indices of degrees of freedom in ``v``.
     loops, couplings
-        The closures; `loop_rows` are their independent equations.
+        The closures.
     home : (nq,)
         The configuration that selects the assembly of a closed chain.
     nominal : mapping
@@ -105,7 +105,6 @@ class Description:
     body_order: tuple[str, ...]
     actuated: np.ndarray = field(default_factory=_none)
     dependent: np.ndarray = field(default_factory=_none)
-    loop_rows: np.ndarray = field(default_factory=_none)
     nominal: Mapping[str, float] = field(default_factory=dict)
     limits: Array = field(default_factory=_none)
     speed_limits: Array = field(default_factory=_none)
@@ -161,6 +160,11 @@ class Description:
     def closed(self) -> bool:
         """Whether the robot has loops or coupled joints."""
         return len(self.dependent) > 0
+
+    @cached_property
+    def equations(self) -> int:
+        """Number of loop equations, those included that follow from others."""
+        return sum(len(loop.axes) for loop in self.loops) + len(self.couplings)
 
     @property
     def nv(self) -> int:

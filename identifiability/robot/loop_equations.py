@@ -6,12 +6,15 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.robot.description import Description
-from identifiability.robot.kinematics import Point
-from identifiability.robot.parts import Coupling, Term
+from identifiability.robot.kinematics import WORLD, Frames, Point
+from identifiability.robot.parts import Coupling, Loop, Term
 
 
 def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
-    """Return all loop errors and the Jacobian of the independent equations, samples last.
+    """Return the errors of all loop equations and their Jacobian, samples last.
+
+    Where there are more equations than dependent joints, those of a whole point are written in the
+    axes of its first body: the plane of a planar loop stands still there while it turns in space.
 
     Parameters
     ----------
@@ -21,13 +24,12 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     Returns
     -------
     errors : (m, N) [m or rad]
-    jacobian : (n_e, nv, N)
+    jacobian : (m, nv, N)
     """
     tree, n = robot.tree, len(q)
     ends = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
     frames = tree.frames(q, ends)
-    m = sum(len(loop.axes) for loop in robot.loops) + len(robot.couplings)
-    errors, J = np.empty((m, n)), np.zeros((m, robot.nv, n))
+    errors, J = np.empty((robot.equations, n)), np.zeros((robot.equations, robot.nv, n))
     at = 0
     for loop in robot.loops:
         axes, rows = list(loop.axes), slice(at, at + len(loop.axes))
@@ -35,6 +37,10 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
         apart = tree.world_point(frames, loop.first) - tree.world_point(frames, loop.second)
         tree.add_point_jacobian(frames, loop.first, 1.0, whole)
         tree.add_point_jacobian(frames, loop.second, -1.0, whole)
+        turn = _own_axes(robot, loop, frames)
+        if turn is not None:
+            apart = np.einsum("cxn,xn->cn", turn, apart)
+            whole[:] = np.einsum("cxn,xvn->cvn", turn, whole)
         errors[rows] = apart[axes]
         if len(axes) < 3:
             J[rows] = whole[axes]
@@ -42,27 +48,36 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     for k, coupling in enumerate(robot.couplings, at):
         error, row = _coupling_error(coupling, q, robot)
         errors[k], J[k] = error, row.T
-    return errors, J if len(robot.loop_rows) == m else J[robot.loop_rows]
+    return errors, J
 
 
 def loop_jacobian(robot: Description, q: Array) -> Array:
-    """Return the Jacobian of the independent loop equations at configurations, (N, n_e, nv)."""
+    """Return the Jacobian of the loop equations at configurations, (N, m, nv)."""
     return np.ascontiguousarray(np.moveaxis(loop_equations(robot, q)[1], -1, 0))
 
 
 def loop_bias(robot: Description, q: Array, v: Array) -> Array:
-    """Return ``Ȧ v`` of the independent loop equations, (N, n_e)."""
+    """Return ``Ȧ v`` of the loop equations at configurations that close them, (N, m)."""
     tree = robot.tree
     points: list[Point] = [p for loop in robot.loops for p in (loop.first, loop.second)]
     frames = tree.frames(q, (p.joint for p in points))
     bias = tree.bias_accelerations(frames, v, points)
     rows = []
     for k, loop in enumerate(robot.loops):
-        apart = (bias[2 * k] - bias[2 * k + 1])[list(loop.axes)]
-        rows.append(np.broadcast_to(apart, (len(loop.axes), len(q))))
+        apart, turn = bias[2 * k] - bias[2 * k + 1], _own_axes(robot, loop, frames)
+        if turn is not None:
+            apart = np.einsum("cxn,xn->cn", turn, apart)
+        rows.append(np.broadcast_to(apart[list(loop.axes)], (len(loop.axes), len(q))))
     rows += [_coupling_bias(c, q, v, robot)[None] for c in robot.couplings]
-    bias_rows: Array = np.concatenate(rows)[robot.loop_rows].T
+    bias_rows: Array = np.concatenate(rows).T
     return bias_rows
+
+
+def _own_axes(robot: Description, loop: Loop, frames: Frames) -> Array | None:
+    """Return the axes in which a loop is written, (3, 3, N), or None for those of the world."""
+    if robot.equations == len(robot.dependent) or len(loop.axes) < 3 or loop.first.joint == WORLD:
+        return None
+    return frames.axes[loop.first.joint]
 
 
 def _coupling_error(coupling: Coupling, q: Array, robot: Description) -> tuple[Array, Array]:

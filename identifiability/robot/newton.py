@@ -12,6 +12,7 @@ import scipy
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.robot.dependence import invert, solve
 from identifiability.robot.description import Description
 from identifiability.robot.loop_equations import loop_equations
 
@@ -43,8 +44,8 @@ class Closed:
     q : (N, nq)
     error : (N,) [m or rad]
         Largest loop error; infinite where the steps went astray.
-    A : (N, n_e, nv)
-        Jacobian of the independent loop equations at `q`.
+    A : (N, m, nv)
+        Jacobian of the loop equations at `q`.
     """
 
     q: Array
@@ -91,7 +92,7 @@ def _predict(robot: Description, q: Array, at: Array, full: Array, A: Array) -> 
     robot : Description
     q : (N, n)
         Actuated positions that are wanted.
-    at, full, A : (S, n), (S, nq), (S, n_e, nv)
+    at, full, A : (S, n), (S, nq), (S, m, nv)
         Actuated positions, configurations and Jacobians of the closed ones.
     """
     inverse, condition = invert(A[:, :, robot.dependent])
@@ -113,7 +114,7 @@ def follow_from_home(robot: Description, q: Array, steps: int) -> Closed:
     step[:, robot.actuated] = (q - start) / steps
     for _ in range(steps):
         rhs = here.A[:, :, robot.actuated] @ step[:, robot.actuated, None]
-        step[:, robot.dependent] = -_solve(here.A[:, :, robot.dependent], rhs[..., 0])
+        step[:, robot.dependent] = -solve(here.A[:, :, robot.dependent], rhs[..., 0])
         here = newton(robot, robot.tree.integrate(here.q, step), most=3)
     return newton(robot, here.q)
 
@@ -135,9 +136,9 @@ def newton(robot: Description, q: Array, most: int = _MAX_STEPS) -> Closed:
 def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
     """Close the loops of one batch; samples leave it as they converge."""
     q = np.array(q)
-    rows, n = robot.loop_rows, len(q)
+    n = len(q)
     error = np.full(n, np.inf)
-    A = np.zeros((n, len(rows), robot.nv))
+    A = np.zeros((n, robot.equations, robot.nv))
     left = np.arange(n)
     for count in range(most + 1):
         residual, jacobian = loop_equations(robot, q[left])
@@ -151,36 +152,9 @@ def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
             break
         left = left[go_on]
         step = np.zeros((len(left), robot.nv))
-        step[:, robot.dependent] = -_solve(J[go_on][:, :, robot.dependent], residual[rows].T[go_on])
+        step[:, robot.dependent] = -solve(J[go_on][:, :, robot.dependent], residual.T[go_on])
         largest = np.abs(step).max(1, keepdims=True)
         step *= np.minimum(1.0, 0.5 / np.maximum(largest, 1e-300))  # far steps are not trusted
         q[left] = robot.tree.integrate(q[left], step)
     error[~np.isfinite(error)] = np.inf
     return Closed(q, error, A)
-
-
-def _solve(A: Array, b: Array) -> Array:
-    """Solve batched square systems; a singular one gives NaN for its sample alone."""
-    try:
-        return np.linalg.solve(A, b[..., None])[..., 0]
-    except np.linalg.LinAlgError:
-        out = np.full(b.shape, np.nan)
-        for k in range(len(A)):
-            try:
-                out[k] = np.linalg.solve(A[k], b[k])
-            except np.linalg.LinAlgError:
-                continue
-        return out
-
-
-def invert(A: Array) -> tuple[Array, Array]:
-    """Return inverses and condition numbers of batched matrices, infinite for singular ones."""
-    try:
-        inverse = np.linalg.inv(A)
-    except np.linalg.LinAlgError:
-        singular = np.array([np.linalg.matrix_rank(a) < len(a) for a in A])
-        inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(A.shape[1]), A))
-    else:
-        singular = np.zeros(len(A), bool)
-    condition = np.abs(A).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
-    return inverse, np.where(singular, np.inf, condition)

@@ -21,7 +21,8 @@ Every key is optional::
     point1 = [0.3, 0, 0]
     body2 = "right_tip"
     point2 = [0.3, 0, 0]
-    axes = ["x", "z"]                    # world directions in which it is demanded (default: all)
+    axes = ["x", "z"]                    # world directions in which it is demanded (default: all,
+                                         # which also a planar loop may have, at any yaw)
 
     [[couplings]]                        # joint = c0 + c1 of + c2 of² + …, beside the file's own
     joint = "joint3"

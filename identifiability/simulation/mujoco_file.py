@@ -60,14 +60,30 @@ def find_closures(model: Any, robot: Robot) -> list[PointClosure]:
         return [PointClosure((e[0][0], e[1][0]), (e[0][1], e[1][1])) for e in ends]
     out = []
     for k in range(model.neq if robot.loops else 0):  # a flag of the file may open them all
-        if model.eq_type[k] != mujoco.mjtEq.mjEQ_CONNECT or not model.eq_active0[k]:
+        weld = model.eq_type[k] == mujoco.mjtEq.mjEQ_WELD
+        if not (weld or model.eq_type[k] == mujoco.mjtEq.mjEQ_CONNECT) or not model.eq_active0[k]:
             continue
         first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        data, turns = model.eq_data[k], [np.array([1.0, 0.0, 0.0, 0.0])] * 2
         if model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
             bodies = (int(model.site_bodyid[first]), int(model.site_bodyid[second]))
             points = (np.array(model.site_pos[first]), np.array(model.site_pos[second]))
+            turns = [model.site_quat[first], model.site_quat[second]]
+        elif weld:
+            bodies, points = (first, second), (np.array(data[3:6]), np.array(data[:3]))
+            turns[0] = data[6:10]
         else:
-            bodies = (first, second)
-            points = (np.array(model.eq_data[k, :3]), np.array(model.eq_data[k, 3:6]))
+            bodies, points = (first, second), (np.array(data[:3]), np.array(data[3:6]))
         out.append(PointClosure(bodies, points))
+        if weld and data[10]:  # with their torque bodies share two more points
+            out += [PointClosure(bodies, _shifted(points, turns, e)) for e in np.eye(3)[:2]]
     return out
+
+
+def _shifted(points: tuple[Array, Array], turns: list[Array], by: Array) -> tuple[Array, Array]:
+    """Return points that lie some way from others along the axes of two turned frames."""
+    out = [np.zeros(3), np.zeros(3)]
+    for end, (point, turn) in enumerate(zip(points, turns, strict=True)):
+        mujoco.mju_rotVecQuat(out[end], by, np.array(turn))
+        out[end] += point
+    return out[0], out[1]

@@ -18,8 +18,9 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.robot.dependence import invert, passes_singular
 from identifiability.robot.loop_equations import loop_jacobian
-from identifiability.robot.newton import LEAP, invert
+from identifiability.robot.newton import LEAP
 from identifiability.simulation.motion import Trajectory
 from identifiability.workflows.excite.limits import Box, Limits
 from identifiability.workflows.excite.question import Known, Question
@@ -168,9 +169,9 @@ def survey(
     missing = samples - np.bincount(which, minlength=count)
     condition, leaps = np.ones(count), np.zeros(count, int)
     if robot.closed:
-        each, sign = _closure(robot, motion, INNER * limits.closure_bound)
+        each, passed = _closure(robot, motion, INNER * limits.closure_bound)
         np.maximum.at(condition, which, each)
-        jump = _jumps(robot, motion, step) | (sign[1:] != sign[:-1])
+        jump = _jumps(robot, motion, step) | passed
         same = which[1:] == which[:-1]
         leaps = np.bincount(which[1:], jump & same, count).astype(int)
     outside = np.full(count, -np.inf)
@@ -179,15 +180,15 @@ def survey(
     return Workspace(missing, condition, leaps, outside)
 
 
-def _closure(robot: Robot, motion: Motion, enough: float) -> tuple[Array, Array]:
-    """Return condition number and sign of the determinant at each sample, (N,).
+def _closure(robot: Robot, motion: Motion, enough: float) -> tuple[Array, np.ndarray]:
+    """Return the condition number (N,), and whether a singular pose is before each next sample.
 
     Where the whole batch is far from singular its largest condition number will do.
     """
     if motion.condition <= enough and not motion.singular:
-        return np.full(len(motion), motion.condition), np.ones(len(motion))
+        return np.full(len(motion), motion.condition), np.zeros(len(motion) - 1, bool)
     A = loop_jacobian(robot, motion.q)[:, :, robot.dependent]
-    return invert(A)[1], np.linalg.slogdet(A)[0]
+    return invert(A)[1], passes_singular(A)
 
 
 def _jumps(robot: Robot, motion: Motion, step: float) -> np.ndarray:

@@ -3,7 +3,7 @@
 from typing import Any
 
 from robot_corpus.entry import Entry
-from robot_corpus.mjcf import GEOM, MOTORS, arm, ball_wrist, four_bar
+from robot_corpus.mjcf import GEOM, HOME, MOTORS, arm, ball_wrist, four_bar
 
 _GROUND = '<site name="pin" pos="[[0.7||0.75]] 0 0"/>'
 _PLAIN = '<connect site1="tip" site2="pin"/>'
@@ -14,6 +14,18 @@ def _bar(
     name: str, refusal: str = "", *, inert: bool = False, unreadable: bool = False, **places: Any
 ) -> Entry:
     return Entry(name, four_bar(**places), refusal, unreadable, inert, spread=0.4)
+
+
+def _welded(name: str, equality: str, motor: str = "") -> Entry:
+    """Return a four-bar whose rocker is welded to a post that turns on the ground."""
+    angle = sum(map(float, HOME.split()))
+    post = (
+        '<body name="post" pos="0.6 0 0"><joint name="post" pos="0.1 0 0" damping="0.3"/>'
+        '<site name="pin" pos="0.1 0 0"/>'
+        '<inertial pos="0.2 0.01 0.02" mass="[[1.2||1]]" diaginertia="0.001 0.006 0.006"/></body>'
+    )
+    text = four_bar(equality=equality, in_base=post, after=motor)
+    return Entry(name, text.replace(f'qpos="{HOME}"', f'qpos="{angle} {HOME}"'), spread=0.4)
 
 
 def _coupled(name: str, polynomial: str, refusal: str = "", **places: str) -> Entry:
@@ -87,13 +99,24 @@ LOOPS = (
         "equality weld of two sites",
         equality='<weld site1="tip" site2="pin"/>',
         unreadable=True,
-        refusal="weld",
+        refusal="independent equations",
     ),
     _bar(
         "equality weld of two bodies",
         equality='<weld body1="rocker" body2="post"/>',
         unreadable=True,
-        refusal="weld",
+        refusal="independent equations",
+    ),
+    _welded("equality weld of two sites, one of which can turn", '<weld site1="tip" site2="pin"/>'),
+    _welded("equality weld of two sites with the other first", '<weld site1="pin" site2="tip"/>'),
+    _welded(
+        "equality weld by relpose and anchor",
+        '<weld body1="rocker" body2="post" anchor="-0.1 0.2 0.1" relpose="0.2 0.2 0.1 1 0 0 0"/>',
+    ),
+    _welded(
+        "equality weld without torque",
+        '<weld site1="tip" site2="pin" torquescale="0"/>',
+        motor='<actuator><motor joint="post"/><motor joint="crank"/></actuator>',
     ),
     _bar(
         "equality connect of a site stretched from point to point",

@@ -1,0 +1,128 @@
+"""Laws of loops with more equations than passive joints: the pose matters, not how it is written.
+
+Sources: J. D. Bennett, A new mechanism, Engineering 76 (1903).
+"""
+
+import re
+
+import numpy as np
+import pytest
+from made_loops import bennett, turntable, two_rockers
+
+from identifiability.foundation.errors import ClosureError, RobotError
+from identifiability.robot import complete_motion
+from identifiability.robot.closure import loop_error
+from identifiability.robot.dependence import invert, passes_singular, solve
+
+EVERY_WAY = np.array([np.pi, 0.5])
+
+
+def still(robot, q):
+    return complete_motion(robot, np.arange(len(q)) * 0.01, q, 0 * q, 0 * q)
+
+
+@pytest.mark.parametrize(
+    ("closure", "tilt"),
+    [
+        ('<connect site1="toe" site2="ground"/>', ""),
+        ('<connect site1="ground" site2="toe"/>', 'euler="0.4 -0.7 0.2"'),
+        ('<connect body1="rocker" body2="table" anchor="-0.4 0 0"/>', 'euler="0.4 -0.7 0.2"'),
+    ],
+)
+def test_a_parallelogram_on_a_turntable_is_what_mujoco_makes_of_it(closure, tilt, agrees):
+    # By bodies it closes where the file is drawn: all in line, and the second pin 0.7 m out.
+    robot = agrees(turntable(closure, base=tilt), spread=EVERY_WAY)
+    assert robot.passive == ("knee", "heel")
+    assert robot.equations == 3
+
+
+def test_a_parallelogram_on_a_turntable_is_nowhere_singular(load_text):
+    robot = load_text(turntable(base='euler="0.4 -0.7 0.2"'))
+    yaw = np.linspace(-np.pi, np.pi, 361)
+    turned = still(robot, np.stack([yaw, np.full(361, 0.7)], 1))
+    assert len(turned) == 361
+    assert turned.singular == 0
+    one = still(robot, np.array([[0.3, 0.7]]))
+    assert turned.condition == pytest.approx(one.condition, rel=1e-6)
+    far = np.random.default_rng(0).uniform([-np.pi, 0.2], [np.pi, 2.9], (300, 2))
+    assert still(robot, far).singular == 0  # whatever the yaw of one sample and the next
+
+
+def test_a_parallelogram_that_is_flat_is_singular_at_every_yaw(load_text):
+    robot = load_text(turntable())
+    for yaw in (0.0, 1.3, np.pi / 2, 3.0):
+        near = np.array([[yaw, 0.5], [yaw, 2e-4]])
+        assert still(robot, near).near_singular.tolist() == [1]
+
+
+def test_a_singular_pose_between_two_samples_is_seen(load_text):
+    """The determinant of the directions that the passive joints span changes its sign."""
+    robot = load_text(turntable())
+    through = np.stack([np.linspace(0.0, 0.3, 40), np.linspace(0.4, -0.41, 40)], 1)
+    along = still(robot, through)
+    assert along.condition < 1e3
+    assert along.near_singular.tolist() == [20]
+
+
+def test_equations_that_say_the_same_change_nothing(agrees):
+    agrees(turntable(3 * '<connect site1="toe" site2="ground"/>'), spread=EVERY_WAY)
+    agrees(two_rockers(), spread=0.7)
+
+
+def test_redundant_cranks_must_agree_at_every_sample(load_text):
+    robot = load_text(two_rockers())
+    q = np.linspace(0.6, 2.0, 50)[:, None]
+    motion = still(robot, q)
+    assert loop_error(robot, motion.q).max() < 1e-12
+    np.testing.assert_allclose(motion.q[:, 2:], q.repeat(2, 1), atol=1e-9)
+    with pytest.raises(RobotError, match="do not close at its home"):
+        load_text(two_rockers(0.405))
+    # It closes upright, with cranks of another length; nowhere else.
+    short = two_rockers(0.3).replace('name="pin1" pos="0.3 0 0"', 'name="pin1" pos="0.3 0 0.1"')
+    stuck = load_text(short)
+    with pytest.raises(ClosureError, match="close at none of the 20 samples"):
+        still(stuck, np.linspace(1.7, 2.0, 20)[:, None])
+
+
+@pytest.mark.parametrize("closure", ["hinge", "weld"])
+def test_a_bennett_linkage_moves(closure, agrees):
+    robot = agrees(bennett(closure), spread=1.0)
+    q = np.linspace(0.3, 5.9, 200)[:, None]
+    motion = still(robot, q)
+    assert len(motion) == 200
+    assert motion.singular == 0
+    assert loop_error(robot, motion.q).max() < 1e-12
+    half = np.tan(motion.q[:, :2] / 2).prod(1)  # constant in Bennett's linkage
+    np.testing.assert_allclose(half, half[0], rtol=1e-9)
+
+
+def test_four_hinges_that_are_no_bennett_linkage_are_refused(load_text):
+    text = re.sub(r'name="link3" pos="\S+', 'name="link3" pos="0.7', bennett())
+    with pytest.raises(RobotError, match="3 independent equations for 2 passive"):
+        load_text(text)
+
+
+def test_what_mixes_the_equations_changes_neither_solution_nor_condition():
+    rng = np.random.default_rng(0)
+    A, x = rng.normal(size=(30, 7, 4)), rng.normal(size=(30, 4))
+    mix = np.linalg.qr(rng.normal(size=(30, 7, 7)))[0]
+    b = np.einsum("nij,nj->ni", A, x)
+    np.testing.assert_allclose(solve(A, b), x, atol=1e-12)
+    np.testing.assert_allclose(solve(mix @ A, np.einsum("nij,nj->ni", mix, b)), x, atol=1e-12)
+    inverse, condition = invert(A)
+    np.testing.assert_allclose(inverse, np.linalg.pinv(A), atol=1e-12)
+    np.testing.assert_allclose(invert(mix @ A)[1], condition, rtol=1e-10)
+    s = np.linalg.svd(A, compute_uv=False)
+    assert (condition >= 0.999 * s[:, 0] / s[:, -1]).all()
+    assert (condition <= 4 * s[:, 0] / s[:, -1]).all()
+    A[3, :, 2] = A[3, :, 1]
+    assert not invert(A)[1][3] < 1e12
+
+
+def test_a_path_through_singular_matrices_is_seen_in_any_axes():
+    rng = np.random.default_rng(1)
+    U = np.linalg.qr(rng.normal(size=(6, 3)))[0]
+    path = np.array([np.diag([1.0, 1.0, s]) for s in (0.3, 0.2, -0.2, -0.3, 0.3)])
+    expected = [False, True, False, True]
+    assert passes_singular(path).tolist() == expected
+    assert passes_singular(U @ path).tolist() == expected
