@@ -13,11 +13,19 @@ from identifiability.robot import Motion, Robot
 
 
 def project(robot: Robot, motion: Motion, tree: Array) -> Array:
-    """Return the torque of the actuated joints (N, n) from that of the tree (N, nv)."""
+    """Return the torque of the actuated joints (N, n) from that of the bodies' joints (N, nv)."""
+    tendons = np.zeros((len(tree), robot.nv - tree.shape[1]))  # they carry no body
+    tree = np.hstack([tree, tendons]) if tendons.shape[1] else tree
     tau: Array = tree[:, robot.actuated]
     if motion.X is not None:
         tau = tau - np.einsum("nij,ni->nj", motion.X, tree[:, robot.dependent])
     return tau
+
+
+def tree_motion(robot: Robot, motion: Motion) -> tuple[Array, Array, Array]:
+    """Return the motion of the joints that Pinocchio has, all but tendons."""
+    nq, nv = robot.model.nq, robot.model.nv
+    return motion.q[:, :nq], motion.v[:, :nv], motion.a[:, :nv]
 
 
 def reference_values(robot: Robot) -> Mapping[str, float]:
@@ -50,9 +58,9 @@ def rigid_torque(robot: Robot, motion: Motion) -> Array:
     data = model.createData()
     tree = [
         pin.rnea(model, data, q, v, a) - model.armature * a  # rotors are no load
-        for q, v, a in zip(motion.q, motion.v, motion.a, strict=True)
+        for q, v, a in zip(*tree_motion(robot, motion), strict=True)
     ]
-    return project(robot, motion, np.array(tree).reshape(len(motion), robot.nv))
+    return project(robot, motion, np.array(tree).reshape(len(motion), model.nv))
 
 
 def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
@@ -67,8 +75,9 @@ def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
     model = _load_model(robot).copy()
     model.gravity.linear = gravity
     data = model.createData()
-    tree = [pin.computeGeneralizedGravity(model, data, q).copy() for q in motion.q]
-    return project(robot, motion, np.array(tree).reshape(len(motion), robot.nv))
+    positions = tree_motion(robot, motion)[0]
+    tree = [pin.computeGeneralizedGravity(model, data, q).copy() for q in positions]
+    return project(robot, motion, np.array(tree).reshape(len(motion), model.nv))
 
 
 def gravity_vector(robot: Robot) -> Array:

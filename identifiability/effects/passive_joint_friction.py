@@ -10,9 +10,16 @@ from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
 
 
+def _cables(robot: Robot) -> bool:
+    """Whether the file states the friction of a tendon, which is there for its force alone."""
+    names = [t.name for t in robot.cables if t.name in robot.passive]
+    return any(robot.nominal.get(f"{name}.{kind}") for name in names for kind in ("Fv", "Fc"))
+
+
 @declare(
     "friction in passive joints",
     lambda robot: tuple(a.name for a in robot.passive_axes),
+    stated=_cables,
     separate=True,
     native=True,
     rank=7,

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.effects.effect import Effect
+from identifiability.effects.nominal import tree_motion
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Motion, Robot
@@ -58,8 +59,10 @@ class RigidBody(Effect):
         direct = motion.X is None and np.array_equal(robot.actuated, np.arange(robot.nv))
         # The tree's rows go to a buffer of their own only where they must be combined.
         K = out if direct else np.empty((len(motion), robot.nv, out.shape[2]))
-        for k, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
-            K[k] = regressor(model, data, q, v, a)
+        bodies = K[:, : model.nv]
+        K[:, model.nv :] = 0.0  # tendons carry none
+        for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
+            bodies[k] = regressor(model, data, q, v, a)
         if direct:
             return
         out[:] = K[:, robot.actuated]

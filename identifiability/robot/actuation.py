@@ -13,6 +13,7 @@ import numpy as np
 from identifiability.foundation.errors import ClosureError, RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.robot import closure
+from identifiability.robot.cables import stretch_home
 from identifiability.robot.description import Description
 from identifiability.robot.loop_equations import loop_jacobian
 from identifiability.robot.newton import ACCEPTED, newton
@@ -42,7 +43,8 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             f"{robot.path}: the actuator '{stated.undriven}' drives no single joint; name the "
             'joints whose torque is measured in the sidecar: actuated = ["joint1", …].'
         )
-    names = [*robot.tree.single] if names is None else names
+    pulling = {cable.name for cable in robot.cables}
+    names = [n for n in robot.tree.single if n not in pulling] if names is None else names
     names = [name for name in names if name not in robot.locked]
     index = np.array([_driven_dof(robot, n) for n in names], int)
     if not names and robot.locked:
@@ -58,7 +60,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     robot = replace(robot, actuated=index, dependent=dependent, home=_set_home(robot, extra))
     if not len(dependent) and not robot.equations:
         return robot
-    robot = replace(robot, home=_follow_couplings(robot))
+    robot = stretch_home(replace(robot, home=_follow_couplings(robot)))
     count = closure.count_independent(robot) if robot.equations else 0
     if count < len(dependent):
         _refuse_loose(robot, count)

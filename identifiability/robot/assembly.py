@@ -79,6 +79,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         locked=dict(stated.locked),
         welded=dict(stated.welded),
         bounds=read_bounds(path, extra.bounds, bodies, stated),
+        cables=stated.cables,
     )
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):
@@ -168,9 +169,10 @@ def _nominal(
         values |= {f"{body}.{kind}": float(v) for kind, v in zip(INERTIAL_KINDS, pi, strict=True)}
     friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
     parts = robot.inertia_parts
-    for dof, name in enumerate(robot.dofs):
-        numbers = {"damping": model.damping, "frictionloss": friction, "armature": model.armature}
-        stated_here = {word: float(each[dof]) for word, each in numbers.items()}
+    numbers = {"damping": model.damping, "frictionloss": friction, "armature": model.armature}
+    stated_at = [{word: float(x[dof]) for word, x in numbers.items()} for dof in range(model.nv)]
+    stated_at += [{word: t.numbers.get(word, 0.0) for word in numbers} for t in robot.cables]
+    for name, stated_here in zip(robot.dofs, stated_at, strict=True):
         values |= name_numbers(name, stated_here, parts) | {f"{name}.{p}": 0.0 for p in parts[1:]}
     values |= {f"{name}.K": stiffness for name, (stiffness, _) in stated.springs.items()}
     for name, axis in axes.items():
@@ -185,6 +187,10 @@ def _position_limits(robot: Description, given: list[LimitEntry]) -> Array:
     out = np.tile([-np.inf, np.inf], (len(robot.actuated), 1))
     for row, (name, limit) in enumerate(zip(robot.joints, given, strict=True)):
         iq = robot.tree.single[name].iq
+        pulling = [cable for cable in robot.cables if cable.name == name]
+        if pulling:
+            out[row] = pulling[0].limits if limit.q is None else limit.q
+            continue
         lower = float(robot.model.lowerPositionLimit[iq])
         upper = float(robot.model.upperPositionLimit[iq])
         if lower < upper and max(abs(lower), abs(upper)) < 1e6:

@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
+from identifiability.robot.cables import add_slides, read_cables
 from identifiability.robot.joints import read_tree
 from identifiability.robot.kinematics import Point
 from identifiability.robot.locking import add_couplings, read_locks, settle_locks
@@ -60,6 +61,11 @@ def state_robot(path: Path, m: Any, extra: Sidecar) -> Stated:
     model.gravity.linear = np.zeros(3) if still else np.array(m.opt.gravity)
     free = np.array([m.joint(int(j)).name not in locked for j in m.dof_jntid], bool)
     forces = read_forces(path, m, locked)
+    dofs = [d for j in tree.joints for d in j.dofs]
+    cables = read_cables(
+        path, m, forces.cables, lambda body, at: _point(places, last, body, at), dofs
+    )
+    tree = add_slides(tree, cables, model.nq)
     model.damping, model.armature = forces.damping[free], forces.armature[free]
     model.upperDryFrictionLimit = forces.frictionloss[free]
     model.lowerDryFrictionLimit = -forces.frictionloss[free]
@@ -74,12 +80,13 @@ def state_robot(path: Path, m: Any, extra: Sidecar) -> Stated:
         loops=_loops(path, m, places, last),
         couplings=couplings,
         actuated=actuated,
-        home=home[kept],
+        home=np.append(home[kept], np.zeros(len(cables))),
         springs=forces.springs,
         undriven=other,
         locked=locked,
         welded=welded,
         combinations=forces.combinations,
+        cables=cables,
     )
 
 
@@ -227,6 +234,12 @@ def _home(m: Any) -> Array:
     return q
 
 
+def _point(places: list[Place], last: Mapping[int, int], body: int, at: Array) -> Point:
+    """Return where a point of a body is in the tree."""
+    joint, place = places[body]
+    return Point(last[joint], place.act(at))
+
+
 def _read_closure(
     m: Any, k: int, places: list[Place], last: Mapping[int, int], count: int
 ) -> list[Loop]:
@@ -248,8 +261,9 @@ def _read_closure(
     name = m.equality(k).name or f"closure{count + 1}"
     # Without torque a weld leaves the rotation free.
     points = {f"{name}.{p}": np.eye(3)[i] for i, p in enumerate("xy")} if weld and at[10] else {}
+    (first, here), (second, there) = frames
     return [
-        Loop(word, *(Point(joint, frame.act(point)) for joint, frame in frames))
+        Loop(word, Point(first, here.act(point)), Point(second, there.act(point)))
         for word, point in {name: np.zeros(3), **points}.items()
     ]
 

@@ -18,7 +18,7 @@ from identifiability.robot.kinematics import Tree
 from identifiability.robot.markup import included_files
 from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.mjcf import weighing_files
-from identifiability.robot.parts import Axis, Bound, Coupling, Loop, Transmission
+from identifiability.robot.parts import Axis, Bound, Cable, Coupling, Loop, Transmission
 
 
 def _none() -> np.ndarray:
@@ -88,6 +88,8 @@ class Description:
         file itself holds.
     placed : tuple of str
         Effects of default models that are at some places only, as a ladder file writes them.
+    cables : tuple of Cable
+        Straight tendons with a force or a motor, slides of `tree` that Pinocchio does not have.
     """
 
     name: str
@@ -128,6 +130,7 @@ class Description:
     combinations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tendons: tuple[str, ...] = ()
     placed: tuple[str, ...] = ()
+    cables: tuple[Cable, ...] = ()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""
@@ -164,7 +167,8 @@ class Description:
     @cached_property
     def equations(self) -> int:
         """Number of loop equations, those included that follow from others."""
-        return sum(len(loop.axes) for loop in self.loops) + len(self.couplings)
+        points = sum(len(loop.axes) for loop in self.loops)
+        return points + len(self.couplings) + len(self.cables)
 
     @property
     def nv(self) -> int:

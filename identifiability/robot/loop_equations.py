@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.robot.cables import cable_bias, cable_equation, cable_joints, cable_points
 from identifiability.robot.description import Description
 from identifiability.robot.kinematics import WORLD, Frames, Point
 from identifiability.robot.parts import Coupling, Loop, Term
@@ -28,7 +29,7 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     """
     tree, n = robot.tree, len(q)
     ends = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
-    frames = tree.frames(q, ends)
+    frames = tree.frames(q, [*ends, *cable_joints(robot)])
     errors, J = np.empty((robot.equations, n)), np.zeros((robot.equations, robot.nv, n))
     at = 0
     for loop in robot.loops:
@@ -48,6 +49,8 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     for k, coupling in enumerate(robot.couplings, at):
         error, row = _coupling_error(coupling, q, robot)
         errors[k], J[k] = error, row.T
+    for k, cable in enumerate(robot.cables, robot.equations - len(robot.cables)):
+        errors[k], J[k] = cable_equation(robot, cable, frames, q)
     return errors, J
 
 
@@ -60,6 +63,7 @@ def loop_bias(robot: Description, q: Array, v: Array) -> Array:
     """Return ``Ȧ v`` of the loop equations at configurations that close them, (N, m)."""
     tree = robot.tree
     points: list[Point] = [p for loop in robot.loops for p in (loop.first, loop.second)]
+    points += cable_points(robot)
     frames = tree.frames(q, (p.joint for p in points))
     bias = tree.bias_accelerations(frames, v, points)
     rows = []
@@ -69,6 +73,11 @@ def loop_bias(robot: Description, q: Array, v: Array) -> Array:
             apart = np.einsum("cxn,xn->cn", turn, apart)
         rows.append(np.broadcast_to(apart[list(loop.axes)], (len(loop.axes), len(q))))
     rows += [_coupling_bias(c, q, v, robot)[None] for c in robot.couplings]
+    at = 2 * len(robot.loops)
+    for cable in robot.cables:
+        ends = bias[at : at + 2 * len(cable.segments)]
+        rows.append(cable_bias(robot, cable, frames, v, ends)[None])
+        at += len(ends)
     bias_rows: Array = np.concatenate(rows).T
     return bias_rows
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -41,6 +42,14 @@ def clear_mjcf(top: ET.Element) -> None:
         for element in (e for tag in tags.split() for e in top.iter(tag)):
             for key in keys.split():
                 element.attrib.pop(key, None)
+
+
+def write_cable(element: ET.Element, stated: Mapping[str, float], rest: float) -> None:
+    """Write friction, inertia and spring of a tendon that is relaxed at a length [m]."""
+    for word, value in stated.items():
+        element.set(word, f"{value:.17g}")
+    if stated.get("stiffness"):
+        element.set("springlength", f"{rest:.17g}")
 
 
 def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inertia: Array) -> None:

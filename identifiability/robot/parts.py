@@ -197,6 +197,42 @@ class Bound:
 
 
 @frozen
+class Segment:
+    """What runs straight from a point of one body to a point of another.
+
+    Attributes
+    ----------
+    first, second : Point
+    part : float
+        How much of its length counts, less than one behind a pulley.
+    """
+
+    first: Point
+    second: Point
+    part: float = 1.0
+
+
+@frozen
+class Cable:
+    """A tendon of straight segments; a slide of the tree has its name and its length.
+
+    Attributes
+    ----------
+    name : str
+    segments : tuple of Segment
+    numbers : mapping
+        ``damping`` [N·s/m], ``frictionloss`` [N] and ``armature`` [kg] that the file states.
+    limits : tuple of float [m]
+        Of its length.
+    """
+
+    name: str
+    segments: tuple[Segment, ...]
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    limits: tuple[float, float] = (-np.inf, np.inf)
+
+
+@frozen
 class Stated:
     """What a robot file states.
 
@@ -221,6 +257,8 @@ class Stated:
         Body behind a locked joint to its ten parameters in the frame of the joint that it hangs on.
     combinations : mapping
         Tendons along several joints that have friction, a rotor or a spring.
+    cables : tuple of Cable
+        The last joints of `tree` are their slides, the last coordinates of `home` their lengths.
     """
 
     model: Any
@@ -235,6 +273,7 @@ class Stated:
     locked: Mapping[str, float] = field(default_factory=dict)
     welded: Mapping[str, Array] = field(default_factory=dict)
     combinations: Mapping[str, Combination] = field(default_factory=dict)
+    cables: tuple[Cable, ...] = ()
 
 
 def name_numbers(

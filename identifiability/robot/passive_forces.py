@@ -17,6 +17,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
+from identifiability.robot.cables import cable_name, straight
 from identifiability.robot.parts import Combination
 from identifiability.robot.tendons import find_arms
 
@@ -37,9 +38,11 @@ class Forces:
     ----------
     damping, frictionloss, armature : (nv,)
     springs : mapping
-        By name of the joint.
+        By name of the joint or straight tendon.
     combinations : mapping
         Tendons along several joints, by name.
+    cables : mapping
+        Numbers of straight tendons, by index.
     """
 
     damping: Array
@@ -47,6 +50,7 @@ class Forces:
     armature: Array
     springs: Mapping[str, Spring] = field(default_factory=dict)
     combinations: dict[str, Combination] = field(default_factory=dict)
+    cables: dict[int, dict[str, float]] = field(default_factory=dict)
 
 
 def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
@@ -86,10 +90,16 @@ def read_forces(path: Path, m: Any, locked: Mapping[str, float]) -> Forces:
         name: Combination(c.weights, {**c.numbers, **dict.fromkeys(idle, 0.0)}, c.rest)
         for name, c in forces.combinations.items()
     }
+    for each in forces.cables.values():
+        each.update(dict.fromkeys(idle, 0.0))
     if not off & int(bits.mjDSBL_SPRING):
         forces.springs = {
             m.joint(int(m.dof_jntid[d])).name: (float(stiffness[d]), float(pull[d] / stiffness[d]))
             for d in np.flatnonzero(stiffness)
+        } | {
+            cable_name(m, t): (each["stiffness"], float(m.tendon_lengthspring[t, 0]))
+            for t, each in forces.cables.items()
+            if each["stiffness"]
         }
     return forces
 
@@ -103,8 +113,16 @@ def find_drives(m: Any, locked: Mapping[str, float]) -> tuple[list[str] | None, 
     held = {int(m.joint(name).id): at for name, at in locked.items()}
     working = [a for a in range(len(m.actuator_trntype)) if not _idle(m, a, held)]
     joints = {a: _driven(m, a, held) for a in working}
-    names = [m.joint(j).name for j in joints.values() if j is not None]
-    idle = [a for a, j in joints.items() if j is None and m.actuator_trntype[a] != _ON_BODY]
+    names = [
+        m.joint(j).name if j is not None else cable_name(m, int(m.actuator_trnid[a, 0]))
+        for a, j in joints.items()
+        if j is not None or _pulls(m, a)
+    ]
+    idle = [
+        a
+        for a, j in joints.items()
+        if j is None and m.actuator_trntype[a] != _ON_BODY and not _pulls(m, a)
+    ]
     other = (m.actuator(idle[0]).name or f"number {idle[0] + 1}") if idle else ""
     return list(dict.fromkeys(names)) if names or other else None, other
 
@@ -116,6 +134,11 @@ def _idle(m: Any, a: int, held: Mapping[int, float]) -> bool:
         arms = find_arms(m, target)
         return bool(arms) and all(j in held for j in arms or ())
     return kind in _ON_JOINT and target in held
+
+
+def _pulls(m: Any, a: int) -> bool:
+    """Whether an actuator pulls at a straight tendon."""
+    return int(m.actuator_trntype[a]) == _ON_TENDON and straight(m, int(m.actuator_trnid[a, 0]))
 
 
 def _driven(m: Any, a: int, held: Mapping[int, float]) -> int | None:
@@ -181,13 +204,16 @@ def _add_tendon(
     called = m.tendon(t).name
     name = called or f"number {t + 1}"
     single = _single(m, t, held)
-    if single is None and not arms:
-        raise _refusal(path, f"the tendon '{name}' has {present[0]} and is not along joints")
+    if single is None and not arms and not straight(m, t):
+        bends = "bends around a geom" if arms is None else "is not along joints"
+        raise _refusal(path, f"the tendon '{name}' has {present[0]} and {bends}")
     low, high = m.tendon_lengthspring[t]
     if bent or (linear["stiffness"] and (low != high or _extra(m, "tendon_springyield", t))):
         raise _refusal(path, f"the tendon '{name}' has stiffness or damping that is not linear")
     if single is None:
-        assert arms is not None
+        if arms is None:
+            forces.cables[t] = linear
+            return
         weights = {m.joint(j).name: c for j, c in arms.items() if j not in held}
         still = sum(c * held[j] for j, c in arms.items() if j in held)
         if not called:
@@ -212,6 +238,14 @@ def _add_actuator(path: Path, m: Any, a: int, held: Mapping[int, float], forces:
     if not (rotor or damping or bent) or _idle(m, a, held):
         return
     name, joint = m.actuator(a).name or f"number {a + 1}", _driven(m, a, held)
+    if _pulls(m, a) and not bent:
+        each = forces.cables.setdefault(
+            int(m.actuator_trnid[a, 0]),
+            dict.fromkeys(("stiffness", "damping", "frictionloss", "armature"), 0.0),
+        )
+        each["armature"] += rotor * float(m.actuator_gear[a, 0]) ** 2
+        each["damping"] += damping * float(m.actuator_gear[a, 0]) ** 2
+        return
     if joint is None or bent:
         what = "damping that is not linear" if bent else "armature or damping but drives no joint"
         raise _refusal(path, f"the actuator '{name}' has {what}")

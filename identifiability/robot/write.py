@@ -22,7 +22,13 @@ from identifiability.foundation.output import write_together
 from identifiability.robot.description import Description
 from identifiability.robot.locking import share_out
 from identifiability.robot.markup import read_markup
-from identifiability.robot.mjcf_text import clear_mjcf, in_radians, numbers, write_inertial
+from identifiability.robot.mjcf_text import (
+    clear_mjcf,
+    in_radians,
+    numbers,
+    write_cable,
+    write_inertial,
+)
 from identifiability.robot.sidecar import read_sidecar
 
 
@@ -79,13 +85,18 @@ def write_robot(
         _write_body(top, robot, body, theta)
     elements = {e.get("name"): e for e in top.iter("joint")}
     degrees = robot.mjcf and not in_radians(top)
+    slides = {cable.name for cable in robot.cables}
     for name, stated in joints.items():
-        if name not in robot.tendons:
+        if name not in robot.tendons and name not in slides:
             _write_joint(elements[name], robot, name, stated, degrees=degrees)
     if robot.mjcf:
         clear_mjcf(top)
     for element in [e for e in top.iter("fixed") if e.get("name") in robot.tendons]:
         _write_tendon(element, robot, joints[str(element.get("name"))])
+    cables = {e.get("name"): e for e in top.iter("spatial")}
+    for name in slides & set(joints):
+        home = float(robot.dof_position(robot.home[None], name)[0])
+        write_cable(cables[name], joints[name], robot.rest.get(name, home))
     ET.indent(top)
     text = ET.tostring(top, encoding="unicode") + "\n"
     beside = path.with_suffix(".toml")
@@ -107,7 +118,7 @@ def _template(robot: Description) -> ET.Element:
             f"{robot.path} uses <replicate>, whose copies have no place in the file to write "
             "parameters to; write them out as bodies."
         )
-    named = {e.get("name") for e in top.iter() if e.tag in ("joint", "freejoint")}
+    named = {e.get("name") for e in top.iter() if e.tag in ("joint", "freejoint", "spatial")}
     bodies = {e.get("name") for e in top.iter() if e.tag in ("body", "link")}
     for what, missing in (
         ("joint", set(robot.tree.single) - named),
@@ -116,7 +127,7 @@ def _template(robot: Description) -> ET.Element:
         if missing:
             raise RobotError(
                 f"{robot.path} has a {what} without a name, so parameters cannot be written to it; "
-                f"name every <{what}>."
+                f"name every <{what}> (and every <spatial> tendon)."
             )
     return top
 

@@ -8,7 +8,7 @@ error after a given time is a fair figure of merit.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -39,7 +39,7 @@ DIVERGED = 10.0
 IMMOVABLE = 1e9
 
 #: Parts of an MJCF file that have no share in the free motion of the bodies.
-_IDLE = ("asset", "actuator", "sensor", "contact", "tendon", "visual", "statistic", "custom")
+_IDLE = ("asset", "actuator", "sensor", "contact", "visual", "statistic", "custom")
 
 #: What a model has beyond bodies, viscous and Coulomb friction and rotors, from position, velocity
 #: and acceleration of the actuated joints, each (K, n): torque that is taken off (K, n), and dry
@@ -75,6 +75,12 @@ class ForwardRobot:
                 f"{robot.name} has axes that combine joints or joints that follow several others; "
                 "it is not simulated forward."
             )
+        pulling = {cable.name for cable in robot.cables}
+        if pulling & set(robot.joints):
+            raise RobotError(
+                f"{robot.name} is driven by tendons, which MuJoCo's joints cannot hold; it is not "
+                "simulated forward."
+            )
         self.robot = robot
         values = {**robot.nominal, **both_directions(parameters)}
         parts = robot.inertia_parts
@@ -96,7 +102,12 @@ class ForwardRobot:
         """Set friction, rotors and springs."""
         robot, model, home = self.robot, self.model, self.robot.home[None]
         for name, numbers in joints.items():
-            joint, rest = model.joint(name), robot.rest.get(name)
+            rest = robot.rest.get(name)
+            if any(name == cable.name for cable in robot.cables):
+                length = robot.dof_position(home, name)[0] if rest is None else rest
+                self._set_tendon(int(model.tendon(name).id), numbers, float(length))
+                continue
+            joint = model.joint(name)
             model.dof_armature[joint.dofadr[0]] = numbers["armature"]
             model.dof_damping[joint.dofadr[0]] = numbers["damping"]
             model.dof_frictionloss[joint.dofadr[0]] = numbers["frictionloss"]
@@ -105,6 +116,11 @@ class ForwardRobot:
                 robot.dof_position(home, name)[0] if rest is None else rest
             )
         model.dof_armature[self._kinematics.locked] = IMMOVABLE
+
+    def _set_tendon(self, t: int, numbers: Mapping[str, float], rest: float) -> None:
+        for word, value in numbers.items():
+            getattr(self.model, f"tendon_{word}")[t] = value
+        self.model.tendon_lengthspring[t] = rest
 
     @quiet()
     def run(self, q: Array, dq: Array, tau: Array, dt: float, extra: Extra | None = None) -> Array:
@@ -131,7 +147,9 @@ class ForwardRobot:
         stiff = [2 * self.model.opt.timestep, 1.0]
         self.model.eq_solref[:] = stiff
         self.model.dof_solref[:] = stiff
+        self.model.tendon_solref_fri[:] = stiff
         self.model.dof_solimp[:, :2] = HARD  # MuJoCo's own friction lets a joint creep
+        self.model.tendon_solimp_fri[:, :2] = HARD
         states = self._start(q, dq)
         out = np.full((count, steps, n), np.nan)
         actuated = self._kinematics.actuated
@@ -173,9 +191,11 @@ class ForwardRobot:
         for k in range(len(q)):
             full = kinematics.walk(full, q[k], k)
             state = mujoco.MjData(self.model)
-            state.qpos[:] = full
-            state.qvel[kinematics.actuated] = dq[k]
-            state.qvel[kinematics.passive] = -kinematics.slope() @ dq[k]
+            state.qpos[:] = full[: self.model.nq]
+            speed = np.zeros(kinematics.size)
+            speed[kinematics.actuated] = dq[k]
+            speed[kinematics.passive] = -kinematics.slope() @ dq[k]
+            state.qvel[:] = speed[: self.model.nv]
             mujoco.mj_forward(self.model, state)
             out.append(state)
         return out
@@ -202,7 +222,11 @@ def _compile(
         bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
         write_robot(robot, path, bodies, joints, {})
         top = ET.parse(path).getroot()
-    text = bare_urdf(top, balance="true") if top.tag == "robot" else _bare_mjcf(top)
+    text = (
+        bare_urdf(top, balance="true")
+        if top.tag == "robot"
+        else _bare_mjcf(top, {cable.name for cable in robot.cables})
+    )
     try:
         spec = mujoco.MjSpec.from_string(text)
         _add_closures(spec, robot)
@@ -213,10 +237,13 @@ def _compile(
         ) from None
 
 
-def _bare_mjcf(top: ET.Element) -> str:
+def _bare_mjcf(top: ET.Element, tendons: Collection[str]) -> str:
     """Return an MJCF file without looks, contacts and what else no free motion needs."""
     for part in [c for c in top if c.tag in _IDLE]:
         top.remove(part)
+    for group in top.findall("tendon"):
+        for tendon in [c for c in group if c.get("name") not in tendons]:
+            group.remove(tendon)
     for parent in list(top.iter()):
         for child in [c for c in parent if c.tag in ("geom", "light", "camera")]:
             parent.remove(child)

@@ -19,6 +19,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.simulation.joint_couplings import find_couplings
+from identifiability.simulation.mujoco_cables import find_cables
 from identifiability.simulation.mujoco_file import PointClosure, find_closures, load_file
 
 TOLERANCE = 1e-12
@@ -69,11 +70,14 @@ class MujocoRobot:
         self.model.tendon_stiffness[:] = 0
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.model.opt.enableflags = 0
+        #: Coordinates are those of the model, and the lengths of its straight tendons.
+        self.size = self.model.nv + len(robot.cables)
         self.actuated = np.array([self._dof(j) for j in robot.joints], int)
-        self.positions = np.array([int(self._joint(j).qposadr[0]) for j in robot.joints], int)
+        self.positions = np.array([self._address(j) for j in robot.joints], int)
+        self.cables = find_cables(self.model, robot)
         #: Locked joints are in the file; prescribed to stand still, they need not be welded.
         self.locked = np.array([self._dof(j) for j in robot.locked], int)
-        self.passive = np.setdiff1d(np.arange(self.model.nv), [*self.actuated, *self.locked])
+        self.passive = np.setdiff1d(np.arange(self.size), [*self.actuated, *self.locked])
         self.closures = find_closures(self.model, robot)
         self.couplings = find_couplings(self.model, robot)
 
@@ -86,7 +90,16 @@ class MujocoRobot:
             ) from None
 
     def _dof(self, name: str) -> int:
-        return int(self._joint(name).dofadr[0])
+        at = self._cable(name)
+        return int(self._joint(name).dofadr[0]) if at is None else self.model.nv + at
+
+    def _address(self, name: str) -> int:
+        at = self._cable(name)
+        return int(self._joint(name).qposadr[0]) if at is None else self.model.nq + at
+
+    def _cable(self, name: str) -> int | None:
+        names = [cable.name for cable in self.robot.cables]
+        return names.index(name) if name in names else None
 
     @quiet()
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> RigidTorque:
@@ -97,7 +110,7 @@ class MujocoRobot:
         ClosureError
             If the loops do not close at some sample.
         """
-        single = [(k, int(self._joint(d).qposadr[0]), self._dof(d)) for k, d in self._named()]
+        single = [(k, self._address(d), self._dof(d)) for k, d in self._named()]
         n, m = q.shape[1], len(self.robot.dependent)
         tau, slope = np.zeros_like(q), np.zeros((len(q), m, n))
         passive = np.zeros((3, len(q), m))
@@ -105,14 +118,14 @@ class MujocoRobot:
         for k in range(len(q)):
             full = self.walk(full, q[k], k)
             X = self.slope()
-            v = np.zeros(self.model.nv)
+            v = np.zeros(self.size)
             v[self.actuated], v[self.passive] = dq[k], -X @ dq[k]
-            a = np.zeros(self.model.nv)
+            a = np.zeros(self.size)
             a[self.actuated] = ddq[k]
             a[self.passive] = self._passive_acceleration(v) - X @ ddq[k]
-            self.data.qvel[:], self.data.qacc[:] = v, a
+            self.data.qvel[:], self.data.qacc[:] = v[: self.model.nv], a[: self.model.nv]
             mujoco.mj_inverse(self.model, self.data)
-            force = self.data.qfrc_inverse
+            force = np.append(self.data.qfrc_inverse, np.zeros(len(self.cables)))
             tau[k] = force[self.actuated] - X.T @ force[self.passive]
             for column, qadr, dof in single:
                 passive[:, k, column] = full[qadr], v[dof], a[dof]
@@ -122,16 +135,18 @@ class MujocoRobot:
     def _named(self) -> list[tuple[int, str]]:
         """Return the passive one-dof joints with their place among the robot's passive ones."""
         names = {self.model.joint(j).name for j in range(self.model.njnt)}
+        names |= {cable.name for cable in self.robot.cables}
         return [(k, d) for k, d in enumerate(self.robot.passive) if d in names]
 
     def home(self) -> Array:
         """Return the configuration that selects the assembly, (nq,)."""
-        home, q = np.array(self.model.qpos0), self.robot.home
+        home = np.append(self.model.qpos0, np.zeros(len(self.cables)))
+        q = self.robot.home
         for name, position in self.robot.locked.items():
             home[int(self._joint(name).qposadr[0])] = position
         for j in self.robot.tree.joints:
             name = j.dofs[0] if j.nv == 1 else j.dofs[0].rpartition(".")[0]
-            at = int(self._joint(name).qposadr[0])
+            at = self._address(name)
             if j.nv == 1:
                 home[at] = self.robot.dof_position(q[None], name)[0]
             else:  # a quaternion begins with its real part there
@@ -164,38 +179,44 @@ class MujocoRobot:
     @property
     def closed(self) -> bool:
         """Whether there are loops."""
-        return bool(self.closures or self.couplings)
+        return bool(self.closures or self.couplings or self.cables)
 
     def _close(self, full: Array) -> bool:
         """Close the loops by Newton steps of the passive joints; `full` is changed in place."""
         before = np.inf
         for _ in range(_MAX_STEPS):
-            self.data.qpos[:] = full
+            self.data.qpos[:] = full[: self.model.nq]
             mujoco.mj_kinematics(self.model, self.data)
             mujoco.mj_comPos(self.model, self.data)
             if not self.closed:
                 return True
-            error = self._error()
+            error = self._error(full)
             size = float(np.abs(error).max())
             if size < TOLERANCE and size >= 0.5 * before:  # polished until rounding stops it
                 return True
             before = size
-            step = np.zeros(self.model.nv)
+            step = np.zeros(self.size)
             step[self.passive] = -np.linalg.lstsq(
                 self._jacobian()[:, self.passive], error, rcond=None
             )[0]
-            mujoco.mj_integratePos(self.model, full, step, 1.0)
-        return bool(np.abs(self._error()).max() < 1e-9)
+            q = np.array(full[: self.model.nq])
+            mujoco.mj_integratePos(self.model, q, step[: self.model.nv], 1.0)
+            full[: self.model.nq] = q
+            full[self.model.nq :] += step[self.model.nv :]
+        return bool(np.abs(self._error(full)).max() < 1e-9)
 
     def _world(self, closure: PointClosure, end: int) -> Array:
         rotation = self.data.xmat[closure.body[end]].reshape(3, 3)
         at: Array = self.data.xpos[closure.body[end]] + rotation @ closure.point[end]
         return at
 
-    def _error(self) -> Array:
+    def _error(self, full: Array) -> Array:
         points = [self._world(c, 0) - self._world(c, 1) for c in self.closures]
         joints = [[c.error(self.data.qpos)] for c in self.couplings]
-        return np.concatenate([*points, *joints]) if points or joints else np.empty(0)
+        drawn = [c.length(self.data) for c in self.cables]
+        gaps = [[x - length] for x, length in zip(full[self.model.nq :], drawn, strict=True)]
+        every: list[Any] = [*points, *joints, *gaps]
+        return np.concatenate(every) if every else np.empty(0)
 
     def _jacobian(self, *, dot: bool = False) -> Array:
         """Return the Jacobian of the loop errors, or its time derivative."""
@@ -206,13 +227,18 @@ class MujocoRobot:
             for end in (0, 1):
                 J = np.zeros((3, self.model.nv))
                 jac(self.model, self.data, J, None, self._world(c, end), c.body[end])
-                ends.append(J)
+                ends.append(np.pad(J, ((0, 0), (0, len(self.cables)))))
             rows.append(ends[0] - ends[1])
         q, v = self.data.qpos, self.data.qvel
         for coupling in self.couplings:
             rate = coupling.gradient_rate(q, v) if dot else coupling.gradient(q, len(v))
-            rows.append(rate)
-        return np.concatenate(rows) if rows else np.empty((0, self.model.nv))
+            rows.append(np.pad(rate, ((0, 0), (0, len(self.cables)))))
+        for k, cable in enumerate(self.cables):
+            row = np.zeros((1, self.size))
+            row[0, : self.model.nv] = -cable.slope(self.model, self.data, dot=dot)
+            row[0, self.model.nv + k] = 0.0 if dot else 1.0
+            rows.append(row)
+        return np.concatenate(rows) if rows else np.empty((0, self.size))
 
     def slope(self) -> Array:
         """Return X with ``q̇_passive = -X q̇_actuated`` at the present configuration."""
@@ -221,7 +247,7 @@ class MujocoRobot:
 
     def _passive_acceleration(self, v: Array) -> Array:
         """Return the passive accelerations that the loops demand at zero actuated acceleration."""
-        self.data.qvel[:] = v
+        self.data.qvel[:] = v[: self.model.nv]
         mujoco.mj_comVel(self.model, self.data)
         bias = self._jacobian(dot=True) @ v
         A = self._jacobian()

@@ -89,10 +89,11 @@ REFUSED = {
     "slack tendon": (
         arm(after=TENDON.format('stiffness="1" springlength="0 1"')), "'cable' has stiffness or"),
     "tendon in space": (
-        arm(beside='<site name="s"/>', inside='<site name="t"/>',
-            after='<tendon><spatial name="rope" stiffness="1"><site site="s"/><site site="t"/>'
-            "</spatial></tendon>"),
-        "the tendon 'rope' has stiffness and is not along joints"),
+        arm(beside='<site name="s"/><geom name="drum" type="sphere" size="0.02" mass="0"/>',
+            inside='<site name="t"/>',
+            after='<tendon><spatial name="rope" stiffness="1"><site site="s"/><geom geom="drum"/>'
+            '<site site="t"/></spatial></tendon>'),
+        "the tendon 'rope' has stiffness and bends around a geom"),
     "actuator of a site": (
         arm(inside='<site name="s"/>', actuator=JET),
         r"the actuator 'jet' drives no single joint; .* actuated = \[\"joint1\""),

@@ -75,7 +75,8 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     """Return every joint: those of the tree in its order, then the locked ones."""
     followed = {c.joint: c for c in robot.couplings}
     actuated = {int(dof): k for k, dof in enumerate(robot.actuated)}
-    kinds = {d: j.kind for j in robot.tree.joints for d in j.dofs}
+    kinds: dict[str, str] = {d: j.kind for j in robot.tree.joints for d in j.dofs}
+    kinds |= dict.fromkeys((t.name for t in robot.cables), "tendon")
     facts = []
     for dof, name in enumerate(robot.dofs):
         unit = "m" if robot.is_prismatic(dof) else "rad"

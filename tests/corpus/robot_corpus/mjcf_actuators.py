@@ -183,11 +183,11 @@ TENDONS = (
     _cable("tendon spatial with limits", '[[limited="true" range="0 1"]]', "", inert=True),
     _tendon("tendon fixed springyield", 'stiffness="5" [[springyield="0.1"]]', inert=True),
     _cable("tendon spatial springyield", 'stiffness="50" [[springyield="0.1"]]', inert=True),
-    _cable("tendon spatial stiffness", '[[stiffness="50"]]'),
-    _cable("tendon spatial springlength", 'stiffness="50" [[springlength="0.7"]]'),
-    _cable("tendon spatial damping", '[[damping="5"]]'),
-    _cable("tendon spatial frictionloss", '[[frictionloss="5"]]'),
-    _cable("tendon spatial armature", '[[armature="0.5"]]'),
+    _cable("tendon spatial stiffness", '[[stiffness="50"]]', ""),
+    _cable("tendon spatial springlength", 'stiffness="50" [[springlength="0.7"]]', ""),
+    _cable("tendon spatial damping", '[[damping="5"]]', ""),
+    _cable("tendon spatial frictionloss", '[[frictionloss="5"]]', ""),
+    _cable("tendon spatial armature", '[[armature="0.5"]]', ""),
 )
 
 ALL = (

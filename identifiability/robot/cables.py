@@ -1,0 +1,179 @@
+"""Straight cables: what pulls between sites of bodies, such as springs, dampers and legs.
+
+A tendon that has a force or a motor is a coordinate of the robot: a slide that carries no body,
+whose position is the tendon's length. One loop equation says so, and friction, spring, rotor and
+motor are then those of any joint. A tendon that bends around bodies is none: it is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.names import Array
+from identifiability.robot.description import Description
+from identifiability.robot.kinematics import WORLD, Frames, Joint, Point, Tree
+from identifiability.robot.parts import Cable, Segment
+
+_WRAP = mujoco.mjtWrap
+_ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
+
+
+def straight(m: Any, t: int) -> bool:
+    """Whether a tendon of a compiled model runs straight between sites."""
+    kinds = {int(m.wrap_type[w]) for w in _parts(m, t)}
+    return int(_WRAP.mjWRAP_SITE) in kinds and kinds <= {
+        int(_WRAP.mjWRAP_SITE),
+        int(_WRAP.mjWRAP_PULLEY),
+    }
+
+
+def _parts(m: Any, t: int) -> range:
+    start = int(m.tendon_adr[t])
+    return range(start, start + int(m.tendon_num[t]))
+
+
+def cable_name(m: Any, t: int) -> str:
+    """Return the name of a tendon, its number if it has none."""
+    return str(m.tendon(t).name or f"tendon{t + 1}")
+
+
+def read_cables(
+    path: Path,
+    m: Any,
+    numbers: Mapping[int, Mapping[str, float]],
+    point: Callable[[int, Array], Point],
+    taken: Sequence[str],
+) -> tuple[Cable, ...]:
+    """Return the straight tendons that have a force or a motor.
+
+    Parameters
+    ----------
+    path : Path
+    m : mujoco.MjModel
+    numbers : mapping
+        Numbers of tendons (damping, friction, armature, stiffness) by index.
+    point : callable(body, position) -> Point
+        Where the point of a body is in the tree.
+    taken : sequence of str
+        Names of the degrees of freedom.
+
+    Raises
+    ------
+    RobotError
+        If one has the name of a joint.
+    """
+    driven = {
+        int(i)
+        for i, kind in zip(m.actuator_trnid[:, 0], m.actuator_trntype, strict=True)
+        if int(kind) == _ON_TENDON
+    }
+    out: list[Cable] = []
+    for t in sorted({*driven, *numbers}):
+        if not straight(m, t):
+            continue
+        name = cable_name(m, t)
+        if name in (*taken, *(other.name for other in out)):
+            raise RobotError(
+                f"{path}: the tendon '{name}' has the name of a joint or another tendon; give it "
+                "one of its own."
+            )
+        low, high = m.tendon_range[t] if m.tendon_limited[t] else (-np.inf, np.inf)
+        limits = (float(low), float(high))
+        out.append(Cable(name, _segments(m, t, point), numbers.get(t, {}), limits))
+    return tuple(out)
+
+
+def _segments(m: Any, t: int, point: Callable[[int, Array], Point]) -> tuple[Segment, ...]:
+    """Return what runs from site to site; behind a pulley a length counts as a part of itself."""
+    out: list[Segment] = []
+    part, before = 1.0, None
+    for w in _parts(m, t):
+        if int(m.wrap_type[w]) == int(_WRAP.mjWRAP_PULLEY):
+            part, before = 1.0 / float(m.wrap_prm[w]), None
+            continue
+        site = int(m.wrap_objid[w])
+        here = point(int(m.site_bodyid[site]), np.array(m.site_pos[site]))
+        if before is not None:
+            out.append(Segment(before, here, part))
+        before = here
+    return tuple(out)
+
+
+def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
+    """Return a tree with a slide that carries nothing for each tendon, after its own joints."""
+    slides = [
+        Joint((t.name,), "prismatic", WORLD, np.eye(3), np.zeros(3), np.eye(3)[2], nq + k, iv)
+        for k, (t, iv) in enumerate(zip(cables, range(tree.nv, tree.nv + len(cables)), strict=True))
+    ]
+    return Tree((*tree.joints, *slides))
+
+
+def stretch_home(robot: Description) -> Description:
+    """Return a robot at whose home tendons are as long as their sites are apart."""
+    if not robot.cables:
+        return robot
+    home = np.array(robot.home)
+    frames = robot.tree.frames(home[None], cable_joints(robot))
+    for cable in robot.cables:
+        length = cable_equation(robot, cable, frames, home[None])[0]
+        home[robot.tree.single[cable.name].iq] -= float(length[0])
+    return replace(robot, home=home)
+
+
+def cable_joints(robot: Description) -> list[int]:
+    """Return the joints that the ends of tendons are on."""
+    return [p.joint for t in robot.cables for s in t.segments for p in (s.first, s.second)]
+
+
+def cable_points(robot: Description) -> list[Point]:
+    """Return the ends of all segments, two by two."""
+    return [p for t in robot.cables for s in t.segments for p in (s.first, s.second)]
+
+
+def cable_equation(
+    robot: Description, cable: Cable, frames: Frames, q: Array
+) -> tuple[Array, Array]:
+    """Return slide less length (N,), and its Jacobian (nv, N)."""
+    tree = robot.tree
+    slide = tree.single[cable.name]
+    error, row = np.array(q[:, slide.iq]), np.zeros((robot.nv, len(q)))
+    row[slide.iv] = 1.0
+    for segment in cable.segments:
+        along, length = _direction(tree, frames, segment)
+        ends = np.zeros((3, robot.nv, len(q)))
+        tree.add_point_jacobian(frames, segment.second, segment.part, ends)
+        tree.add_point_jacobian(frames, segment.first, -segment.part, ends)
+        error -= segment.part * length
+        row -= np.einsum("xn,xvn->vn", along, ends)
+    return error, row
+
+
+def cable_bias(
+    robot: Description, cable: Cable, frames: Frames, v: Array, bias: Sequence[Array]
+) -> Array:
+    """Return ``J̇ v`` of the same, (N,); `bias` are the accelerations of its ends, two by two."""
+    out = np.zeros(len(v))
+    for k, segment in enumerate(cable.segments):
+        along, length = _direction(robot.tree, frames, segment)
+        ends = np.zeros((3, robot.nv, len(v)))
+        robot.tree.add_point_jacobian(frames, segment.second, 1.0, ends)
+        robot.tree.add_point_jacobian(frames, segment.first, -1.0, ends)
+        speed = np.einsum("xvn,nv->xn", ends, v)
+        across = (speed**2).sum(0) - (along * speed).sum(0) ** 2
+        bent = (along * (bias[2 * k + 1] - bias[2 * k])).sum(0)
+        out -= segment.part * (bent + across / length)
+    return out
+
+
+def _direction(tree: Tree, frames: Frames, segment: Segment) -> tuple[Array, Array]:
+    """Return unit vectors from the first end to the second (3, N), and distances (N,) [m]."""
+    apart = tree.world_point(frames, segment.second) - tree.world_point(frames, segment.first)
+    length = np.sqrt((apart**2).sum(0))
+    return apart / length, length

@@ -1,0 +1,229 @@
+"""Laws of forces between two bodies: springs, dampers and legs are what MuJoCo makes of them."""
+
+import mujoco
+import numpy as np
+import pytest
+from made_robots import arm
+
+from identifiability.effects.registry import stated_effects
+from identifiability.foundation.errors import RobotError
+from identifiability.regression.regression import Model
+from identifiability.robot import complete_motion
+from identifiability.robot.mjcf import quiet
+from identifiability.simulation import PrescribedMotion, simulate
+
+EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
+           "joint_stiffness", "passive_joint_friction")  # fmt: skip
+
+
+def stewart(legs="", motor="", platform='<freejoint name="float"/>'):
+    """A free platform on six legs of which nothing is modelled but their force and length."""
+    top, sites, tendons, motors = "", "", "", ""
+    for k in range(6):
+        low, high = 2 * np.pi * (k // 2) / 3 + (-0.3, 0.3)[k % 2], 2 * np.pi * ((k + 1) // 2) / 3
+        x, y = 0.6 * np.cos(low), 0.6 * np.sin(low)
+        sites += f'<site name="a{k}" pos="{x} {y} 0.02"/>'
+        x, y = 0.3 * np.cos(high - 1.2), 0.3 * np.sin(high - 1.2)
+        top += f'<site name="b{k}" pos="{x} {y} {0.01 * k}"/>'
+        tendons += f"""<spatial name="leg{k}" range="0.5 0.8" {legs}><site site="a{k}"/>
+          <site site="b{k}"/></spatial>"""
+        motors += f'<motor tendon="leg{k}" {motor}/>'
+    return f"""<mujoco><compiler angle="radian"/><worldbody>
+      <body name="platform" pos="0 0 0.5">{platform}{top}
+      <inertial mass="3" pos="0.02 0.01 0.05" fullinertia="0.05 0.06 0.09 0.002 0.001 -0.003"/>
+      </body>{sites}</worldbody><tendon>{tendons}</tendon><actuator>{motors}</actuator>
+      <keyframe><key name="home" qpos="0 0 0.5 1 0 0 0"/></keyframe></mujoco>"""
+
+
+def poses(text, count=20, seed=0):
+    """Random motions of a platform: lengths of its legs with derivatives, and the legs' forces.
+
+    Lengths are MuJoCo's, derivatives are differences of eighth order of them.
+    """
+    with quiet():
+        m = mujoco.MjModel.from_xml_string(text)
+    m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    d, rng, out = mujoco.MjData(m), np.random.default_rng(seed), []
+    for _ in range(count):
+        start, v, a = m.qpos0.copy(), rng.normal(size=6), rng.normal(size=6)
+        mujoco.mj_integratePos(m, start, rng.uniform(-0.12, 0.12, 6), 1.0)
+
+        def lengths(step, start=start):
+            d.qpos[:] = start
+            mujoco.mj_integratePos(m, d.qpos, step, 1.0)
+            mujoco.mj_fwdPosition(m, d)
+            return np.array(d.ten_length)
+
+        J = np.array([slope(lambda s, e=e: lengths(s * e)) for e in np.eye(6)]).T
+        # Along q(s) = start ⊕ s v the acceleration is zero, and the length bends by J̇ v.
+        bent = slope(lambda s, v=v: slope(lambda r: lengths((s + r) * v)))
+        d.qpos[:], d.qvel[:], d.qacc[:] = start, v, a
+        mujoco.mj_inverse(m, d)
+        force = d.qfrc_inverse + J.T @ (m.tendon_frictionloss * np.sign(J @ v))
+        out.append([lengths(np.zeros(6)), J @ v, J @ a + bent, np.linalg.solve(J.T, force)])
+    return np.array(out).transpose(1, 0, 2)
+
+
+def slope(function, h=4e-3):
+    """The derivative at zero by central differences of eighth order."""
+    weights = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+    return sum(w * (function(k * h) - function(-k * h)) / h for k, w in enumerate(weights, 1))
+
+
+@pytest.mark.parametrize(
+    ("legs", "motor"),
+    [
+        ("", 'gear="3"'),
+        ('stiffness="40" springlength="0.6" damping="5" frictionloss="2" armature="0.4"', ""),
+        ("", 'armature="0.2" gear="2" damping="3"'),
+    ],
+)
+def test_a_platform_on_legs_that_are_tendons_is_what_mujoco_makes_of_it(legs, motor, load_text):
+    text = stewart(legs, motor)
+    robot = load_text(text)
+    assert robot.joints == tuple(f"leg{k}" for k in range(6))
+    assert robot.torque_units == ("N",) * 6
+    assert robot.limits.tolist() == [[0.5, 0.8]] * 6
+    q, v, a, expected = poses(text)
+    motion = complete_motion(robot, np.arange(20.0), q, v, a)
+    assert len(motion) == 20
+    model = Model.of(*EFFECTS)
+    phi = np.array([robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)])
+    torque = model.regressor(robot, motion) @ phi
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(torque, expected, rtol=0, atol=1e-9 * size)
+    log = simulate(robot, PrescribedMotion(0.01 * np.arange(20), q, v, a))
+    np.testing.assert_allclose(log.tau, expected, rtol=0, atol=1e-9 * size)
+
+
+CABLE = """<tendon><spatial name="cable" {}><site site="start"/><site site="middle"/>
+  <pulley divisor="2"/><site site="start"/><site site="end"/></spatial></tendon>"""
+SITES = {
+    "base": 'pos="0.1 0.2 0.3" euler="0.1 0.2 0.3"',
+    "inside": '<site name="end" pos="0.3 0.02 0.1"/>',
+    "beside": '<site name="start" pos="0 -0.2 0.6"/><site name="middle" pos="0.2 -0.2 0.6"/>',
+}
+STATED = 'stiffness="50" springlength="0.3" damping="4" frictionloss="2" armature="0.5"'
+
+
+def stretched(stated=STATED, **given):
+    return arm(after=CABLE.format(stated), **{**SITES, **given})
+
+
+def test_a_cable_of_the_file_is_named_and_stays_in_what_is_written(load_text, tmp_path):
+    from identifiability.robot import Robot
+    from identifiability.robot.write import write_robot
+
+    robot = load_text(stretched())
+    assert robot.joints == ("shoulder", "elbow")
+    assert robot.passive == ("cable",)
+    stated = {k: v for k, v in robot.nominal.items() if k.startswith("cable.")}
+    expected = {"cable.K": 50.0, "cable.Fv": 4.0, "cable.Fc": 2.0, "cable.Ia": 0.5}
+    assert stated | expected == stated
+    assert robot.rest["cable"] == 0.3
+    assert {"joint_stiffness", "passive_joint_friction"} <= {*stated_effects(robot)}
+    assert "passive_joint_friction" not in stated_effects(load_text(stretched('stiffness="5"')))
+    robot = load_text(stretched())
+    kinds = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+    bodies = {b: np.array([robot.nominal[f"{b}.{k}"] for k in kinds]) for b in robot.bodies}
+    numbers = {"stiffness": 30.0, "damping": 1.0, "frictionloss": 0.5, "armature": 0.25}
+    path = tmp_path / "written.xml"
+    write_robot(robot, path, bodies, {"cable": numbers}, {})
+    again = Robot.load(path)
+    assert [again.nominal[f"cable.{k}"] for k in ("K", "Fv", "Fc", "Ia")] == [30, 1, 0.5, 0.25]
+    assert again.rest["cable"] == 0.3
+
+
+@pytest.mark.parametrize(
+    ("tendon", "sentence"),
+    [
+        ('<spatial name="w" stiffness="5"><site site="start"/><geom geom="drum"/>'
+         '<site site="end"/></spatial>', "the tendon 'w' has stiffness and bends around a geom"),
+        ('<spatial name="s" stiffness="5" springlength="0.1 0.2"><site site="start"/>'
+         '<site site="end"/></spatial>', "'s' has stiffness or damping that is not linear"),
+        ('<spatial name="elbow" stiffness="5"><site site="start"/><site site="end"/></spatial>',
+         "the tendon 'elbow' has the name of a joint"),
+    ],
+)  # fmt: skip
+def test_what_is_no_straight_spring_is_refused_by_name(tendon, sentence, load_text):
+    inside = SITES["inside"] + '<geom name="drum" type="sphere" size="0.02" mass="0"/>'
+    text = arm(after=f"<tendon>{tendon}</tendon>", **{**SITES, "inside": inside})
+    with pytest.raises(RobotError, match=sentence):
+        load_text(text)
+
+
+def test_what_is_simulated_forward_has_the_files_cable(load_text):
+    from identifiability.simulation.forward import ForwardRobot
+
+    text = stretched()
+    robot = load_text(text)
+    forward = ForwardRobot(robot, robot.nominal).model
+    with quiet():
+        plain = mujoco.MjModel.from_xml_string(text)
+    rng, torque = np.random.default_rng(0), []
+    state = rng.normal(size=(3, 2))
+    for m in (forward, plain):
+        m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        d = mujoco.MjData(m)
+        d.qpos[:], d.qvel[:], d.qacc[:] = state
+        mujoco.mj_inverse(m, d)
+        torque.append(np.array(d.qfrc_inverse))
+    np.testing.assert_allclose(torque[0], torque[1], rtol=1e-9)
+    assert forward.tendon_frictionloss.tolist() == [2.0]
+    moved = ForwardRobot(robot, robot.nominal).run(state[:1], state[1:2], np.zeros((1, 5, 2)), 0.01)
+    assert np.isfinite(moved).all()
+    legs = load_text(stewart())
+    with pytest.raises(RobotError, match="driven by tendons"):
+        ForwardRobot(legs, legs.nominal)
+
+
+def test_a_cable_over_a_pulley_is_what_mujoco_makes_of_it(load_text):
+    """Accelerations and forces by differences of MuJoCo's own lengths."""
+    text = stretched()
+    robot = load_text(text)
+    with quiet():
+        m = mujoco.MjModel.from_xml_string(text)
+    m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    d, (q, v, a) = mujoco.MjData(m), np.random.default_rng(3).normal(size=(3, 20, 2))
+    expected = []
+    for state in zip(q, v, a, strict=True):
+
+        def length(step, at=state[0]):
+            d.qpos[:] = at + step
+            mujoco.mj_fwdPosition(m, d)
+            return d.ten_length[0]
+
+        J = np.array([slope(lambda s, e=e: length(s * e)) for e in np.eye(2)])
+        d.qpos[:], d.qvel[:], d.qacc[:] = state
+        mujoco.mj_inverse(m, d)
+        expected.append(d.qfrc_inverse + 2.0 * np.sign(J @ state[1]) * J)
+    motion = complete_motion(robot, np.arange(20.0), q, v, a)
+    model = Model.of(*EFFECTS)
+    phi = np.array([robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)])
+    torque, size = model.regressor(robot, motion) @ phi, np.abs(expected).max()
+    np.testing.assert_allclose(torque, expected, rtol=0, atol=1e-9 * size)
+    log = simulate(robot, PrescribedMotion(0.01 * np.arange(20), q, v, a))
+    np.testing.assert_allclose(log.tau, expected, rtol=0, atol=1e-9 * size)
+
+
+def test_a_cables_values_come_back_from_torque_without_noise(load_text):
+    from identifiability import (
+        Regression,
+        estimate,
+        find_base_parameters,
+        gather_information,
+        prepare_samples,
+    )
+    from identifiability.simulation import random_trajectory
+
+    robot, model = load_text(stretched()), Model.of(*EFFECTS)
+    log = simulate(robot, random_trajectory(robot, np.random.default_rng(1)))
+    kept = find_base_parameters(robot, model).kept
+    fit = estimate(
+        gather_information(Regression(robot, model, (prepare_samples(robot, log),), kept))
+    )
+    names = [model.parameters(robot)[k].name for k in kept]
+    found = dict(zip(names, fit.value, strict=True))
+    for kind, value in (("K", 50.0), ("Fv", 4.0), ("Fc", 2.0), ("Ia", 0.5)):
+        assert found[f"cable.{kind}"] == pytest.approx(value, rel=1e-9)
