@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple
+from pathlib import Path
 from typing import Annotated
 
 from typer import Option
@@ -21,6 +22,7 @@ def diagnose(
     validate: options.Validate = None,
     effects: str | None = None,
     model: options.Model = None,
+    out: Path | None = None,
     fixed: Annotated[bool, Option("--fixed")] = False,
     seed: options.Seed = 0,
     quick: bool = False,
@@ -29,13 +31,15 @@ def diagnose(
 
     ```
     identifiability diagnose 3-rps run1.csv run2.csv --validate run3.csv --report gap.html
-    identifiability diagnose arm.urdf run.parquet --model rigid_body --json gap.json
+    identifiability diagnose arm.urdf run.parquet --model rigid_body --out model.toml
     ```
 
     Parameters
     ----------
     effects
         Families that may be named, such as stribeck_friction,time_delay.
+    out
+        Write the model with the named effects here, as a model file for every other verb.
     fixed
         Keep the robot file's values instead of refitting.
     quick
@@ -45,7 +49,7 @@ def diagnose(
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
 
         held = validate or ()
-        outputs.check(inputs=[*machine.files, *logs, *held])
+        outputs.check(out, inputs=[*machine.files, *logs, *held])
         result = run(
             machine.load(recorded),
             logs,
@@ -60,6 +64,8 @@ def diagnose(
             progress=say,
         )
         written = outputs.write(result, say)
+        if out is not None:
+            written.append(result.write_model(out))
     if result.effects:
         headings = ("effect", "where", "p", "unseen error before", "after")
         rows = [

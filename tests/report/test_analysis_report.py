@@ -70,7 +70,9 @@ def test_the_tables_have_one_row_for_each_parameter_model_and_grouping(html, pap
     assert rows["full-model"] == [v.name for v in paper_analysis.full.verdicts]
     assert rows["models"] == [m.name for m in paper_analysis.models]
     assert rows["structure"] == list(paper_analysis.base.names)
-    assert len(rows["physics"]) == 85
+    bodies = [*paper_analysis.robot.bodies, "all"]
+    assert rows["physics"][: len(bodies)] == bodies  # their masses
+    assert len(rows["physics"][len(bodies) :]) == 85
 
 
 def test_every_parameter_shows_its_evidence(html, paper_analysis):

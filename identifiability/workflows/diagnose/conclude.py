@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.effects import Placed
+from identifiability.effects import Part, Placed
 from identifiability.foundation.names import Array
 from identifiability.regression.regression import Model
+from identifiability.robot import Robot
 from identifiability.workflows.diagnose.evidence import solve_chosen
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect, Placement, Verified
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
@@ -47,7 +48,10 @@ def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis
     critical = naming.steps[-1].critical if naming.steps else CRITICAL
     sizes = smallest_sizes(m.train, m.white, chosen, m.candidates, critical, rms)
     smooth = smooth_share(m.train, after, m.noise, chosen, rng)
-    parts = [Placed([c.part for c in chosen if c.family.name == e.name]) for e in found.effects]
+    robot, parts = structure.robot, []
+    for effect in found.effects:
+        own = [c.part for c in chosen if c.family.name == effect.name]
+        parts.append(Placed(own, [_write_part(robot, part) for part in own]))
     return Diagnosis(
         **vars(m.setting),
         **vars(found),
@@ -147,3 +151,10 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
         )
         out.append((placement, curve))
     return out
+
+
+def _write_part(robot: Robot, part: Part) -> str:
+    """Return an effect at its place, with its shape, as a model file writes it."""
+    name = part.effect.name
+    shape = part.effect.shapes(robot).get(f"{part.owner}.{name}")
+    return f"{name}@{part.owner}" if shape is None else f"{name}@{part.owner}:{float(shape)!r}"

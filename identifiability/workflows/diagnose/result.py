@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from identifiability.effects.holding import held_by_file
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
@@ -22,7 +24,7 @@ from identifiability.physical.feasibility import assess_feasibility
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.mass import real_robot_dict
 from identifiability.regression.gather import gather_information
-from identifiability.regression.reduction import full_rung
+from identifiability.regression.reduction import LadderEntry, RungEntry, full_rung, ladder_text
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
@@ -54,6 +56,21 @@ class Diagnosis(Result, Findings, Predicts):
         """The model with the named effects: values, covariance, and how torque scatters."""
         with one_thread("blas"):
             return keep_completed(self)
+
+    def write_model(self, path: str | Path) -> Path:
+        """Write the model with the named effects as a model file, for every other verb."""
+        return write_text(path, self.model_text)
+
+    @property
+    def model_text(self) -> str:
+        """The model with the named effects, their places and shapes, as the text of its file."""
+        title = self.robot.title or self.robot.name
+        return ladder_text(self.to_ladder(), f"{title}: the diagnosed model.")
+
+    def to_ladder(self) -> LadderEntry:
+        """Return the model with the named effects as a ladder of one rung."""
+        effects = list(self.model.texts)
+        return LadderEntry(models=[RungEntry(name="the diagnosed model", effects=effects)])
 
     @property
     def statement(self) -> str:

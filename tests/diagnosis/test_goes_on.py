@@ -1,0 +1,35 @@
+"""The diagnosed model goes on: its file is what every other verb takes, and a robot comes out."""
+
+import pytest
+
+from identifiability import Robot, analyze, excite, prune
+from identifiability.regression.structure import Structure
+from identifiability.workflows.export import export
+
+NAMED = ("stribeck_friction@slider1=0.03", "position_ripple@slider2=0.02")
+
+
+def test_the_model_file_of_a_diagnosis_is_analysed_and_exported(diagnosis_of, logs_of, tmp_path):
+    d, logs = diagnosis_of("3-rps", *NAMED), logs_of("3-rps", *NAMED)
+    path = d.write_model(tmp_path / "model.toml")
+    assert set(d.structure.model.texts) < set(d.model.texts)
+    result = analyze("3-rps", logs[:4], logs[4:], path, replicates=0)
+    assert result.structure.model.texts == d.model.texts
+    assert result.shapes == d.completed.shapes  # those of the named effects are in the file
+    assert result.models[0].error_ra_validation == pytest.approx(d.held_after, rel=0.1)
+    result.to_json(tmp_path / "result.json")
+    exported = export("3-rps", tmp_path / "result.json", tmp_path / "fit.xml")
+    assert exported.beside  # what the file cannot hold
+    copy = Robot.load(exported.robot)
+    held = Structure.of(copy, d.model)
+    values = result.chosen.physical.parameters()
+    assert dict(zip(held.columns, held.nominal, strict=True)) == pytest.approx(values, abs=1e-9)
+    assert held.robot.shapes == pytest.approx(result.shapes)
+
+
+def test_the_result_of_a_diagnosis_is_a_model_for_prune_and_excite(diagnosis_of, logs_of):
+    d, logs = diagnosis_of("3-rps", *NAMED), logs_of("3-rps", *NAMED)
+    pruned = prune("3-rps", logs[:2], ladder=d, replicates=2)
+    assert pruned.structure.model.texts == d.model.texts
+    planned = excite("3-rps", model=d, evaluations=20, samples=50, seed=0)
+    assert "stribeck_friction@slider1" in str(planned.effects)
