@@ -110,7 +110,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["two-link", "--out", "m.txt"], "neither .json nor .csv"),
+        (["two-link", "--out", "m.txt"], "does not end in .json or .csv"),
         (["two-link", "--out", "no/m.json"], "does not exist"),
         (["two-link", "--out", "m.json", "--limits", "none.toml"], "no limits file 'none.toml'"),
         (["two-lnk", "--out", "m.json"], "two-lnk"),
