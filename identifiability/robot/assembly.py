@@ -19,6 +19,7 @@ from identifiability.robot.bounds import read_bounds
 from identifiability.robot.description import Description
 from identifiability.robot.joints import body_names
 from identifiability.robot.kinematics import Point
+from identifiability.robot.known_torque import KnownTorque
 from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.parts import Combination, Loop, Stated, Transmission, name_numbers
 from identifiability.robot.sidecar import LimitEntry, LoopEntry, Sidecar
@@ -75,6 +76,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         columns=Renames.of(extra.columns),
         time_unit=extra.time.unit or "",
         torque=_measured_torque(extra),
+        known_torque=_known_torque(extra, stated),
         angles=extra.angles,
         locked=dict(stated.locked),
         welded=dict(stated.welded),
@@ -87,7 +89,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
             path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors)
         )
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
-    return replace(
+    robot = replace(
         robot,
         nominal=_nominal(robot, extra, stated, axes),
         limits=_position_limits(robot, limits),
@@ -95,6 +97,10 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
         transmission=_transmission(robot, extra),
     )
+    axes = (a.name for a in (*robot.axes, *robot.passive_axes))
+    along = [k.along for k in extra.known_torque]
+    _check_known(path, "known_torque", along, (*axes, *robot.locked))
+    return robot
 
 
 def _check_sidecar(
@@ -209,6 +215,17 @@ def _measured_torque(extra: Sidecar) -> MeasuredTorque:
         if (value := getattr(entry, key)) is not None
     }
     return MeasuredTorque(entry.side, **tables)
+
+
+def _known_torque(extra: Sidecar, stated: Stated) -> tuple[KnownTorque, ...]:
+    """Return the torque that is known; along a locked joint it moves nothing."""
+    return tuple(
+        KnownTorque.of_table(k.along, k.table, k.interpolation or "linear")
+        if k.table
+        else KnownTorque.of_polynomial(k.along, k.polynomial, k.range or (-np.inf, np.inf))
+        for k in extra.known_torque
+        if k.along not in stated.locked
+    )
 
 
 def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:

@@ -15,6 +15,7 @@ from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Tree
+from identifiability.robot.known_torque import KnownTorque
 from identifiability.robot.markup import included_files
 from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.mjcf import weighing_files
@@ -72,6 +73,8 @@ class Description:
         Unit of the times in its logs; empty if nobody said.
     torque : MeasuredTorque
         What the torque columns of its logs hold.
+    known_torque : tuple of KnownTorque
+        Torque as a function of a position that is taken off what logs hold before anything else.
     angles : {"rad", "deg"} or None
         Unit of the angles in its logs; None where nothing was said: rad, unless they cannot be.
     locked : mapping
@@ -122,6 +125,7 @@ class Description:
     columns: Renames = Renames()
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
+    known_torque: tuple[KnownTorque, ...] = ()
     angles: str | None = None
     locked: Mapping[str, float] = field(default_factory=dict)
     welded: Mapping[str, Array] = field(default_factory=dict)
@@ -155,9 +159,11 @@ class Description:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What results say of it in JSON: name, title, and what is locked if anything is."""
-        said = {"name": self.name, "title": self.title}
-        return {**said, "locked": dict(self.locked)} if self.locked else said
+        """What results say of it in JSON: name, title, what is locked, torque known beforehand."""
+        said: dict[str, Any] = {"name": self.name, "title": self.title}
+        said |= {"locked": dict(self.locked)} if self.locked else {}
+        known = [k.text for k in self.known_torque]
+        return said | ({"known_torque": known} if known else {})
 
     @property
     def closed(self) -> bool:

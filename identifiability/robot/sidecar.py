@@ -73,6 +73,12 @@ Every key is optional::
     ratio = {joint1 = 100}               # of the gear
     sign = {joint1 = -1}
 
+    [[known_torque]]                     # torque that motors supply beside all else, taken off the
+    along = "joint2"                     # measured one: a joint, passive or not, or a coupled motor
+    table = [[-1, 0.2], [0, 0], [1, -3]] # (position [rad or m], torque [N·m or N]), or polynomial =
+    interpolation = "linear"             # [c0, c1, …] with range = [lo, hi]; linear, monotone or
+                                         # cubic between points, and never beyond the ends
+
     [prior]                              # normal priors of standard parameters
     "arm1.m" = {mean = 3.0, sd = 0.3}    # the others: nominal ± prior_relative × their size
 
@@ -99,6 +105,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.renames import Renames
+from identifiability.robot.known_torque import Interpolation
 from identifiability.robot.measured_torque import Side
 
 Triple = tuple[float, float, float]
@@ -211,6 +218,30 @@ class TorqueEntry(_Strict):
     sign: Literal[1, -1] | dict[str, Literal[1, -1]] | None = None
 
 
+class KnownTorqueEntry(_Strict):
+    """Torque that is known as a function of a position."""
+
+    along: str
+    table: list[tuple[float, float]] = []
+    interpolation: Interpolation | None = None
+    polynomial: list[float] = []
+    range: Span | None = None
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> KnownTorqueEntry:
+        if bool(self.table) == bool(self.polynomial):
+            raise ValueError("give either a table or a polynomial")
+        if self.table:
+            positions = {position for position, _ in self.table}
+            if len(positions) < max(len(self.table), 2):
+                raise ValueError("a table needs two points or more, each at another position")
+            if self.range is not None:
+                raise ValueError("a table ends where its points end; leave out the range")
+        elif self.interpolation is not None:
+            raise ValueError("a polynomial needs no interpolation; leave it out")
+        return self
+
+
 class SymmetryEntry(_Strict):
     """Columns that a symmetry lets us add."""
 
@@ -271,6 +302,7 @@ class Sidecar(_Strict):
     columns: Annotated[dict[str, str], AfterValidator(_renaming)] = {}
     time: TimeEntry = TimeEntry()
     torque: TorqueEntry = TorqueEntry()
+    known_torque: list[KnownTorqueEntry] = []
     symmetry: list[SymmetryEntry] = []
     prior_relative: float = Field(default=1.0, gt=0)
     prior: dict[str, PriorEntry] = {}

@@ -85,7 +85,13 @@ def stribeck(speed: Array, excess: float, velocity: float, shape: float = 1.0) -
 def joint_torque(
     robot: Robot, move: PrescribedMotion, rigid: RigidTorque, values: Mapping[str, float]
 ) -> Array:
-    """Return torque of friction, rotors and springs at every joint and coupled motor, (N, n)."""
+    """Return torque of friction, rotors, springs and known curves at every joint and motor, (N, n).
+
+    Raises
+    ------
+    RobotError
+        If a joint moves where its known torque is not known.
+    """
     tau = np.zeros_like(move.q)
     home = robot.actuated_positions(robot.home[None])[0]
     rest = [robot.rest.get(j, at) for j, at in zip(robot.joints, home, strict=True)]
@@ -103,6 +109,12 @@ def joint_torque(
         stretch = rigid.passive_q[:, k] - robot.rest.get(axis.name, 0.0)
         force = terms.force(stretch, rigid.passive_v[:, k], rigid.passive_a[:, k])
         tau -= force[:, None] * rigid.X[:, k]
+    for known in robot.known_torque:
+        for axis in (a for a in robot.axes if a.name == known.along):
+            tau += known.force(move.q @ axis.row)[:, None] * axis.row
+        for axis in (a for a in robot.passive_axes if a.name == known.along):
+            k = int(np.flatnonzero(robot.dependent == axis.dof)[0])
+            tau -= known.force(rigid.passive_q[:, k])[:, None] * rigid.X[:, k]
     return tau
 
 

@@ -40,6 +40,8 @@ def state_provenance(
         out["time unit"] = robot.time_unit
     if robot.torque.text:
         out["torque"] = robot.torque.text
+    if robot.known_torque:
+        out["known torque"] = "; ".join(k.text for k in robot.known_torque)
     if robot.angles is not None:
         out["angles"] = robot.angles
     if robot.locked:

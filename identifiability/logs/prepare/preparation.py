@@ -177,6 +177,9 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
             f"what holds for the whole log was decided on {len(windows)} windows of "
             f"{signals.WINDOW} samples, evenly spaced in time"
         )
+    if robot.known_torque:
+        known = "; ".join(k.text for k in robot.known_torque)
+        notes.append(f"known torque was taken off the measured one: {known}")
     rest = None if how.keep_rest else _rest_rule(plan, windows, raw.origins)
     return replace(
         plan,

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from identifiability.foundation.errors import ClosureError, LogError
+from identifiability.foundation.errors import ClosureError, LogError, RobotError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -18,6 +18,7 @@ from identifiability.logs.checks import FEWEST
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.prepare.survey import Rows, Survey
 from identifiability.robot import Motion, Robot, complete_motion
+from identifiability.robot.along import known_torque
 
 #: A second record of a motion: measured again, or the same smoothed, or what was commanded.
 Record = Literal["measured", "smoothed", "command"]
@@ -62,7 +63,7 @@ class Samples:
     motion : Motion
         Of every joint, at the samples whose loops close.
     tau : (N, n) [N·m or N]
-        Measured torque at the same samples.
+        Measured torque at the same samples, less what is known beforehand.
     decimation : Decimation or None
         Applied alike to regressor and torque.
     notes : tuple of str
@@ -229,7 +230,7 @@ def prepare_rows(
         if anywhere:
             raise
         motion = _no_motion(robot, np.arange(part.stop - part.start))
-    tau = log.tau[part][motion.kept]
+    tau = log.tau[part][motion.kept] - _known_torque(robot, log.name, motion)
     out = np.zeros(len(log), bool) if plan.rest is None else plan.rest.find(dq)
     lost, breaks = 0, np.empty(0, int)
     if plan.grid is not None:
@@ -244,6 +245,14 @@ def prepare_rows(
     motion = replace(motion, **{k: getattr(motion, k) + origin + part.start for k in rows})
     samples = Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
     return replace(samples, lost=lost, breaks=breaks, hints=plan.hints)
+
+
+def _known_torque(robot: Robot, name: str, motion: Motion) -> Array:
+    """Return the torque that is known beforehand, (N, n)."""
+    try:
+        return known_torque(robot, motion)
+    except RobotError as error:
+        raise LogError(f"{name}: {error}") from None
 
 
 def _no_motion(robot: Robot, rows: np.ndarray) -> Motion:

@@ -29,6 +29,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.robot.along import known_torque
 from identifiability.workflows.diagnose.result import Diagnosis, pick
 from identifiability.workflows.diagnose.workflow import diagnose
 from identifiability.workflows.opening import LogLike, Progress, in_memory, read_logs
@@ -236,7 +237,11 @@ def null_of(
         structure=found.structure,
         families=find_families(None),
         logs=tuple(
-            (log.select(robot.joints), s.motion.kept, w[:, :, :width] @ value[:width])
+            (
+                log.select(robot.joints),
+                s.motion.kept,
+                w[:, :, :width] @ value[:width] + known_torque(robot, s.motion),
+            )
             for log, s, w in zip(logs, samples, W, strict=True)
         ),
         fitted=len(train),

@@ -88,6 +88,10 @@ def identify_gains(
     """
     with threadpool_limits(1):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        if robot.known_torque:  # in N·m, and what the columns are in is what is asked
+            raise OptionError(
+                "Gains are identified without [[known_torque]]: take it out of the sidecar."
+            )
         place, load = _load_of(robot, mass, centre, inertia, body)
         known = replace(Conventions.of(robot), raw_torque=True)
         recordings = read_recordings(logs, loaded, known)

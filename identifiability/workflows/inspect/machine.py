@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -37,7 +38,7 @@ class JointFact:
     unit : str
         rad or m.
     remark : str
-        What it follows, or where it is locked.
+        What it follows, where it is locked, which torque along it is known.
     low, high : float [rad or m]
         Limits of position; NaN where none is known or it is not actuated.
     speed, acceleration : float
@@ -90,6 +91,9 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
             facts.append(JointFact(name, kinds[name], "coupled", unit, remark))
         else:
             facts.append(JointFact(name, kinds[name], "passive", unit))
+        own = [f"known torque {k.text}" for k in robot.known_torque if k.along == name]
+        if own:
+            facts[-1] = replace(facts[-1], remark="; ".join(filter(None, [facts[-1].remark, *own])))
     locked = [
         JointFact(name, "", "locked", "", f"held at {at:.4g}") for name, at in robot.locked.items()
     ]

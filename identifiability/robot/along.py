@@ -1,0 +1,39 @@
+"""Positions of axes along a motion, and torque that is known as a function of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+from identifiability.robot.closure import Motion
+from identifiability.robot.description import Description
+from identifiability.robot.parts import Axis
+
+
+def position_along(robot: Description, motion: Motion, axis: Axis) -> Array:
+    """Return the position of an axis as the robot file counts it, (N,) [rad or m]."""
+    if axis.row is None:
+        return robot.dof_position(motion.q, axis.name)
+    position: Array = motion.actuated_q @ axis.row
+    return position
+
+
+def known_torque(robot: Description, motion: Motion) -> Array:
+    """Return the torque of the actuated joints that is known beforehand, (N, n) [N·m or N].
+
+    Raises
+    ------
+    RobotError
+        If a position lies where it is not known.
+    """
+    tau = np.zeros(motion.actuated_q.shape)
+    axes = {a.name: a for a in (*robot.axes, *robot.passive_axes)}
+    for known in robot.known_torque:
+        axis = axes[known.along]
+        force = known.force(position_along(robot, motion, axis))
+        if axis.row is not None:
+            tau += force[:, None] * axis.row
+        elif motion.X is not None:
+            at = int(np.flatnonzero(robot.dependent == axis.dof)[0])
+            tau -= force[:, None] * motion.X[:, at]
+    return tau
