@@ -30,11 +30,15 @@ class Span:
     joint : str
     position_range : float [rad or m]
     rms_speed : float [rad/s or m/s]
+    low, high : float [rad or m]
+        Ends of that range, as the robot file counts positions.
     """
 
     joint: str
     position_range: float
     rms_speed: float
+    low: float = 0.0
+    high: float = 1.0
 
 
 #: Motions that tell effects from what they resemble.
@@ -46,6 +50,11 @@ POSTURES = "move through the whole range of each joint with the others in other 
 def joint_places(robot: Robot) -> tuple[str, ...]:
     """Return every actuated joint and coupled motor."""
     return tuple(a.name for a in robot.axes)
+
+
+def every_axis(robot: Robot) -> tuple[str, ...]:
+    """Return every actuated joint and coupled motor, then every passive joint."""
+    return tuple(a.name for a in (*robot.axes, *robot.passive_axes))
 
 
 def actuated_joints(robot: Robot) -> tuple[str, ...]:
@@ -104,6 +113,12 @@ class Family:
         Whether MuJoCo has it itself in a forward simulation, or it shifts the recorded torque.
     dry : bool
         Whether joints stick by it, as by Coulomb friction.
+    late : bool
+        Whether a diagnosis asks for it only in a second pass, where something depends on position.
+    flexible : bool
+        Whether its shape is how many columns it has: motion that was not fitted chooses it.
+    reached : callable(Effect, Robot, Span) -> kinds, optional
+        Of which of its parameters a motion says anything; of all by default.
     law : callable(speed, position, load) -> force, optional
         By which `simulate` hides it in a joint, up to a factor.
     told_by : str
@@ -128,6 +143,9 @@ class Family:
     loaded: bool = False
     native: bool = False
     dry: bool = False
+    late: bool = False
+    flexible: bool = False
+    reached: Callable[[Effect, Robot, Span], tuple[str, ...]] | None = None
     law: Law | None = None
     told_by: str = ""
     rank: int = 100
@@ -163,4 +181,4 @@ def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:
 def _span(name: str, q: Array, v: Array) -> Span:
     reach = float(np.ptp(q)) or 1.0
     rms = float(np.sqrt(np.mean(v**2))) or 1.0
-    return Span(name, reach, rms)
+    return Span(name, reach, rms, float(q.min()), float(q.max()))

@@ -31,6 +31,13 @@ def _ripple(_speed: Array, position: Array, _load: Array) -> Array:
     return force
 
 
+def _cable(_speed: Array, position: Array, _load: Array) -> Array:
+    """Return what a cable does that is bent at one end and pulled tight at the other."""
+    along = 2 * (position - position.min()) / max(np.ptp(position), 1e-12) - 1
+    force: Array = np.exp(3 * (along - 1)) - 0.4 * np.tanh(3 * (along + 0.4))
+    return force
+
+
 #: Effects that can be hidden at actuated joints.
 HIDDEN: dict[str, Law] = {
     "stribeck_friction": lambda speed, _at, _load: stribeck(speed, 1.0, 0.3 * _typical(speed)),
@@ -40,6 +47,9 @@ HIDDEN: dict[str, Law] = {
     "joint_stiffness": lambda _speed, position, _load: position,
     "load_dependent_friction": lambda speed, _at, load: np.abs(load) * np.sign(speed),
     "position_ripple": _ripple,
+    "free_spring": lambda _speed, position, _load: 0.7 * position.max() - position,
+    "gravity_spring": lambda _speed, position, _load: np.sin(position + 0.8),
+    "position_torque": _cable,
 }
 
 #: Effects that are hidden at passive joints.

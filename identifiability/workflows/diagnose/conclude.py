@@ -12,7 +12,7 @@ from identifiability.workflows.diagnose.evidence import solve_chosen
 from identifiability.workflows.diagnose.findings import Curve, NamedEffect, Placement, Verified
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
 from identifiability.workflows.diagnose.held_out import Gap
-from identifiability.workflows.diagnose.lookalikes import find_rivals
+from identifiability.workflows.diagnose.lookalikes import find_rivals, leave_to_model
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.residual import (
     Remainder,
@@ -121,11 +121,14 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
         Of the fitted motion beside all that was named.
     """
     out = []
-    for c, (value, error) in zip(naming.chosen, solve_chosen(m.white, naming.chosen), strict=True):
+    for c, found in zip(naming.chosen, solve_chosen(m.white, naming.chosen), strict=True):
         D = m.train.D[:, :, list(c.columns)]
+        rest = [other for other in naming.chosen if other is not c]
+        value, error = found
+        if c.family.flexible:
+            value, error = leave_to_model(m.white, rest, c, value, m.setting.rules.alias)
         added, spread = D @ value, np.sqrt((D**2) @ error**2)
         parameters = Placed.part_parameters(m.setting.structure.robot, c.part)
-        rest = [other for other in naming.chosen if other is not c]
         rivals = find_rivals(m.white, c, rest, m.candidates, m.setting.rules.confusable)
         placement = Placement(
             place=c.place,

@@ -148,6 +148,27 @@ def find_rivals(
     return sorted(out.values(), key=lambda r: -r.similarity)
 
 
+def leave_to_model(
+    white: Whitened, rest: Sequence[Candidate], c: Candidate, value: Array, share: float
+) -> tuple[Array, Array]:
+    """Return values and errors (k,) of a candidate without what the model says as well.
+
+    A curve over position contains what a spring, an offset or the gravity of its joint is. In
+    directions of its columns of which less than `share` lies outside of the rest of the model the
+    data do not tell them apart: they are left to the model, or the curve were any curve.
+    """
+    D = white.D[:, list(c.columns)]
+    length = np.linalg.norm(D, axis=0)
+    length = np.where(length > 0, length, 1.0)
+    _, s, Vt = np.linalg.svd(
+        project_out(orthonormal(white.columns(rest)), D / length), full_matrices=False
+    )
+    V, s = Vt[s > share], s[s > share]
+    own: Array = V.T @ (V @ (value * length)) / length
+    error: Array = np.sqrt(((V.T / s) ** 2).sum(1)) / length
+    return own, error
+
+
 def _directions(Q: Array, white: Whitened, c: Candidate) -> Array:
     """Return an orthonormal basis of what a candidate adds to the span of Q."""
     U = project_out(Q, unit_columns(white.D[:, list(c.columns)]))

@@ -62,7 +62,7 @@ class Candidate:
     @property
     def slot(self) -> tuple[str, str, tuple[str, ...]]:
         """Family, place and kinds: what a model has once, whatever its shape."""
-        return self.family.name, self.place, self.kinds
+        return self.family.name, self.place, () if self.family.flexible else self.kinds
 
     @property
     def part(self) -> Part:
@@ -205,7 +205,8 @@ def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool)
     for shape in family.grid(span):
         effect = family.at(shape, place)
         there = {p.kind: p.nonnegative for p in effect.parameters(robot) if p.owner == place}
-        kinds = tuple(there)[: 1 if family.alike else None]
+        reached = there if family.reached is None else family.reached(effect, robot, span)
+        kinds = tuple(kind for kind in there if kind in reached)[: 1 if family.alike else None]
         for chosen in [(kind,) for kind in kinds] if family.separate else [kinds]:
             at = tuple(range(column, column + len(chosen)))
             positive = not free and all(there[kind] for kind in chosen)

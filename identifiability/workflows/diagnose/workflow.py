@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from identifiability.effects import default_effects
+from identifiability.effects import default_effects, find_families
 from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import Names, Seed, at_least, checked
@@ -23,6 +23,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import say_band
 from identifiability.workflows.analyze.decisive import state_decisive
 from identifiability.workflows.diagnose.conclude import conclude
+from identifiability.workflows.diagnose.late import early, name_late
 from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting, gather
 from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows
 from identifiability.workflows.diagnose.naming import name_effects
@@ -104,7 +105,7 @@ def diagnose(
     IdentifiabilityError
     """
     say = progress or (lambda what, share: None)
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
     with one_thread():
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         say("reading logs", 0.0)
@@ -135,12 +136,14 @@ def diagnose(
             preparation=how or Preparation(),
         )
         simulated = max(draws // 2, FEWEST) if quick else draws
-        material = gather(setting, choose, streams[0], effects, simulated)
+        first = [f.name for f in early(find_families(effects))]
+        material = gather(setting, choose, streams[0], first, simulated)
         say("naming effects", 0.4)
         present = setting.structure.model.names
         naming = name_effects(
             material.bench, material.candidates, material.held, setting.rules, present, say
         )
+        material, naming = name_late(material, naming, choose, streams[4], effects, simulated, say)
         say("changing the preparation", 0.8)
         naming = stress_named(material, naming, roles.fit, how, streams[1])
         say("verifying", 0.9)

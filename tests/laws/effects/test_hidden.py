@@ -38,6 +38,15 @@ def rms(x):
         ("coulomb_asymmetry", lambda v, x, load: np.abs(np.sign(v))),
         ("quadratic_friction", lambda v, x, load: v * np.abs(v)),
         ("joint_stiffness", lambda v, x, load: x),
+        ("free_spring", lambda v, x, load: 0.7 * x.max(0) - x),
+        ("gravity_spring", lambda v, x, load: np.sin(x + 0.8)),
+        (
+            "position_torque",
+            lambda v, x, load: (
+                np.exp(3 * (2 * (x - x.min(0)) / np.ptp(x, axis=0) - 2))
+                - 0.4 * np.tanh(3 * (2 * (x - x.min(0)) / np.ptp(x, axis=0) - 0.6))
+            ),
+        ),
         ("load_dependent_friction", lambda v, x, load: np.abs(load) * np.sign(v)),
         ("stribeck_friction", lambda v, x, load: np.sign(v) * np.exp(-np.abs(v) / 0.3 / rms(v))),
         (

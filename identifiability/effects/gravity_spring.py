@@ -1,0 +1,41 @@
+"""Springs and counterweights whose torque goes with the sine of an angle."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identifiability.effects.effect import Along, AlongAxes
+from identifiability.effects.family import POSTURES, every_axis
+from identifiability.effects.registry import declare
+from identifiability.foundation.names import Array
+from identifiability.robot import Axis, Robot
+from identifiability.robot.along import position_along
+
+
+def _hinges(robot: Robot) -> tuple[str, ...]:
+    slides = {a.name for a in (*robot.axes, *robot.passive_axes) if a.prismatic}
+    return tuple(name for name in every_axis(robot) if name not in slides)
+
+
+@declare("gravity spring", _hinges, against="position", told_by=POSTURES, rank=21, late=True)
+class GravitySpring(AlongAxes):
+    """``τ = k sin(q − q₀) = ks sin q + kc cos q``: a spring that balances gravity about a joint.
+
+    Of a zero-free-length spring between a lever and the frame k is its stiffness times both arms;
+    of a counterweight it is m g r. ``k² = ks² + kc²`` and ``tan q₀ = −kc / ks``. Where the gravity
+    of what the joint carries depends on its angle alone, it looks exactly like that.
+    """
+
+    name = "gravity_spring"
+    equation = "τ = k sin(q − q₀) = ks sin q + kc cos q"
+    source = "[Herder 2001, Sec. 3.2]"
+    units = (("ks", "N·m", "N"), ("kc", "N·m", "N"))
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return the axes that turn: of actuated joints and coupled motors, then passive joints."""
+        return [a for a in (*robot.axes, *robot.passive_axes) if not a.prismatic]
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return sine and cosine of the angle as the robot file counts it."""
+        q = position_along(at.robot, at.motion, at.axis)
+        return [np.sin(q), np.cos(q)]

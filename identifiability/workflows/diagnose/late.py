@@ -1,0 +1,161 @@
+"""Springs and curves over position: asked for where all else has said what it can.
+
+They are many columns, and whatever is smooth looks a little like them. So they are searched in a
+second pass, with a stricter level and noise that is fitted beside them, and only where something
+depends on the position: the first pass named such an effect, or what it leaves does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.effects import Family, find_families
+from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_evenly
+from identifiability.logs.prepare import Samples
+from identifiability.workflows.diagnose.gates import Chosen, Naming
+from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.material import DRAWS, Material, gather
+from identifiability.workflows.diagnose.naming import Say, name_effects
+from identifiability.workflows.diagnose.residual import find_discrepancies
+from identifiability.workflows.diagnose.rows import Candidate
+
+#: The second pass has this share of the level of the first: together they keep to the level but
+#: for a fifth.
+SHARE = 0.2
+#: Share of a joint's residual by position from which on there is something to ask for.
+NOTABLE = 0.03
+#: What one spring is, where both are named in one joint.
+SPRING, PARTS = "free_spring", ("joint_stiffness", "torque_offset")
+
+
+def early(families: Sequence[Family]) -> tuple[Family, ...]:
+    """Return the families of the first pass: all but the late ones, unless there are no others."""
+    return tuple(f for f in families if not f.late) or tuple(families)
+
+
+def name_late(
+    material: Material,
+    naming: Naming,
+    choose: Sequence[Samples],
+    rng: np.random.Generator,
+    effects: Iterable[str] | None = None,
+    draws: int = DRAWS,
+    say: Say | None = None,
+) -> tuple[Material, Naming]:
+    """Return what is named once springs and curves over position may be, else what was named.
+
+    Parameters
+    ----------
+    material, naming : Material, Naming
+        Of the first pass.
+    choose, effects, draws
+        As for `gather`.
+    rng : numpy.random.Generator
+    say : callable, optional
+    """
+    families = find_families(effects)
+    first = early(families)
+    alone = len(first) == len(families)
+    if alone:
+        return material, _settle_knots(material.held, naming, material.candidates)
+    if not _asks(material, naming):
+        return material, naming
+    wider = gather(
+        material.setting, choose, rng, [f.name for f in (*first, *_late(families))], draws
+    )
+    rules = material.setting.rules
+    strict = replace(rules, level=max(SHARE * rules.level, 1.0 / (draws + 1)))
+    present = material.setting.structure.model.names
+    again = name_effects(wider.bench, wider.candidates, wider.held, strict, present, say)
+    again = _gather_curves(
+        wider.held, merge_springs(again, wider.candidates), wider.candidates, rules.gain
+    )
+    again = _settle_knots(wider.held, again, wider.candidates)
+    named = any(c.family.late for c in again.chosen)
+    if named and _better(material.held, naming, wider.held, again, rules.gain):
+        return wider, again
+    merged = merge_springs(naming, wider.candidates)
+    return (material, naming) if merged is naming else (wider, merged)
+
+
+def _late(families: Sequence[Family]) -> tuple[Family, ...]:
+    return tuple(f for f in families if f.late)
+
+
+def _asks(material: Material, naming: Naming) -> bool:
+    """Whether anything depends on a position, named or not."""
+    if any(_is_curve(c) for c in naming.chosen):
+        return True
+    left = material.held.fitted_residual(naming.chosen)
+    joints = material.setting.structure.robot.joints
+    found = find_discrepancies(material.train, left, joints)
+    return any(d.explained["position"] > NOTABLE for d in found)
+
+
+def _better(held: HeldOut, naming: Naming, wider: HeldOut, again: Naming, least: float) -> bool:
+    """Whether the second naming surely predicts better than the first, as real robots."""
+    before, after = held.errors(naming.chosen, real=True), wider.errors(again.chosen, real=True)
+    level = float(before.mean()) or 1.0
+    parts = [p.mean() / level for p in split_evenly(before - after, DRAWN_STRETCHES)]
+    gain, error = float(np.mean(before - after)) / level, np.inf
+    if len(parts) > 1:
+        error = float(np.std(parts, ddof=1) / np.sqrt(len(parts)))
+    return gain > max(least, error)
+
+
+def merge_springs(naming: Naming, candidates: Sequence[Candidate]) -> Naming:
+    """Return a naming in which stiffness and offset of one joint are one spring: the same torque.
+
+    The columns are the same, and so is every prediction; the name is one.
+    """
+    chosen, p_values = list(naming.chosen), dict(naming.p_values)
+    for spring in (c for c in candidates if c.family.name == SPRING):
+        parts = [c for c in chosen if c.group in {(name, spring.place) for name in PARTS}]
+        if {c.family.name for c in parts} == set(PARTS):
+            chosen = [spring if c is parts[0] else c for c in chosen if c is not parts[1]]
+            p_values[spring.group] = max(p_values.get(c.group, np.nan) for c in parts)
+    if len(chosen) == len(naming.chosen):
+        return naming
+    return replace(naming, chosen=tuple(chosen), p_values=p_values)
+
+
+def _gather_curves(
+    held: HeldOut, naming: Naming, candidates: Sequence[Candidate], least: float
+) -> Naming:
+    """Return a naming with one curve in a joint unless several of its kind surely predict better.
+
+    What is three functions of one position is rather one without an equation.
+    """
+    chosen, p_values = list(naming.chosen), dict(naming.p_values)
+    for place in dict.fromkeys(c.place for c in naming.chosen):
+        parts = [c for c in chosen if c.place == place and _is_curve(c)]
+        curves = [c for c in candidates if c.place == place and c.family.flexible]
+        if len(parts) < 2 or not curves:
+            continue
+        rest = [c for c in chosen if c not in parts]
+        trial = min(([*rest, c] for c in curves), key=held.error)
+        gain = held.gain(trial, chosen)  # of several over the one
+        if gain.share <= max(least, gain.error):
+            p_values[trial[-1].group] = max(p_values.get(c.group, np.nan) for c in parts)
+            chosen = trial
+    if chosen == list(naming.chosen):
+        return naming
+    return replace(naming, chosen=tuple(chosen), p_values=p_values)
+
+
+def _is_curve(c: Candidate) -> bool:
+    return c.family.against == "position" or c.family.name in PARTS
+
+
+def _settle_knots(held: HeldOut, naming: Naming, candidates: Sequence[Candidate]) -> Naming:
+    """Return a naming whose curves have as many pieces as predict best what was not fitted."""
+    chosen: Chosen = list(naming.chosen)
+    for at, own in enumerate(naming.chosen):
+        if own.family.flexible:
+            rest = [*chosen[:at], *chosen[at + 1 :]]
+            others = [[*rest, c] for c in candidates if c.group == own.group]
+            chosen[at] = min(others, key=held.error)[-1]
+    return replace(naming, chosen=tuple(chosen))

@@ -1,0 +1,123 @@
+"""Torque that depends on a position: learned where it is, named nowhere else; as one name."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from identifiability import Robot, diagnose
+from identifiability.effects import find_families
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.regression import Model
+from identifiability.simulation import Campaign, Noise, random_trajectory
+from identifiability.workflows.diagnose.gates import Naming
+from identifiability.workflows.diagnose.late import merge_springs
+from identifiability.workflows.diagnose.rows import list_candidates
+
+NOISE = Noise(additive=0.012, correlation=0.9, encoder=2e-5)
+
+
+@cache
+def source(name="five-bar"):
+    robot = Robot.load(name)
+    rng = np.random.default_rng(2024)
+    return Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
+
+
+def planted(what, joint, c=None):
+    """Torque over the position of one joint with a tenth of its torque's size, (N, n)."""
+    c = c or source()
+    q = c.move.q[:, joint]
+    u = 2 * (q - q.min()) / np.ptp(q) - 1
+    angle = 1.2 * u + 0.5
+    force = {
+        "nothing": 0 * u,
+        "cable": 0.3 * u + np.exp(3 * (u - 1)) - 0.4 * np.tanh(3 * (u + 0.4)),
+        # Free length 0.8, pivots at 1 and 0.5 from the joint: it passes its dead centre.
+        "extension spring": (1 - 0.8 / np.sqrt(1.25 + np.cos(angle))) * np.sin(angle),
+        "spring": 0.4 - u,
+    }[what]
+    size = 0.1 * np.sqrt(np.mean(c.torque[:, joint] ** 2)) / max(np.std(force), 1e-12)
+    out = np.zeros_like(c.torque)
+    out[:, joint] = force * size
+    return out
+
+
+def find(what, joint, seed, c=None):
+    c = c or source()
+    logs = c.logs(planted(what, joint, c), NOISE, np.random.default_rng(seed))
+    return diagnose(c.robot, logs[:4], logs[4:], seed=seed, forward=False, quick=True)
+
+
+CASES = [("cable", 0), ("extension spring", 1), ("cable", 1), ("extension spring", 0)]
+
+
+@pytest.mark.parametrize(
+    ("what", "joint"),
+    [CASES[0], *(pytest.param(*c, marks=pytest.mark.everything) for c in CASES[1:])],
+)
+def test_a_curve_is_learned_and_named_with_its_joint(what, joint):
+    """Its error on unseen motion is within a tenth of that without anything planted."""
+    d, bare = find(what, joint, 5), find("nothing", joint, 5)
+    assert bare.effects == ()
+    assert [(e.name, e.joints) for e in d.effects] == [
+        ("position_torque", (source().robot.joints[joint],))
+    ]
+    assert d.held_before > 2 * d.held_after
+    assert d.held_after < 1.1 * bare.held_after
+    (curve,) = d.curves
+    truth = planted(what, joint)[:, joint]
+    assert (curve.joint, curve.against) == (joint, "position")
+    # What is drawn is the curve, but for what bodies say as well (a constant and their gravity).
+    at = source().move.q[:, joint]
+    order = np.argsort(at)
+    expected = np.interp(curve.x, at[order], truth[order])
+    like = np.column_stack([np.ones_like(curve.x), np.sin(curve.x), np.cos(curve.x)])
+    left = [y - like @ np.linalg.lstsq(like, y, rcond=None)[0] for y in (curve.learned, expected)]
+    assert np.corrcoef(*left)[0, 1] > 0.9
+    # The model that is given away has it.
+    assert d.model.names[-1] == "position_torque"
+    names = [p.name for p in d.model.parameters(d.robot)]
+    assert set(d.effects[0].placements[0].parameters) <= set(names)
+
+
+def test_a_spring_of_negative_stiffness_is_one_effect_with_its_rest():
+    """Stiffness and offset in one joint are one spring, also where only its parts were found."""
+    c = source("two-link")
+    d = find("spring", 1, 3, c)
+    assert [(e.name, e.joints) for e in d.effects] == [("free_spring", ("elbow",))]
+    (place,) = d.effects[0].placements
+    values = dict(zip(place.parameters, place.values, strict=True))
+    stiffness, level = np.polyfit(c.move.q[:, 1], planted("spring", 1, c)[:, 1], 1)
+    assert stiffness < 0
+    assert values["elbow.k"] == pytest.approx(stiffness, rel=0.1)
+    assert values["elbow.kq0"] / values["elbow.k"] == pytest.approx(-level / stiffness, abs=0.1)
+
+
+def test_stiffness_and_offset_of_one_joint_are_merged_and_of_two_are_not():
+    c = source("two-link")
+    names = ("joint_stiffness", "torque_offset", "free_spring", "position_ripple")
+    motions = [prepare_samples(c.robot, c.logs()[0], Preparation(keep_rest=True)).motion]
+    candidates, _ = list_candidates(c.robot, find_families(names), (), motions, fixed=False)
+    at = {c.group: c for c in candidates if c.family.name != "position_ripple"}
+    ripple = next(c for c in candidates if c.group == ("position_ripple", "elbow"))
+    parts = [at["torque_offset", "elbow"], ripple, at["joint_stiffness", "elbow"]]
+    p_values = {part.group: 0.01 * (k + 1) for k, part in enumerate(parts)}
+    merged = merge_springs(Naming(tuple(parts), p_values, ()), candidates)
+    assert merged.chosen == (at["free_spring", "elbow"], ripple)
+    assert merged.p_values["free_spring", "elbow"] == 0.03
+    apart = Naming((at["torque_offset", "shoulder"], parts[2]), {}, ())
+    assert merge_springs(apart, candidates) is apart
+
+
+def test_columns_of_a_named_curve_are_those_of_its_model():
+    """Along other motion too: what is learned does not hang on what was fitted."""
+    robot = source().robot
+    log = source().logs(planted("cable", 0), Noise(), derivatives=True)[2]
+    motion = prepare_samples(robot, log, Preparation(keep_rest=True)).motion
+    model = Model.of("position_torque@left_shoulder:0.11")
+    W = model.regressor(robot, motion)
+    tau = planted("cable", 0)[source().log == 2]
+    value = np.linalg.lstsq(W[:, 0], tau[:, 0], rcond=None)[0]
+    np.testing.assert_allclose(W[:, 0] @ value, tau[:, 0], atol=0.02 * np.ptp(tau))
+    assert not W[:, 1].any()

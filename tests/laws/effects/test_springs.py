@@ -1,0 +1,141 @@
+"""Springs and curves over position: their columns by hand, and against torque that is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.effects import find_effect, find_family
+from identifiability.effects.constant_force import ConstantForce
+from identifiability.effects.family import measure_spans
+from identifiability.effects.free_spring import FreeSpring
+from identifiability.effects.gravity_spring import GravitySpring
+from identifiability.effects.position_torque import PositionTorque
+from identifiability.foundation.errors import ModelError
+from identifiability.regression.regression import Model
+from identifiability.robot.along import known_torque
+from identifiability.robot.known_torque import KnownTorque
+from identifiability.workflows.diagnose.rows import list_candidates
+
+T = np.linspace(0, 2.5, 80)
+
+
+def test_a_free_spring_is_its_position_and_a_constant(polar, pair, move, columns):
+    m = move(polar, T)
+    found, q = columns(polar, m, FreeSpring()), m.actuated_q
+    assert {n: unit for n, (unit, _) in found.items()} == {
+        "lift.k": "N·m/rad", "lift.kq0": "N·m", "reach.k": "N/m", "reach.kq0": "N",
+    }  # fmt: skip
+    torque = -3.0 * found["lift.k"][1] + 1.2 * found["lift.kq0"][1]
+    np.testing.assert_allclose(torque[:, 0], -3.0 * (q[:, 0] + 0.4))  # k = −3, relaxed at −0.4
+    np.testing.assert_array_equal(torque[:, 1], 0)
+    m, row = move(pair, T), np.array([2.0, -1.0])
+    mixed = columns(pair, m, FreeSpring())
+    np.testing.assert_allclose(mixed["m2.k"][1], (m.actuated_q @ row)[:, None] * row)
+    np.testing.assert_allclose(mixed["m2.kq0"][1], np.tile(-row, (len(m), 1)))
+
+
+def test_a_gravity_spring_is_a_sine_about_what_turns(polar, gear, move, columns):
+    m = move(polar, T)
+    found = columns(polar, m, GravitySpring())
+    assert list(found) == ["lift.ks", "lift.kc"]  # a slide has no angle
+    k, rest = 7.0, 0.6
+    torque = k * np.cos(rest) * found["lift.ks"][1] - k * np.sin(rest) * found["lift.kc"][1]
+    np.testing.assert_allclose(torque[:, 0], k * np.sin(m.actuated_q[:, 0] - rest))
+    m = move(gear, T)
+    turn = m.actuated_q[:, 0]
+    swing, ratio = 0.1 - 2 * turn + 0.3 * turn**2, -2 + 0.6 * turn
+    found = columns(gear, m, GravitySpring())
+    assert list(found) == ["turn.ks", "turn.kc", "swing.ks", "swing.kc"]
+    np.testing.assert_allclose(found["swing.kc"][1][:, 0], ratio * np.cos(swing), atol=1e-9)
+
+
+def test_a_constant_force_on_a_passive_joint_changes_with_the_pose(gear, move, columns):
+    m = move(gear, T)
+    found = columns(gear, m, ConstantForce())
+    np.testing.assert_array_equal(found["turn.F0"][1], 1.0)
+    lift = 0.5 + 0.4 * m.actuated_q
+    np.testing.assert_allclose(found["rise.F0"][1], lift, atol=1e-9)
+    refuse = find_family("constant_force").refuse
+    assert refuse(gear, "turn") == "there it is a torque offset"
+    assert refuse(gear, "rise") == ""
+
+
+@pytest.mark.parametrize("joint", ["turn", "swing"])
+def test_columns_are_what_a_known_torque_of_the_same_law_is(gear, move, joint):
+    """Two roads: the curve of a table through the mechanism, and columns times values."""
+    m = move(gear, T)
+    for effect, value, known in (
+        (FreeSpring(), [2.5, -0.7], KnownTorque.of_polynomial(joint, [0.7, 2.5])),
+        (ConstantForce(), [1.3], KnownTorque.of_polynomial(joint, [1.3])),
+    ):
+        names = [p.owner == joint for p in effect.parameters(gear)]
+        W = Model((effect,)).regressor(gear, m)[:, :, np.flatnonzero(names)]
+        stated = known_torque(replace(gear, known_torque=(known,)), m)
+        np.testing.assert_allclose(W @ value, stated, atol=1e-12)
+
+
+def test_splines_add_up_to_one_and_contain_every_cubic(polar, move, columns):
+    m = move(polar, T)
+    effect = PositionTorque(0.25)
+    found = columns(polar, m, effect)
+    lift = np.stack([c[:, 0] for n, (_, c) in found.items() if n.startswith("lift.")], 1)
+    # −1.5 … 2.1 about the home 0.3: knots from −8 · 0.25 to 8 · 0.25, three splines more than gaps.
+    assert lift.shape[1] == 8 + 8 + 3
+    np.testing.assert_allclose(lift.sum(1), 1.0)
+    assert lift.min() >= 0
+    assert (np.count_nonzero(lift, axis=1) <= 4).all()
+    q = m.actuated_q[:, 0]
+    curve = 1 - q + 3 * q**2 - 2 * q**3
+    value = np.linalg.lstsq(lift, curve, rcond=None)[0]
+    np.testing.assert_allclose(lift @ value, curve, atol=1e-10)
+    assert not any(c[:, 1].any() for n, (_, c) in found.items() if n.startswith("lift."))
+
+
+def test_beyond_the_limits_a_curve_goes_on_as_at_the_end(polar, move, columns):
+    m, effect = move(polar, T), PositionTorque(0.45, "lift")
+    ends = [-1.5, 2.1, 2.6, -9.0]
+    q = np.tile(m.actuated_q[:1], (4, 1))
+    q[:, 0] = ends
+    out = np.stack([c[:4, 0] for _, c in columns(polar, _at(m, q), effect).values()], 1)
+    np.testing.assert_allclose(out[2], out[1])
+    np.testing.assert_allclose(out[3], out[0])
+    assert not np.allclose(out[0], out[1])
+
+
+def _at(motion, q):
+    """Return a motion whose first positions are others."""
+    rows = motion[: len(q)]
+    return replace(rows, actuated_q=q)
+
+
+def test_shapes_are_distances_of_knots_and_only_reached_splines_are_tried(polar, move):
+    m = move(polar, T)
+    family = find_family("position_torque")
+    spans = measure_spans(polar, [m])
+    assert (spans["lift"].low, spans["lift"].high) == pytest.approx(
+        (m.actuated_q[:, 0].min(), m.actuated_q[:, 0].max())
+    )
+    candidates, _ = list_candidates(polar, [family], (), [m], fixed=False)
+    lift = [c for c in candidates if c.place == "lift"]
+    reach = np.ptp(m.actuated_q[:, 0])
+    np.testing.assert_allclose([c.shape for c in lift], [reach / k for k in (2, 3, 4, 6, 8, 12)])
+    assert len({c.slot for c in lift}) == 1  # a model has one of them
+    for c in lift:
+        W = Model((c.effect,)).regressor(polar, m)
+        names = [p.name for p in c.effect.parameters(polar)]
+        used = {f"lift.{kind}" for kind in c.kinds}
+        for k, name in enumerate(names):
+            assert W[:, :, k].any() == (name in used), (c.shape, name)
+
+
+def test_a_grid_too_fine_is_refused(polar):
+    with pytest.raises(ModelError, match="360 pieces"):
+        PositionTorque(0.01, "lift").parameters(polar)
+
+
+def test_one_spring_stands_for_stiffness_and_offset(polar):
+    model = Model.of("rigid_body", "joint_stiffness", "torque_offset", "free_spring")
+    assert model.names == ("rigid_body", "free_spring")
+    assert Model.of("free_spring", "torque_offset").names == ("free_spring",)
+    assert find_effect("free_spring").parameters(polar)[0].nonnegative is False
