@@ -66,8 +66,7 @@ class PositionTorque(Shaped):
 
     def home(self, robot: Robot, axis: Axis) -> float:
         """Return the position of an axis at home, from which knots are counted [rad or m]."""
-        assert axis.row is not None
-        return float(robot.actuated_positions(robot.home[None])[0] @ axis.row)
+        return float(robot.travel(axis, robot.home[None])[0])
 
     def grid(self, robot: Robot, axis: Axis) -> tuple[int, int]:
         """Return the first and the last knot of the range, in distances from home.
@@ -88,11 +87,12 @@ class PositionTorque(Shaped):
 
     def _range(self, robot: Robot, axis: Axis) -> tuple[float, float]:
         """Return the range of an axis about its home [rad or m]."""
-        assert axis.row is not None
+        wide = UNLIMITED[axis.prismatic]
+        if axis.row is None:  # it has passive joints, whose limits are not known
+            return -wide, wide
         used = axis.row != 0
         ends = np.sort(robot.limits[used] * axis.row[used, None], axis=1).sum(0)
         low, high = ends - self.home(robot, axis)
-        wide = UNLIMITED[axis.prismatic]
         return (
             float(low) if np.isfinite(low) else -wide,
             float(high) if np.isfinite(high) else wide,

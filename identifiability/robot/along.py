@@ -12,10 +12,7 @@ from identifiability.robot.parts import Axis
 
 def position_along(robot: Description, motion: Motion, axis: Axis) -> Array:
     """Return the position of an axis as the robot file counts it, (N,) [rad or m]."""
-    if axis.row is None:
-        return robot.dof_position(motion.q, axis.name)
-    position: Array = motion.actuated_q @ axis.row
-    return position
+    return robot.travel(axis, motion.q)
 
 
 def known_torque(robot: Description, motion: Motion) -> Array:

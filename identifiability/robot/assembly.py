@@ -97,9 +97,9 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),
         transmission=_transmission(robot, extra),
     )
-    axes = (a.name for a in (*robot.axes, *robot.passive_axes))
+    lines = (a.name for a in (*(x for x in robot.axes if x.row is not None), *robot.passive_axes))
     along = [k.along for k in extra.known_torque]
-    _check_known(path, "known_torque", along, (*axes, *robot.locked))
+    _check_known(path, "known_torque", along, (*lines, *robot.locked))
     return robot
 
 

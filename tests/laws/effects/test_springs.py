@@ -106,7 +106,7 @@ def test_beyond_the_limits_a_curve_goes_on_as_at_the_end(polar, move, columns):
 def _at(motion, q):
     """Return a motion whose first positions are others."""
     rows = motion[: len(q)]
-    return replace(rows, actuated_q=q)
+    return replace(rows, q=q, actuated_q=q)  # both joints are actuated, in the tree's order
 
 
 def test_shapes_are_distances_of_knots_and_only_reached_splines_are_tried(polar, move):
