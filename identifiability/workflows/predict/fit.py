@@ -137,8 +137,11 @@ class Fit:
             "model": entry.model_dump(by_alias=True, exclude_none=True),
             "names": list(self.names),
             "units": list(self.rung.units),
-            "values": self.values,
-            **asdict(self.spread),
+            "values": self.values.tolist(),
+            **{
+                name: value.tolist() if isinstance(value, np.ndarray) else value
+                for name, value in asdict(self.spread).items()
+            },
             "preparation": how,
         }
 
