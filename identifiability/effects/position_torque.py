@@ -1,7 +1,7 @@
 """Torque along a joint of which nothing is known but that it depends on the position."""
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy
 
 from identifiability.effects.effect import Along, Effect, Shaped
 from identifiability.effects.family import POSTURES, Span
@@ -103,7 +103,7 @@ class PositionTorque(Shaped):
         first, last = self.grid(at.robot, at.axis)
         knots = np.arange(first - DEGREE, last + DEGREE + 1, dtype=float)
         x = np.clip(at.travel / self.shape(at.robot, at.axis), first, last)
-        return list(BSpline.design_matrix(x, knots, DEGREE).toarray().T)
+        return list(scipy.interpolate.BSpline.design_matrix(x, knots, DEGREE).toarray().T)
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return an eighth of the range of an axis [rad or m]."""

@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator
+import scipy
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
@@ -75,7 +75,11 @@ class KnownTorque:
             return lambda q: np.polynomial.polynomial.polyval(q, c)
         if self.interpolation == "linear":
             return lambda q: np.interp(q, x, y)
-        curve = CubicSpline if self.interpolation == "cubic" else PchipInterpolator
+        curve = (
+            scipy.interpolate.CubicSpline
+            if self.interpolation == "cubic"
+            else scipy.interpolate.PchipInterpolator
+        )
         through: Callable[[Array], Array] = curve(x, y)
         return through
 

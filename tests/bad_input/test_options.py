@@ -59,8 +59,11 @@ BAD_LOG_VERBS = {
 }
 ANALYZE = {
     "posterior": ({"posterior": "yes"}, "posterior must be True or False, not 'yes'"),
-    "prior": ({"cad_weight": -1.0}, "cad_weight must be a number of at least 0, not -1.0"),
-    "nan": ({"cad_weight": float("nan")}, "cad_weight must be a number of at least 0, not nan"),
+    "prior": ({"cad_weight": -1.0}, "cad_weight must be a number of at least 0 or None, not -1.0"),
+    "nan": (
+        {"cad_weight": float("nan")},
+        "cad_weight must be a number of at least 0 or None, not nan",
+    ),
 }
 PRUNE = {
     "criterion": (

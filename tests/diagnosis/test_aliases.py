@@ -50,5 +50,7 @@ def test_an_asymmetry_is_an_offset_once_symmetric_friction_is_there(logs_of):
 
     offset = next(c for c in m.candidates if c.group == ("torque_offset", "joint_1"))
     rivals = find_rivals(m.white, offset, [], m.candidates, Rules().confusable)
-    assert (rivals[0].family, rivals[0].place) == ("coulomb_asymmetry", "joint_1")
-    assert rivals[0].similarity > 0.98
+    # A spring with a rest of its own has an offset too.
+    near = {r.family: r.similarity for r in rivals if r.place == "joint_1"}
+    assert list(near)[0] == "free_spring"
+    assert near["coulomb_asymmetry"] > 0.98

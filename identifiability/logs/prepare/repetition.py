@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from scipy.fft import next_fast_len
-from scipy.interpolate import CubicSpline
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -187,18 +187,20 @@ def _improve(own: Motion, there: Motion, later: float) -> float:
     return later
 
 
-def _curves(there: Motion) -> list[tuple[float, float, CubicSpline]]:
+def _curves(there: Motion) -> list[tuple[float, float, scipy.interpolate.CubicSpline]]:
     """Return first and last time of each stretch of a motion without a gap, and the motion."""
     known = np.stack([there.actuated_q, there.actuated_v, there.actuated_a], 1)
     ends = [0, *(np.flatnonzero(np.diff(there.kept) > 1) + 1).tolist(), len(there.t)]
     return [
-        (there.t[a], there.t[b - 1], CubicSpline(there.t[a:b], known[a:b]))
+        (there.t[a], there.t[b - 1], scipy.interpolate.CubicSpline(there.t[a:b], known[a:b]))
         for a, b in pairwise(ends)
         if b - a > ORDER
     ]
 
 
-def _follow(t: Array, curves: list[tuple[float, float, CubicSpline]]) -> tuple[Array, np.ndarray]:
+def _follow(
+    t: Array, curves: list[tuple[float, float, scipy.interpolate.CubicSpline]]
+) -> tuple[Array, np.ndarray]:
     """Return a motion at other times (3, K, n), and at which of them it is known, (K,) bool."""
     n = curves[0][2].c.shape[-1] if curves else 0
     out, good = np.zeros((len(t), 3, n)), np.zeros(len(t), bool)
