@@ -57,7 +57,7 @@ def test_the_pruning_is_stable_and_says_so(pruned):
     assert pruned.stability.same > 0.6  # .70 ± .06 of 50; the others keep one parameter more
     frame = pruned.stability_frame().set_index("name")
     assert frame.loc["slider1.Fv", "survives"] == 1.0
-    assert frame.loc["leg1_lower.mx", "survives"] < 0.05
+    assert frame.loc["leg1_lower.mx", "survives"] < 0.3
     assert "% lead to exactly this model" in pruned.stability.statement
 
 
