@@ -95,6 +95,17 @@ def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_
     assert "Refuted by the motion that verifies" in page
 
 
+def test_a_name_is_refuted_at_the_place_where_it_is_not(logs_of):
+    """Both joints have it while names are chosen, one of them on the motion that verifies."""
+    one, other = (f"position_ripple@{j}_shoulder=0.05" for j in ("left", "right"))
+    fitted, held = logs_of("five-bar", one, other)[:4], logs_of("five-bar", one)[4]
+    d = diagnose("five-bar", fitted, held, effects=["position_ripple"], quick=True)
+    assert [(e.name, e.joints) for e in d.effects] == [("position_ripple", ("left_shoulder",))]
+    assert [(e.name, e.joints) for e in d.refuted] == [("position_ripple", ("right_shoulder",))]
+    assert "Position ripple in right_shoulder (p = " in d.statement
+    assert not any(name.startswith("right_shoulder.Rs") for name in d.completed.columns)
+
+
 def test_what_survives_beside_a_refuted_name_is_judged_without_it(logs_of):
     both = ("position_ripple@left_shoulder=0.05", "stribeck_friction@right_shoulder=0.05")
     d = diagnose(

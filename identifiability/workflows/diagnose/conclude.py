@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identifiability.effects import Part, Placed
@@ -29,17 +31,19 @@ CRITICAL = 8.0
 def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis:
     """Return the diagnosis: refit, rungs of added effects, errors on unseen motion, remainder.
 
-    What the motion that verifies surely contradicts is taken out, one after the other.
+    What the motion that verifies surely contradicts, all of a family or at one of its places, is
+    taken out, one after the other.
     """
     structure, refuted = m.setting.structure, []
+    (apart,) = rng.spawn(1)
     while True:
         found = _verify(m, naming, rng)
-        against = [e for e in found.effects if e.refuted]
+        against = [e for e in (*found.effects, *_each_place(m, naming, found, apart)) if e.refuted]
         if not against:
             break
         worst = max(against, key=lambda e: e.joints_interval[0])
         refuted.append(worst)
-        gone = [c for c in naming.chosen if c.family.name == worst.name]
+        gone = [c for c in naming.chosen if c.group in {(worst.name, j) for j in worst.joints}]
         why = "the motion that verifies contradicts it"
         naming = keep_surviving(naming, gone, structure.model.names, why)
     chosen, joints = naming.chosen, structure.robot.joints
@@ -94,6 +98,7 @@ def _verify(m: Material, naming: Naming, rng: np.random.Generator) -> Verified:
             joints_before=joints[k],
             joints_after=joints[k + 1],
             joints_interval=gap.interval_over_joints(k, k + 1, rng),
+            joints_expected=gap.expected_change(k, k + 1),
             real=(real[k], real[k + 1]),
         )
         effects.append(effect)
@@ -108,6 +113,33 @@ def _verify(m: Material, naming: Naming, rng: np.random.Generator) -> Verified:
         real_before=real[0],
         real_after=real[-1],
     )
+
+
+def _each_place(
+    m: Material, naming: Naming, found: Verified, rng: np.random.Generator
+) -> list[NamedEffect]:
+    """Return each place of the families that are named at several, by what it adds to all else."""
+    units = [(e, place) for e in found.effects for place in e.joints if len(e.joints) > 1]
+    if not units:
+        return []
+    rests = [[c for c in naming.chosen if c.group != (e.name, place)] for e, place in units]
+    gap, last = m.held.gap([*rests, naming.chosen]), len(rests)
+    errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
+    return [
+        replace(
+            e,
+            placements=tuple(p for p in e.placements if p.place == place),
+            before=errors[k],
+            after=errors[last],
+            interval=gap.interval(k, last, rng),
+            joints_before=joints[k],
+            joints_after=joints[last],
+            joints_interval=gap.interval_over_joints(k, last, rng),
+            joints_expected=gap.expected_change(k, last),
+            real=(float("nan"), float("nan")),
+        )
+        for k, (e, place) in enumerate(units)
+    ]
 
 
 def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement, Curve]]:

@@ -99,6 +99,8 @@ class NamedEffect:
         95 % of the change.
     joints_before, joints_after, joints_interval
         The same of the error over each joint's own scale, by which it is confirmed or refuted.
+    joints_expected : float
+        The change that an effect of the fitted size would bring there; zero or less.
     real : (float, float)
         The same errors where every fit is a real robot; nan where the model has no bodies or
         keeps its values.
@@ -113,6 +115,7 @@ class NamedEffect:
     joints_before: float
     joints_after: float
     joints_interval: tuple[float, float]
+    joints_expected: float = float("nan")
     real: tuple[float, float] = (float("nan"), float("nan"))
 
     @property
@@ -122,8 +125,13 @@ class NamedEffect:
 
     @property
     def refuted(self) -> bool:
-        """Whether the motion that verifies surely has more error with it."""
-        return self.joints_interval[0] > 0
+        """Whether the motion that verifies contradicts it.
+
+        It surely has more error with it; or not surely less, although an effect of the fitted size
+        would surely lower it further than it went.
+        """
+        low, high = self.joints_interval
+        return low > 0 or (high >= 0 and low > self.joints_expected)
 
     @property
     def joints(self) -> tuple[str, ...]:

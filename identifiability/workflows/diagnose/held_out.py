@@ -88,6 +88,16 @@ class Gap:
         squares = self.residual[:, :, [first, second]] ** 2
         return change_interval_over_joints(squares, self._variation, rng, draws)
 
+    def expected_change(self, first: int, second: int) -> float:
+        """Return how the error over joints would change, were what the second model adds there.
+
+        Then the first one misses the torque between them beside what the second one leaves.
+        """
+        before, after = self.residual[:, :, first], self.residual[:, :, second]
+        squares = np.stack([after**2 + (before - after) ** 2, after**2], axis=2)
+        without, with_it = error_over_joints(squares, self._variation)
+        return float(with_it - without)
+
     @property
     def _variation(self) -> Array:
         tau = self.rows.measured

@@ -192,6 +192,7 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "error_joints_validation_before": "joints_before",
         "error_joints_validation_after": "joints_after",
         "joints_change_interval95": "joints_interval",
+        "joints_change_expected": "joints_expected",
     }
     return {
         **pick(e, "joints", "p_value", "confirmed", effect="name", **verified),

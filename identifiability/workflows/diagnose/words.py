@@ -105,10 +105,15 @@ def _state_effect(e: NamedEffect) -> str:
 
 
 def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
+    """Return what the motion that verifies says against an effect."""
+    start = f"{_state_effect(e)} stood out from the fitted motion and is refuted: on {verified_on}"
+    change = _change(e.joints_before, e.joints_after, e.joints_interval)
+    if e.joints_interval[0] > 0:
+        return f"{start} it raises the error, every joint on its own scale, {change}."
+    expected = f"{100 * e.joints_expected:+.2g}".replace("-", "−")
     return (
-        f"{_state_effect(e)} stood out from the fitted motion and is refuted: on {verified_on} it "
-        "raises the error, every joint on its own scale, "
-        f"{_change(e.joints_before, e.joints_after, e.joints_interval)}."
+        f"{start} the error, every joint on its own scale, goes {change}, where an effect of that "
+        f"size would change it by {expected} points."
     )
 
 

@@ -119,6 +119,18 @@ def test_the_motion_that_verifies_confirms_refutes_or_leaves_open(interval, conf
     assert (effect.confirmed, effect.refuted) == (confirmed, refuted)
 
 
+@pytest.mark.parametrize(
+    ("interval", "expected", "refuted"),
+    [((-0.1, 0.05), -0.2, True), ((-0.1, 0.05), -0.08, False), ((-0.1, -0.01), -0.2, False),
+     ((-0.1, 0.0), -0.11, True), ((-0.1, 0.0), -0.1, False)],
+)  # fmt: skip
+def test_an_effect_large_enough_to_show_that_does_not_show_is_refuted(interval, expected, refuted):
+    effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
+                         interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
+                         joints_interval=interval, joints_expected=expected)  # fmt: skip
+    assert effect.refuted == refuted
+
+
 def test_a_named_effect_speaks_for_all_its_places():
     def place(where, p, *rivals, stress=()):
         return Placement(

@@ -130,6 +130,21 @@ def test_the_interval_of_a_change_is_that_of_whole_stretches_drawn_again(rng):
     np.testing.assert_allclose(back, (-high, -low), atol=1e-12)
 
 
+def test_the_expected_change_is_that_of_torque_which_is_really_there(rng):
+    """The first model misses what the second adds, beside noise that knows nothing of it."""
+    n = 200_000
+    tau, noise = rng.standard_normal((2, n, 2)) * [[[1.0, 30.0]]]
+    added = np.column_stack([0.4 * rng.standard_normal(n), np.zeros(n)])
+    gap = Gap(SimpleNamespace(measured=tau), np.stack([noise + added, noise], axis=2))
+    before, after = gap.error_over_joints()
+    assert gap.expected_change(0, 1) == pytest.approx(after - before, rel=0.03)
+    # An effect that is not there is expected to help as much, and does the opposite.
+    wrong = Gap(SimpleNamespace(measured=tau), np.stack([noise, noise - added], axis=2))
+    before, after = wrong.error_over_joints()
+    assert wrong.expected_change(0, 1) < 0 < after - before
+    assert gap.expected_change(1, 1) == 0
+
+
 def test_errors_of_the_raw_torque_hold_what_the_filter_took_away():
     rng = np.random.default_rng(3)
     tau, noise = rng.standard_normal((2, 50, 2))
