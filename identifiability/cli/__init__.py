@@ -11,6 +11,7 @@ import typer
 
 from identifiability.cli.analyze import analyze
 from identifiability.cli.calibrate import calibrate
+from identifiability.cli.convert import convert
 from identifiability.cli.demo import demo
 from identifiability.cli.diagnose import diagnose
 from identifiability.cli.excite import excite
@@ -31,7 +32,7 @@ app = typer.Typer(
 )
 verbs = (
     *(demo, inspect, analyze, prune, diagnose, simulate, excite, predict, export, calibrate, gain),
-    paper,
+    *(convert, paper),
 )
 for command in verbs:
     app.command(cls=Command)(command)

@@ -5,18 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
+from identifiability.robot.dh import convert_dh
 from identifiability.robot.files import read_robot
 from identifiability.robot.locking import LockOption
 
 RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
 
+
+DhSource = Annotated[
+    str | Path | Mapping[str, Any], Expected("the path of a DH table, or its content")
+]
 
 #: Unit of the angles in logs.
 AnglesOption = Literal["rad", "deg"]
@@ -73,6 +78,30 @@ class Robot(Description):
         stated = {f.name: getattr(known, f.name) for f in fields(known)}
         own = {"columns": given.before(known.columns), "angles": angles or known.angles}
         return Robot(**{**stated, **own, "time_unit": time_unit or known.time_unit})
+
+    @staticmethod
+    @checked
+    def from_dh(table: DhSource, out: FilePath) -> Robot:
+        """Write the robot file of a table of Denavit and Hartenberg, and read it.
+
+        A robot is always a standard file: the table is where it comes from. What the table leaves
+        open (masses, rounded angles) is said in a comment of the file.
+
+        Parameters
+        ----------
+        table : str, Path or mapping
+            A TOML file as `identifiability.robot.dh.table` describes it, or its content.
+        out : str or Path
+            The MJCF to write (``.xml``); its sidecar stands beside it.
+
+        Raises
+        ------
+        RobotError
+            If the table contradicts itself, or leaves joints undetermined.
+        OutputError
+            If the files cannot be written, or the sidecar would replace one of the user's own.
+        """
+        return Robot.load(convert_dh(table, out).robot)
 
 
 #: A robot, or where it is read from.

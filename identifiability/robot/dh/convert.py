@@ -1,0 +1,209 @@
+"""Convert a table of Denavit and Hartenberg to a robot file and its sidecar."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from pydantic import ValidationError
+
+from identifiability.foundation.documents import first_problem, read_document
+from identifiability.foundation.errors import OutputError, RobotError, listing, near_match
+from identifiability.foundation.output import check_apart, check_ending, write_together
+from identifiability.foundation.toml_text import toml_text
+from identifiability.foundation.values import frozen
+from identifiability.robot.description import Description
+from identifiability.robot.dh.as_mjcf import BALL, build_mjcf
+from identifiability.robot.dh.links import Link, positions_at, read_links, rounded_angles
+from identifiability.robot.dh.table import BASE, DhTable
+from identifiability.robot.files import read_robot
+from identifiability.robot.newton import ACCEPTED, newton
+
+#: How the sidecar begins that a conversion may replace.
+MADE = "# Made by `identifiability convert`"
+
+
+@frozen
+class Converted:
+    """What a conversion wrote.
+
+    Attributes
+    ----------
+    robot, sidecar : Path
+        The MJCF, and the TOML beside it.
+    notes : tuple of str
+        What the table left open, and what was made of it.
+    """
+
+    robot: Path
+    sidecar: Path
+    notes: tuple[str, ...]
+
+
+def convert_dh(table: str | Path | Mapping[str, Any], out: str | Path) -> Converted:
+    """Write the MJCF and the sidecar of a robot that a table describes.
+
+    They are checked by reading them back before anything is written. What cannot be known is said
+    in the notes, which the MJCF has as a comment too: bodies without mass are light balls, and
+    angles that look rounded are taken as they stand.
+
+    Parameters
+    ----------
+    table : path or mapping
+        A TOML file as `table` describes it, or its content.
+    out : path
+        The MJCF to write (``.xml``).
+
+    Raises
+    ------
+    RobotError
+        If the table contradicts itself, or its loops cannot be closed.
+    OutputError
+        If the files cannot be written, or the sidecar would replace one of the user's own.
+    """
+    out = Path(out)
+    beside = out.with_suffix(".toml")
+    check_ending(out, ".xml")
+    given = [] if isinstance(table, Mapping) else [table]
+    check_apart([out, beside], given)
+    _check_own(beside)
+    source = "the table" if isinstance(table, Mapping) else Path(table).name
+    read = _read_table(table)
+    links = read_links(source, read)
+    _check_ends(source, read, links)
+    notes = (*rounded_angles(read), *_unknown_bodies(links))
+    comment = " ".join([f"Made by `identifiability convert` from {source}.", *notes])
+    sidecar = f"{MADE} from {source}; change [sidecar] there.\n\n{_sidecar(read, links)}"
+    home = positions_at(links, _stated_home(source, read, links))
+
+    def text() -> str:
+        top = build_mjcf(read, links, home, comment)
+        return ET.tostring(top, encoding="unicode") + "\n"
+
+    robot = _read_back(out, text(), sidecar)
+    if robot.closed:
+        closed = newton(robot, robot.home[None])
+        assert closed.error[0] < ACCEPTED  # it was checked when the robot was read
+        home |= {j: float(robot.dof_position(closed.q, j)[0]) for j in home if j in robot.dofs}
+        _read_back(out, text(), sidecar)
+    write_together([(beside, sidecar.encode()), (out, text().encode())])
+    return Converted(out, beside, notes)
+
+
+def _read_table(table: str | Path | Mapping[str, Any]) -> DhTable:
+    if not isinstance(table, Mapping):
+        return read_document(table, DhTable, "TOML", "DH table", RobotError)
+    try:
+        return DhTable.model_validate(table)
+    except ValidationError as problem:
+        raise RobotError(f"The table: {first_problem(problem, DhTable)}") from None
+
+
+def _check_own(beside: Path) -> None:
+    """Refuse to replace a sidecar that somebody wrote."""
+    if beside.is_file() and not beside.read_bytes().startswith(MADE.encode()):
+        raise OutputError(
+            f"'{beside}' would be replaced and is not of a conversion's making; state what it says "
+            "in the table under [sidecar], and move it away or give another name."
+        )
+
+
+def _check_ends(source: str, table: DhTable, links: Sequence[Link]) -> None:
+    """Refuse closures and springs at links that are not there, and names that are given twice."""
+    known = (BASE, *(link.name for link in links))
+    every = [*table.closures, *table.springs]
+    for ends in every:
+        for link in (ends.link1, ends.link2):
+            if link not in known:
+                raise RobotError(
+                    f"{source}: '{ends.name}' ends at the link '{link}', which is not there"
+                    f"{near_match(link, known)} The links are {listing(known)}."
+                )
+    names = [ends.name for ends in every]
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise RobotError(f"{source}: two closures or springs are '{twice[0]}'; name each once.")
+
+
+def _stated_home(source: str, table: DhTable, links: Sequence[Link]) -> dict[str, float]:
+    """Return the home positions that the table states [rad or m]."""
+    joints = {link.joint: link for link in links if link.joint is not None}
+    out = {}
+    for joint, position in table.home.items():
+        if joint not in joints:
+            raise RobotError(
+                f"{source}: [home] names the joint '{joint}', which is not there"
+                f"{near_match(joint, joints)} The joints are {listing(joints)}."
+            )
+        if joints[joint].follow is not None:
+            raise RobotError(
+                f"{source}: [home] states '{joint}', which equals {joints[joint].entry.equals}; "
+                "state only what it follows."
+            )
+        turns = joints[joint].entry.type == "revolute"
+        out[joint] = math.radians(position) if turns and table.angles == "deg" else position
+    return out
+
+
+def _weightless(links: Sequence[Link]) -> list[str]:
+    """Return the moving links that have no mass, nor anything fixed to them."""
+    hosts: dict[str, str] = {}
+    heavy = set()
+    for link in links:
+        hosts[link.name] = link.name if link.joint else hosts.get(link.parent, BASE)
+        if link.entry.mass or (link.entry.mass is None and link.joint):
+            heavy.add(hosts[link.name])
+    return [link.name for link in links if link.joint and link.name not in heavy]
+
+
+def _unknown_bodies(links: Sequence[Link]) -> list[str]:
+    """Return the sentence that says of which links masses or inertias were made up, if of any."""
+    balls = [link.name for link in links if link.joint and link.entry.mass is None]
+    points = [x.name for x in links if x.joint and x.entry.mass and x.entry.inertia is None]
+    said = []
+    if balls:
+        said.append(
+            f"The table states no mass of {listing(balls)}: each is a ball of {BALL[0]:g} kg and "
+            f"{BALL[1]:g} kg·m² at the origin of its frame, from which priors and exports start; "
+            "state what is known, or mass = 0 for a link that weighs nothing."
+        )
+    if points:
+        said.append(
+            f"The table states no inertia of {listing(points)}: each has {BALL[1]:g} kg·m² about "
+            "its centre; state what is known."
+        )
+    return said
+
+
+def _sidecar(table: DhTable, links: Sequence[Link]) -> str:
+    """Return the sidecar: what the table says there, and which bodies weigh anything."""
+    content = table.sidecar.model_dump(mode="json", exclude_unset=True)
+    content = {**({"name": table.name} if table.name else {}), **content}
+    idle = _weightless(links)
+    effects = content.get("effects", [])
+    if idle and not any(text.partition("@")[0] == "rigid_body" for text in effects):
+        others = [link.name for link in links if link.joint and link.name not in idle]
+        content["effects"] = [f"rigid_body@{'+'.join(others)}", *effects]
+    return toml_text(content)
+
+
+def _read_back(out: Path, text: str, sidecar: str) -> Description:
+    """Read what would be written.
+
+    Raises
+    ------
+    RobotError
+        In whose sentence the files bear their own names.
+    """
+    with TemporaryDirectory() as folder:
+        robot = Path(folder) / out.name
+        robot.write_text(text, encoding="utf-8")
+        robot.with_suffix(".toml").write_text(sidecar, encoding="utf-8")
+        try:
+            return read_robot(robot)
+        except RobotError as error:
+            raise RobotError(str(error).replace(f"{folder}/", "")) from None

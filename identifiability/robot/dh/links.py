@@ -1,0 +1,190 @@
+"""The links of a table: where each one is, along what it moves, and what it weighs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+
+from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.robot.dh.follow import Follow, read_follow
+from identifiability.robot.dh.table import BASE, Angle, DhTable, LinkEntry, read_pi
+
+#: An angle that is this near to a multiple of 45°, and not it, may have been rounded [rad].
+ROUNDED, EXACT = 1e-3, 1e-12
+
+
+@frozen(kw_only=True)
+class Link:
+    """A row of the table in SI units.
+
+    Attributes
+    ----------
+    entry : LinkEntry
+    parent : str
+    rotation, position : (3, 3), (3,) [m]
+        Its frame in that of its parent, with the joint at zero.
+    axis, anchor : (3,), (3,) [m]
+        Of its joint, in its own frame.
+    follow : Follow or None
+        What its joint follows.
+    range : (float, float) or None [rad or m]
+    """
+
+    entry: LinkEntry
+    parent: str
+    rotation: Array
+    position: Array
+    axis: Array
+    anchor: Array
+    follow: Follow | None = None
+    range: tuple[float, float] | None = None
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.entry.name
+
+    @property
+    def joint(self) -> str | None:
+        """What moves it against its parent; None where it is fixed to it."""
+        return self.entry.joint
+
+    @property
+    def driven(self) -> bool:
+        """Whether its joint has a motor."""
+        return self.joint is not None and self.follow is None and not self.entry.passive
+
+
+def transform(
+    convention: Literal["standard", "modified"], a: float, alpha: float, d: float, theta: float
+) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and position (3,) [m] of a frame in the one before."""
+    ca, sa, ct, st = (_clean(f(x)) for x in (alpha, theta) for f in (math.cos, math.sin))
+    if convention == "modified":
+        R = np.array([[ct, -st, 0.0], [st * ca, ct * ca, -sa], [st * sa, ct * sa, ca]])
+        return R, np.array([a, -sa * d, ca * d])
+    R = np.array([[ct, -st * ca, st * sa], [st, ct * ca, -ct * sa], [0.0, sa, ca]])
+    return R, np.array([a * ct, a * st, d])
+
+
+def _clean(value: float) -> float:
+    """Return a sine or cosine without the rounding that is left at right angles."""
+    return round(value) if abs(value - round(value)) < 1e-15 else value
+
+
+def read_links(path: str, table: DhTable) -> tuple[Link, ...]:
+    """Return the links of a table, each after its parent.
+
+    Parameters
+    ----------
+    path : str
+        What the table is called in sentences.
+    table : DhTable
+
+    Raises
+    ------
+    RobotError
+    """
+    _check_names(path, table.links)
+    slides = {row.joint: row.type == "prismatic" for row in table.links if row.joint}
+    units = {j: 1.0 if s or table.angles == "rad" else math.pi / 180 for j, s in slides.items()}
+    known, out = [BASE], []
+    for row in table.links:
+        parent = row.parent if row.parent is not None else known[-1]
+        if parent not in known:
+            raise RobotError(
+                f"{path}: the link '{row.name}' hangs on '{parent}', which is no link above it"
+                f"{near_match(parent, known)} The links above it are {listing(known)}."
+            )
+        known.append(row.name)
+        alpha, theta = (_radians(x, table.angles) for x in (row.alpha, row.theta))
+        R, p = transform(table.convention, row.a, alpha, row.d, theta)
+        axis, anchor = np.array([0.0, 0.0, 1.0]), np.zeros(3)
+        if table.convention == "standard":  # along the z of its parent, as its own frame sees it
+            axis = np.array([0.0, _clean(math.sin(alpha)), _clean(math.cos(alpha))])
+            anchor = np.array([-row.a, 0.0, 0.0])
+        unit = units.get(row.joint, 1.0) if row.joint else 1.0
+        follow = None
+        if row.equals is not None:
+            follow = read_follow(f"{path}: the joint '{row.joint}'", row.equals, units, unit)
+        limits = None if row.range is None else (unit * row.range[0], unit * row.range[1])
+        out.append(
+            Link(
+                entry=row,
+                parent=parent,
+                rotation=R,
+                position=p,
+                axis=axis,
+                anchor=anchor,
+                follow=follow,
+                range=limits,
+            )
+        )
+    return tuple(out)
+
+
+def _radians(angle: Angle, unit: Literal["rad", "deg"]) -> float:
+    if isinstance(angle, str):
+        return read_pi(angle)
+    return math.radians(angle) if unit == "deg" else angle
+
+
+def _check_names(path: str, rows: Sequence[LinkEntry]) -> None:
+    """Refuse names that are given twice and rows that contradict themselves."""
+    for what, names in (
+        ("link", [BASE, *(row.name for row in rows)]),
+        ("joint", [row.joint for row in rows if row.joint is not None]),
+    ):
+        twice = [name for k, name in enumerate(names) if name in names[:k]]
+        if twice:
+            raise RobotError(f"{path}: two of its {what}s are called '{twice[0]}'; name each once.")
+    for row in rows:
+        moving = [key for key in ("equals", "range") if getattr(row, key) is not None]
+        moving += ["passive"] if row.passive else []
+        if row.joint is None and moving:
+            raise RobotError(
+                f"{path}: the link '{row.name}' has '{moving[0]}' but no joint; name its joint."
+            )
+        if row.passive and row.equals is not None:
+            raise RobotError(
+                f"{path}: the joint '{row.joint}' is passive and equals '{row.equals}'; what "
+                "follows others has no motor anyway: leave out one of both."
+            )
+        weighed = [key for key in ("centre", "inertia") if getattr(row, key) is not None]
+        if weighed and not row.mass:
+            raise RobotError(
+                f"{path}: the link '{row.name}' has '{weighed[0]}' but no mass; state it."
+            )
+
+
+def rounded_angles(table: DhTable) -> Iterator[str]:
+    """Give a sentence for the angles that look like multiples of 45° with too few digits."""
+    found = []
+    for row in table.links:
+        for key in ("alpha", "theta"):
+            angle = _radians(getattr(row, key), table.angles)
+            apart = abs(angle - round(angle / (math.pi / 4)) * math.pi / 4)
+            if EXACT < apart < ROUNDED:
+                found.append(f"{key} = {getattr(row, key)} of '{row.name}'")
+    if found:
+        yield (
+            f"{listing(found)}: nearly a multiple of 45°, and taken as it stands; axes that are "
+            "not quite parallel have parameters of their own, so if it was rounded give it as a "
+            'text such as "pi/2".'
+        )
+
+
+def positions_at(links: Sequence[Link], stated: Mapping[str, float]) -> dict[str, float]:
+    """Return the position of every joint [rad or m]: as stated, zero, or what it follows."""
+    out = {link.joint: stated.get(link.joint, 0.0) for link in links if link.joint is not None}
+    following = [link for link in links if link.follow is not None and link.joint is not None]
+    for link in following * len(following):  # each may follow another
+        assert link.follow is not None
+        assert link.joint is not None
+        out[link.joint] = link.follow.at(out)
+    return out
