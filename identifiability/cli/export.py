@@ -38,7 +38,8 @@ def export(
         JSON that analyze, prune or diagnose wrote.
     out
         File to write: .xml (MJCF) or .urdf, .json with the parameters alone, .py or .c with a
-        function that computes the torques (of trees; extra codegen).
+        function that computes the torques (extra codegen; closed chains in Python, which closes
+        their loops).
     form
         What to write; default: what the ending says. From an MJCF comes a URDF as well, and
         the other way round, without geometry; closed chains keep their own format.

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identifiability.effects import FAMILIES
 from identifiability.effects.holding import complete_values
+from identifiability.effects.vocabulary import every_parameter
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.output import write_json
 from identifiability.robot import Robot
@@ -17,7 +17,7 @@ from identifiability.workflows.export.entries import Result
 def write_parameters_json(robot: Robot, content: Result, out: Path) -> Path:
     """Write names, values and units of the real robot, and each body as it is usually stated."""
     physical = content.physical
-    units = {p.name: p.unit for f in FAMILIES.values() for p in f.effect.parameters(robot)}
+    known = every_parameter(robot, physical.shapes)
     whole = complete_values(robot, physical.parameters, keep=False)
     bodies = {b: _state_body([whole[f"{b}.{kind}"] for kind in INERTIAL_KINDS])
               for b in robot.bodies}  # fmt: skip
@@ -25,7 +25,7 @@ def write_parameters_json(robot: Robot, content: Result, out: Path) -> Path:
         "schema": "identifiability/robot/1",
         "robot": robot.identity,
         "parameters": [
-            {"name": name, "value": value, "unit": units.get(name, "")}
+            {"name": name, "value": value, "unit": known[name].unit if name in known else ""}
             for name, value in physical.parameters.items()
         ],
         "shapes": physical.shapes,

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
 
+from identifiability.foundation.errors import RobotError
 from identifiability.foundation.output import write_text
 from identifiability.robot import Robot
-from identifiability.workflows.export.symbols import import_casadi, write_symbols
-
-Language = Literal["c", "python"]
-
-_BOTH = {
-    "OP_ASSIGN": "{0}", "OP_ADD": "{0} + {1}", "OP_SUB": "{0} - {1}", "OP_MUL": "{0} * {1}",
-    "OP_DIV": "{0} / {1}", "OP_NEG": "-{0}", "OP_SQ": "{0} * {0}", "OP_TWICE": "2.0 * {0}",
-    "OP_INV": "1.0 / {0}",
-}  # fmt: skip
-_WORDS: dict[Language, dict[str, str]] = {
-    "c": {"OP_SIN": "sin({0})", "OP_COS": "cos({0})", "OP_EXP": "exp({0})",
-          "OP_FABS": "fabs({0})", "OP_SIGN": "(double)(({0} > 0.0) - ({0} < 0.0))"},
-    "python": {"OP_SIN": "np.sin({0})", "OP_COS": "np.cos({0})", "OP_EXP": "np.exp({0})",
-               "OP_FABS": "np.abs({0})", "OP_SIGN": "np.sign({0})"},
-}  # fmt: skip
+from identifiability.workflows.export.closed_code import CLOSED_PYTHON, closed_parts
+from identifiability.workflows.export.statements import (
+    FUNCTIONS,
+    Language,
+    indent,
+    names_text,
+    write_statements,
+)
+from identifiability.workflows.export.symbols import torque_symbols
 
 _C = """\
 /* Inverse dynamics of {title}, {count}.
@@ -39,7 +33,7 @@ void inverse_dynamics(const double q[{n}], const double v[{n}], const double a[{
 void inverse_dynamics(const double q[{n}], const double v[{n}], const double a[{n}],
                       double tau[{n}])
 {{
-{body}
+{torque}
 }}
 """
 
@@ -49,18 +43,21 @@ _PYTHON = '''\
 {values}
 """
 
+import math
+
 import numpy as np
 
 #: The joints, in the order of all columns.
-JOINTS = ({joints},)
+JOINTS = {joints}
 
+{functions}
 
 def inverse_dynamics(q, v, a):
     """Return torques [N m or N] (..., {n}) of positions [rad or m], velocities, accelerations."""
-    q, v, a = (np.asarray(x, float) for x in (q, v, a))
+    q, v, a = (np.moveaxis(np.asarray(x, float), -1, 0) for x in (q, v, a))
     tau = np.zeros(q.shape)
-{body}
-    return tau
+{torque}
+    return np.moveaxis(tau, 0, -1)
 '''
 
 
@@ -76,7 +73,7 @@ def write_code(
     Parameters
     ----------
     robot : Robot
-        A tree.
+        In C a tree.
     values, shapes : mapping
         Standard parameters, and shapes of effects, by name.
     path : Path
@@ -84,44 +81,31 @@ def write_code(
 
     Raises
     ------
+    RobotError
+        If C is asked for a closed chain.
     IdentifiabilityError
         If there is no CasADi, or something has no code.
     """
-    function = write_symbols(robot, values, shapes)
-    lines = list(_lines(function, language))
-    quote = '"{}"'.format if language == "python" else str
-    text = (_C if language == "c" else _PYTHON).format(
-        title=robot.title,
-        count=f"{len(lines)} operations",
-        values=f"Generated with the {sum(map(bool, values.values()))} values of a fitted model.",
-        joints=", ".join(quote(name) for name in robot.joints),
-        n=len(robot.joints),
-        body="\n".join(f"    {line}" for line in lines),
-    )
-    return write_text(path, text)
-
-
-def _lines(function: Any, language: Language) -> Iterator[str]:
-    """Yield one statement an operation; names are used once, so that all are constants."""
-    ca = import_casadi()
-    names = {getattr(ca, name): name for name in (*_BOTH, *_WORDS[language])}
-    forms = _BOTH | _WORDS[language]
-    end = ";" if language == "c" else ""
-    held: dict[int, str] = {}
-    for k in range(function.n_instructions()):
-        kind = function.instruction_id(k)
-        out, given = function.instruction_output(k), function.instruction_input(k)
-        if kind == ca.OP_CONST:
-            value = float(function.instruction_constant(k))
-            held[out[0]] = repr(value) if value >= 0 else f"({value!r})"
-        elif kind == ca.OP_INPUT:
-            place = f"{given[1]}" if language == "c" else f"..., {given[1]}"
-            held[out[0]] = f"{'qva'[given[0]]}[{place}]"
-        elif kind == ca.OP_OUTPUT:
-            place = f"{out[1]}" if language == "c" else f"..., {out[1]}"
-            yield f"tau[{place}] = {held[given[0]]}{end}"
-        else:
-            name = f"x{k}"
-            text = forms[names[kind]].format(*(held[g] for g in given))
-            yield f"{'const double ' if language == 'c' else ''}{name} = {text}{end}"
-            held[out[0]] = name
+    if robot.closed and language == "c":
+        raise RobotError(
+            f"C is generated for trees, and {robot.name} is a closed chain: export it as Python "
+            "(.py), which closes the loops."
+        )
+    function = torque_symbols(robot, values, shapes)
+    lines = list(write_statements(function, language, ("q", "v", "a", "slope"), ("tau",)))
+    known = "; what is known of its torque beforehand is not in it" if robot.known_torque else ""
+    texts = {
+        "title": robot.title,
+        "count": f"{len(lines)} statements",
+        "values": f"Generated with the {sum(map(bool, values.values()))} values of a fitted "
+        f"model{known}.",
+        "joints": names_text(robot.joints) if language == "python" else ", ".join(robot.joints),
+        "n": len(robot.joints),
+        "torque": indent(lines),
+        "functions": FUNCTIONS,
+    }
+    template = _C if language == "c" else _PYTHON
+    if robot.closed:
+        template = CLOSED_PYTHON
+        texts |= closed_parts(robot)
+    return write_text(path, template.format(**texts))

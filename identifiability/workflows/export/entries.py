@@ -5,31 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import Field
 
 from identifiability.effects.holding import complete_values
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 from identifiability.foundation.names import INERTIAL
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot
+from identifiability.workflows.predict.about import Entry, RobotEntry
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
-
-
-class RobotEntry(_Entry):
-    """What the result is about."""
-
-    name: str
-    locked: dict[str, float] = {}
-
-
-class PhysicalEntry(_Entry):
+class PhysicalEntry(Entry):
     """The nearest real robot."""
 
     parameters: dict[str, float]
-    shapes: dict[str, float] = {}
+    shapes: dict[str, float] = Field(default={})
     error_ra: float | None
     error_ra_file: float | None
     cad_prior: float = 0.0
@@ -38,7 +28,7 @@ class PhysicalEntry(_Entry):
     reason: str = ""
 
 
-class Result(_Entry):
+class Result(Entry):
     """The part of a result that is exported."""
 
     robot: RobotEntry
@@ -54,12 +44,7 @@ def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> 
     IdentifiabilityError
     """
     given = content.physical.parameters
-    if content.robot.locked.keys() != robot.locked.keys():
-        was = ", ".join(f"{n} = {at:g}" for n, at in content.robot.locked.items()) or "nothing"
-        raise IdentifiabilityError(
-            f"{path} was made with {was} locked, and now {listing(robot.locked) or 'nothing'} is; "
-            "lock the same joints (--lock, or 'locked' in the sidecar)."
-        )
+    content.robot.check_locked(robot, path)
     for name in given:
         if name not in known:
             raise IdentifiabilityError(

@@ -1,23 +1,25 @@
-"""Inverse dynamics of a tree in symbols: a recursion of Newton and Euler over CasADi's expressions.
+"""What code is generated from, in CasADi's symbols: torque, and the loops of a closed chain.
 
 The values of the parameters are numbers in it, so that what is zero costs nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from identifiability.effects import FAMILIES
-from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.effects.gravity_tilt import horizontal_axes
+from identifiability.effects.load_dependent_friction import SMALLEST, LoadDependentFriction
+from identifiability.effects.nominal import gravity_vector, reference_values
+from identifiability.effects.vocabulary import every_parameter
+from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
+from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Robot
-from identifiability.robot.kinematics import WORLD, Joint
-
-#: Entries of constant frames below this are rounding.
-ROUNDING = 1e-15
+from identifiability.workflows.export.along import CURVES, axis_row, force_along
+from identifiability.workflows.export.recursion import position_rates, tree_torque, world_points
 
 #: What is said without CasADi.
 INSTALL = (
@@ -40,13 +42,15 @@ def import_casadi() -> Any:
     return casadi
 
 
-def write_symbols(robot: Robot, values: Mapping[str, float], shapes: Mapping[str, float]) -> Any:
-    """Return the CasADi function (q, v, a) -> torque, of the n actuated joints each.
+def torque_symbols(robot: Robot, values: Mapping[str, float], shapes: Mapping[str, float]) -> Any:
+    """Return a CasADi function that gives the torque of the n actuated joints.
+
+    Of a tree it takes their motion, (q, v, a). Of a closed chain it takes the motion of all joints
+    of its tree, and the slope (n_dependent, n) of the dependent ones over the actuated ones.
 
     Parameters
     ----------
     robot : Robot
-        A tree.
     values : mapping
         Standard parameters by name.
     shapes : mapping
@@ -54,152 +58,171 @@ def write_symbols(robot: Robot, values: Mapping[str, float], shapes: Mapping[str
 
     Raises
     ------
-    RobotError
-        If the robot is a closed chain or has joints of several axes.
     IdentifiabilityError
         If an effect cannot be generated, or there is no CasADi.
     """
     ca = import_casadi()
-    odd = [j.dofs[0] for j in robot.tree.joints if j.nv > 1]
-    if robot.closed or odd or len(robot.tree.joints) != len(robot.bodies):
-        why = "is a closed chain" if robot.closed else f"has {listing(odd or robot.bodies, 4)}"
-        raise RobotError(
-            f"Code is generated for trees of hinges and slides, and {robot.name} {why}: export it "
-            "as a robot file, or predict from the result."
-        )
+    known = _sort(robot, values, shapes)
+    inputs, motion = _motion(ca, robot)
+    slope = inputs[3] if robot.closed else None
+    gravity = gravity_vector(robot)
+    tree = tree_torque(ca, robot.tree, known.theta, gravity, motion)
+    for axis, effect, kind, value in known.levels:
+        what = (effect, kind, shapes.get(f"{axis.name}.{effect}"))
+        force = value * force_along(ca, robot, axis, motion, what)
+        for dof, share in enumerate(axis_row(robot, axis)):
+            tree[dof] += share * force if share else 0.0
+    if known.tilt.any() or known.loads:
+        reference = _bodies(robot, reference_values(robot))
+        still = ca.SX.zeros(robot.nv)
+        axes = horizontal_axes(gravity) if known.tilt.any() else ()
+        for angle, level in zip(known.tilt, axes, strict=False):
+            pull = np.cross(level, gravity)
+            tree += angle * tree_torque(ca, robot.tree, reference, pull, (motion[0], still, still))
+    tau = _project(ca, robot, tree, slope)
+    if known.loads:
+        load = _project(ca, robot, tree_torque(ca, robot.tree, reference, gravity, motion), slope)
+        for axis, value in known.loads:
+            own = ca.SX(axis_row(robot, axis))
+            row = _project(ca, robot, own, slope)
+            carried = ca.fabs(ca.dot(row, load)) / ca.fmax(ca.dot(row, row), SMALLEST)
+            tau += row * (value * carried * ca.sign(ca.dot(own, motion[1])))
+    return ca.Function("torque", inputs, [ca.cse(tau)])
+
+
+def loop_symbols(robot: Robot) -> tuple[Any, Any, Any]:
+    """Return CasADi functions of the loops of a closed chain.
+
+    Returns
+    -------
+    loops : (q) -> errors (m,), Jacobian (m, nv)
+    bias : (q, v) -> ``J̇ v`` (m,)
+    rates : (q, v) -> how positions change (nq,)
+    """
+    ca = import_casadi()
+    _, (q, v, _) = _motion(ca, robot)
+    errors = ca.vertcat(*_loop_errors(ca, robot, q))
+    rates = position_rates(ca, robot.tree, q, v)
+    J = ca.jacobian(errors, q) @ ca.jacobian(rates, v)
+    bias = ca.jtimes(J @ v, q, rates)
+    return (
+        ca.Function("loops", [q], ca.cse([errors, J])),
+        ca.Function("bias", [q, v], [ca.cse(bias)]),
+        ca.Function("rates", [q, v], [rates]),
+    )
+
+
+def _motion(ca: Any, robot: Robot) -> tuple[list[Any], tuple[Any, Any, Any]]:
+    """Return the inputs of a function, and the motion of all joints by them."""
+    if robot.closed:
+        sizes = (len(robot.home), robot.nv, robot.nv)
+        q, v, a = (ca.SX.sym(name, n) for name, n in zip("qva", sizes, strict=True))
+        slope = ca.SX.sym("S", len(robot.dependent), len(robot.actuated))
+        return [q, v, a, slope], (q, v, a)
     n = len(robot.joints)
-    q, v, a = (ca.SX.sym(name, n) for name in "qva")
-    at = {int(dof): k for k, dof in enumerate(robot.actuated)}
-    places = [at[joint.iv] for joint in robot.tree.joints]
-    theta, rest = _sort(robot, values)
-    tree = _newton_euler(ca, robot, theta, [x[places] for x in (q, v, a)])
-    tau = ca.SX.zeros(n)
-    for k, place in enumerate(places):
-        tau[place] += tree[k]
-    at_home = dict(zip(robot.joints, robot.actuated_positions(robot.home[None])[0], strict=True))
-    relaxed = [robot.rest.get(joint, at_home[joint]) for joint in robot.joints]
-    for axis, effect, kind, value in rest:
-        row = ca.SX(axis.row)
-        shape = shapes.get(f"{axis.name}.{effect}")
-        if shape is None and effect == "stribeck_friction":
-            shape = dict(FAMILIES[effect].effect.shapes(robot)).get(f"{axis.name}.{effect}")
-        move = (ca.dot(row, q - ca.SX(np.array(relaxed))), ca.dot(row, v), ca.dot(row, a))
-        tau += row * value * CURVES[effect](ca, kind, shape, *move)
-    return ca.Function("inverse_dynamics", [q, v, a], [ca.cse(tau)])
+    own = [ca.SX.sym(name, n) for name in "qva"]
+    at = np.argsort(robot.actuated).tolist()  # a tree without passive joints has no quaternions
+    return own, (own[0][at], own[1][at], own[2][at])
 
 
-def _ways(ca: Any, kind: str, shape: Any, x: Any, v: Any, a: Any) -> Any:
-    del shape, x, a
-    way = ca.sign(v)
-    both = {"Fc": way, "Fc+": 0.5 * (way * way + way), "Fc-": 0.5 * (way - way * way)}
-    return both[kind]
+def _project(ca: Any, robot: Robot, tree: Any, slope: Any) -> Any:
+    """Return the torque of actuated joints from that of all, by virtual work."""
+    tau = tree[robot.actuated.tolist()]
+    return tau if slope is None else tau + slope.T @ tree[robot.dependent.tolist()]
 
 
-#: What multiplies a parameter of an effect: of travel from rest, speed and acceleration of an axis.
-CURVES: dict[str, Callable[..., Any]] = {
-    "viscous_friction": lambda ca, kind, shape, x, v, a: v,
-    "coulomb_friction": _ways,
-    "coulomb_asymmetry": _ways,
-    "actuator_inertia": lambda ca, kind, shape, x, v, a: a,
-    "joint_stiffness": lambda ca, kind, shape, x, v, a: x,
-    "torque_offset": lambda ca, kind, shape, x, v, a: 1.0,
-    "quadratic_friction": lambda ca, kind, shape, x, v, a: ca.fabs(v) * v,
-    "stribeck_friction": lambda ca, kind, shape, x, v, a: ca.exp(-ca.fabs(v / shape)) * ca.sign(v),
-}
+def _loop_errors(ca: Any, robot: Robot, q: Any) -> list[Any]:
+    """Return the errors of all loop equations."""
+    at = {name: q[joint.iq] for name, joint in robot.tree.single.items()}
+    ends = [p for loop in robot.loops for p in (loop.first, loop.second)]
+    ends += [p for t in robot.cables for s in t.segments for p in (s.first, s.second)]
+    points = iter(world_points(ca, robot.tree, q, ends))
+    errors: list[Any] = []
+    for loop in robot.loops:
+        apart = next(points) - next(points)
+        errors += [apart[axis] for axis in loop.axes]
+    for coupling in robot.couplings:
+        error = at[coupling.joint]
+        for term in coupling.terms:
+            x = sum((w * at[joint] for joint, w in term.weights.items()), ca.SX(0.0))
+            value = ca.SX(0.0)
+            for coefficient in reversed(term.polynomial):
+                value = value * x + coefficient
+            error = error - value
+        errors.append(error)
+    for cable in robot.cables:
+        spans = (
+            segment.part * ca.norm_2(next(points) - next(points)) for segment in cable.segments
+        )
+        errors.append(at[cable.name] - sum(spans))
+    return errors
 
-#: Axis, effect, kind and value of a parameter along an axis.
-Level = tuple[Axis, str, str, float]
+
+@frozen
+class _Sorted:
+    """Parameters by what they are about.
+
+    Attributes
+    ----------
+    theta : mapping
+        Joint of the tree to the ten parameters of the body behind it.
+    levels : list of (Axis, str, str, float)
+        Axis, effect, kind and value of what acts along an axis.
+    loads : list of (Axis, float)
+        Friction in proportion to the load of an axis.
+    tilt : (2,) [rad]
+    """
+
+    theta: Mapping[int, Array]
+    levels: list[tuple[Axis, str, str, float]]
+    loads: list[tuple[Axis, float]]
+    tilt: Array
 
 
-def _sort(robot: Robot, values: Mapping[str, float]) -> tuple[Array, list[Level]]:
-    """Return what bodies have, (nb, 10), and what axes have.
+def _sort(robot: Robot, values: Mapping[str, float], shapes: Mapping[str, float]) -> _Sorted:
+    """Return values by what they are about.
 
     Raises
     ------
     IdentifiabilityError
-        If an effect is in neither.
+        If there is no code for one.
     """
-    effects = {p.name: f.effect.name for f in reversed(FAMILIES.values())
-               for p in f.effect.parameters(robot)}  # fmt: skip
-    axes = {axis.name: axis for axis in robot.axes if axis.weights is None}
-    theta = np.zeros((len(robot.bodies), 10))
-    levels: list[Level] = []
-    odd: list[str] = []
+    known = every_parameter(robot, shapes)
+    axes = {axis.name: axis for axis in (*robot.axes, *robot.passive_axes)}
+    bodies: dict[str, float] = {}
+    levels: list[tuple[Axis, str, str, float]] = []
+    loads: list[tuple[Axis, float]] = []
+    tilt, odd = np.zeros(2), []
     for name, value in values.items():
         owner, _, kind = name.rpartition(".")
+        effect = known[name].group if name in known else "no effect"
         if owner in robot.bodies and kind.removeprefix("payload_") in INERTIAL_KINDS:
-            place = INERTIAL_KINDS.index(kind.removeprefix("payload_"))
-            theta[robot.bodies.index(owner), place] += value
-        elif owner in axes and effects.get(name) in CURVES:
-            levels.append((axes[owner], effects[name], kind, value))
-        elif value:
-            odd.append(f"{effects.get(name, 'no effect')} ({name})")
+            whole = f"{owner}.{kind.removeprefix('payload_')}"
+            bodies[whole] = bodies.get(whole, 0.0) + value
+        elif not value:
+            continue
+        elif owner in axes and effect in CURVES:
+            levels.append((axes[owner], effect, kind, value))
+        elif owner in axes and effect == LoadDependentFriction.name:
+            loads.append((axes[owner], value))
+        elif owner == BASE and kind in ("tilt1", "tilt2"):
+            tilt[int(kind[-1]) - 1] = value
+        else:
+            odd.append(f"{effect} ({name})")
     if odd:
         raise IdentifiabilityError(
             f"No code can be generated for {listing(odd, 4)}: leave it out of the model, or "
             "predict from the result."
         )
-    return theta, [level for level in levels if level[3]]
+    return _Sorted(_bodies(robot, bodies), levels, loads, tilt)
 
 
-def _newton_euler(ca: Any, robot: Robot, theta: Array, motion: list[Any]) -> list[Any]:
-    """Return the torque of every joint of the tree, in its order."""
-    joints, cross = robot.tree.joints, ca.cross
-    still = ca.SX.zeros(3)
-    gravity = ca.SX(np.array(robot.model.gravity.linear))
-    spins: dict[int, Any] = {}
-    turns: dict[int, Any] = {}
-    lifts: dict[int, Any] = {}
-    forces: dict[int, Any] = {}
-    moments: dict[int, Any] = {}
-    frames: list[tuple[Any, Any]] = []
-    for k, joint in enumerate(joints):
-        x, speed, rate = (y[k] for y in motion)
-        R, p = _frame(ca, joint, x)
-        frames.append((R, p))
-        above = joint.parent
-        w, dw, lift = (still, still, -gravity) if above == WORLD else (
-            spins[above], turns[above], lifts[above])  # fmt: skip
-        lift = R.T @ (lift + cross(dw, p) + cross(w, cross(w, p)))
-        w, dw = R.T @ w, R.T @ dw
-        axis = ca.SX(_clean(joint.axis))
-        if joint.kind == "revolute":
-            dw = dw + axis * rate + cross(w, axis) * speed
-            w = w + axis * speed
-        else:
-            lift = lift + axis * rate + 2 * cross(w, axis) * speed
-        spins[k], turns[k], lifts[k] = w, dw, lift
-        mass, h, inertia = float(theta[k, 0]), ca.SX(theta[k, 1:4]), ca.SX(_matrix(theta[k, 4:]))
-        forces[k] = mass * lift + cross(dw, h) + cross(w, cross(w, h))
-        moments[k] = inertia @ dw + cross(w, inertia @ w) + cross(h, lift)
-    torque: list[Any] = [None] * len(joints)
-    for k in reversed(range(len(joints))):
-        joint, (R, p) = joints[k], frames[k]
-        acts = moments[k] if joint.kind == "revolute" else forces[k]
-        torque[k] = ca.dot(ca.SX(_clean(joint.axis)), acts)
-        if joint.parent != WORLD:
-            force = R @ forces[k]
-            forces[joint.parent] = forces[joint.parent] + force
-            moments[joint.parent] = moments[joint.parent] + R @ moments[k] + cross(p, force)
-    return torque
-
-
-def _frame(ca: Any, joint: Joint, x: Any) -> tuple[Any, Any]:
-    """Return rotation and origin of a joint's frame in that of the joint before it."""
-    fixed, axis = ca.SX(_clean(joint.rotation)), _clean(joint.axis)
-    if joint.kind == "prismatic":
-        return fixed, ca.SX(_clean(joint.translation)) + fixed @ ca.SX(axis) * x
-    along = np.outer(axis, axis)
-    turn = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    R = ca.SX(along) + ca.cos(x) * ca.SX(np.eye(3) - along) + ca.sin(x) * ca.SX(turn)
-    return fixed @ R, ca.SX(_clean(joint.translation))
-
-
-def _clean(x: Array) -> Array:
-    cleaned: Array = np.where(np.abs(x) < ROUNDING, 0.0, x)
-    return cleaned
-
-
-def _matrix(six: Array) -> Array:
-    xx, xy, yy, xz, yz, zz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+def _bodies(robot: Robot, values: Mapping[str, float]) -> dict[int, Array]:
+    """Return the ten parameters of every body by the joint of the tree that it is behind."""
+    ends = {joint.iv + joint.nv: k for k, joint in enumerate(robot.tree.joints)}
+    out = {}
+    for k, body in enumerate(robot.bodies):
+        whole = robot.model.joints[k + 1]
+        theta = np.array([values.get(f"{body}.{kind}", 0.0) for kind in INERTIAL_KINDS])
+        out[ends[whole.idx_v + whole.nv]] = theta
+    return out

@@ -8,6 +8,7 @@ from typing import Literal
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.nominal import reference_values
+from identifiability.effects.vocabulary import every_parameter
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.options import FilePath, checked
@@ -97,7 +98,7 @@ def export(
     out : path
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.json`` for the
         parameters alone; ``.py`` and ``.c`` for a function of position, velocity and acceleration
-        that returns the torque of a tree (extra ``codegen``).
+        that returns the torque, of a closed chain in Python (extra ``codegen``).
     form : {"mjcf", "urdf", "json", "python", "c"}, optional
         By default what the ending says.
 
@@ -115,13 +116,12 @@ def export(
             "other logs."
         )
     physical = content.physical
-    families = reversed(FAMILIES.values())  # of two with the same parameter the first has it
-    effect_of = {p.name: f for f in families for p in f.effect.parameters(robot)}
+    shapes = physical.shapes
+    effect_of = {n: FAMILIES[p.group] for n, p in every_parameter(robot, shapes).items()}
     check_result(robot, Path(result), content, {*effect_of, *robot.nominal})
     given = physical.parameters
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
     reference = reference_values(robot) if loaded else {}
-    shapes = physical.shapes
     wanted = _find_format(Path(out), form)
     path = None
     if wanted == "json":

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from identifiability.estimation.spread import Spread
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
-from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.threads import one_thread
@@ -40,6 +39,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.opening import Logs, read_recordings
+from identifiability.workflows.predict.about import Entry, RobotEntry
 from identifiability.workflows.predict.result import TorquePrediction
 
 
@@ -146,18 +146,7 @@ class Fit:
         }
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
-
-
-class RobotEntry(_Entry):
-    """What the result is about."""
-
-    name: str
-    locked: dict[str, float] = {}
-
-
-class PreparationEntry(_Entry):
+class PreparationEntry(Entry):
     """How logs were prepared."""
 
     derivatives: Literal["auto", "given", "butterworth", "fourier"] = "auto"
@@ -168,7 +157,7 @@ class PreparationEntry(_Entry):
     keep_rest: bool = False
 
 
-class FitEntry(_Entry):
+class FitEntry(Entry):
     """A fitted model in the JSON of a result."""
 
     model: RungEntry
@@ -182,7 +171,7 @@ class FitEntry(_Entry):
     preparation: PreparationEntry
 
 
-class ResultEntry(_Entry):
+class ResultEntry(Entry):
     """The part of a result that is read back."""
 
     robot: RobotEntry
@@ -217,12 +206,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
             f"{path} keeps no fitted model: give the JSON of analyze, prune or diagnose, made by "
             "this version or a newer one."
         )
-    if content.robot.locked.keys() != robot.locked.keys():
-        was = listing(content.robot.locked) or "nothing"
-        raise IdentifiabilityError(
-            f"{path} was made with {was} locked, and now {listing(robot.locked) or 'nothing'} is; "
-            "lock the same joints (--lock, or 'locked' in the sidecar)."
-        )
+    content.robot.check_locked(robot, path)
     return _build(content.fit, robot, f"{path} is about '{content.robot.name}'")
 
 
