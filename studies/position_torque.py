@@ -4,7 +4,7 @@ A cable (a curve without an equation, steep at one end) or an extension spring b
 planted in one joint; five random motions, torque noise with correlation .9. Learned is what leaves
 at most 1.1 × the held-out error of the true model. Nothing planted: the share of false names.
 
-    python studies/position_torque.py [SEEDS] [ROBOT ...]
+    python studies/position_torque.py [SEEDS] [ROBOT ...] [cable | spring | nothing ...]
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SIZE = 0.1
 #: Held-out error over the true model's up to which a curve is learned.
 LEARNED = 1.1
 ROBOTS = ("six-dof-arm", "five-bar")
-PLANTED = ("cable", "extension spring", "nothing")
+PLANTED = ("cable", "spring", "nothing")
 
 
 def curve(what: str, q: np.ndarray) -> np.ndarray:
@@ -56,10 +56,10 @@ def trial(name: str, what: str, seed: int) -> tuple[Diagnosis, float, str]:
     return d, d.held_after / true_error(name, seed), robot.joints[joint]
 
 
-def main(seeds: int, robots: tuple[str, ...]) -> None:
+def main(seeds: int, robots: tuple[str, ...], planted: tuple[str, ...]) -> None:
     """Print one line a trial and one for every robot and curve."""
     for name in robots:
-        for what in PLANTED:
+        for what in planted:
             good, named = 0, 0
             for seed in range(seeds):
                 d, ratio, joint = trial(name, what, seed)
@@ -81,4 +81,7 @@ def main(seeds: int, robots: tuple[str, ...]) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 30, tuple(sys.argv[2:]) or ROBOTS)
+    words = sys.argv[1:]
+    count = int(words.pop(0)) if words and words[0].isdigit() else 30
+    robots = tuple(w for w in words if w not in PLANTED) or ROBOTS
+    main(count, robots, tuple(w for w in words if w in PLANTED) or PLANTED)
