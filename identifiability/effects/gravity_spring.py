@@ -17,13 +17,25 @@ def _hinges(robot: Robot) -> tuple[str, ...]:
     return tuple(name for name in every_axis(robot) if name not in slides)
 
 
-@declare("gravity spring", _hinges, against="position", told_by=POSTURES, rank=21, late=True)
+@declare(
+    "gravity spring or counterweight",
+    _hinges,
+    against="position",
+    told_by=POSTURES,
+    rank=21,
+    late=True,
+)
 class GravitySpring(AlongAxes):
     """``τ = k sin(q − q₀) = ks sin q + kc cos q``: a spring that balances gravity about a joint.
 
     Of a zero-free-length spring between a lever and the frame k is its stiffness times both arms;
     of a counterweight it is m g r. ``k² = ks² + kc²`` and ``tan q₀ = −kc / ks``. Where the gravity
     of what the joint carries depends on its angle alone, it looks exactly like that.
+
+    A counterweight that is fixed to a link needs no effect: it is part of that body's mass and
+    first moments. One behind a gear, a belt or a rod that turns with a joint is this, and its
+    inertia m r² is in the joint's `actuator_inertia`; a weight on a rope is a `constant_force`
+    along the tendon or axis that the rope is.
     """
 
     name = "gravity_spring"

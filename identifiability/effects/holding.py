@@ -1,12 +1,14 @@
 """What a robot file holds of a model's parameters, as their effects say it.
 
 Masses (a payload is part of its body), and at each joint viscous and Coulomb friction with one
-level for both directions; an MJCF also has the inertia of a rotor and a spring.
+level for both directions; an MJCF also has the inertia of a rotor and a spring with its rest, which
+a spring of unknown rest is too where it pulls back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from identifiability.effects.coulomb_asymmetry import settle_directions
 from identifiability.effects.registry import FAMILIES
@@ -39,11 +41,44 @@ def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
         By name.
     """
     held = {p.name for p in _stated(robot)}
+    if "stiffness" in joint_numbers(robot):
+        held |= values.keys() - settle_springs(robot, values)[1].keys()
     out = {name: value if name in held else 0.0 for name, value in values.items()}
     for joint in (*robot.tree.single, *robot.tendons):
         ways = [f"{joint}.{kind}" for kind in ("Fc+", "Fc-") if f"{joint}.{kind}" in values]
         out |= dict.fromkeys(ways, 0.5 * sum(values[name] for name in ways))
     return out
+
+
+def settle_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
+    """Return robot and values with springs of unknown rest as files state them: K and a rest.
+
+    One that pushes away is none: no file states it.
+
+    Parameters
+    ----------
+    robot : Robot
+    values : mapping
+        By name.
+    """
+    out, rest = dict(values), dict(robot.rest)
+    lengths = {cable.name for cable in robot.cables}
+    for place in (*robot.tree.single, *robot.tendons):
+        stated, k = out.get(f"{place}.K", 0.0), out.get(f"{place}.k", 0.0)
+        if not k or not stated + k > 0:
+            continue
+        start = rest[place] if place in rest else _home(robot, place)
+        relaxed = (stated * start + out.get(f"{place}.kq0", 0.0)) / (stated + k)
+        if place in lengths and relaxed < 0:
+            continue
+        out[f"{place}.K"], rest[place] = stated + k, relaxed
+        for kind in ("k", "kq0"):
+            out.pop(f"{place}.{kind}", None)
+    return replace(robot, rest=rest), out
+
+
+def _home(robot: Robot, joint: str) -> float:
+    return float(robot.dof_position(robot.home[None], joint)[0])
 
 
 def complete_values(

@@ -62,7 +62,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         couplings=tuple(stated.couplings),
         home=np.array(pin.neutral(model)) if stated.home is None else stated.home,
         rest={name: relaxed for name, (_, relaxed) in stated.springs.items()}
-        | {name: axis.rest for name, axis in axes.items() if axis.rest is not None},
+        | {name: axis.rest for name, axis in axes.items() if axis.rest is not None}
+        | {name: at for name, at in extra.rest.items() if name not in stated.locked},
         combinations={name: axis.weights for name, axis in axes.items()},
         placed=tuple(extra.effects),
         tendons=tuple(name for name, axis in axes.items() if axis.numbers),
@@ -114,6 +115,7 @@ def _check_sidecar(
         path, "base_parameters.bodies", extra.base_parameters.bodies, (*bodies, *stated.welded)
     )
     _check_known(path, "limits", extra.limits, dofs)
+    _check_known(path, "rest", extra.rest, (*stated.tree.single, *stated.locked))
     tied = [name for tie in _ties(extra, stated) for members in tie.values() for name in members]
     tables = {key: getattr(extra, key) for key in ("nominal", "prior", "shapes", "reference")}
     for key, names in {"symmetry": tied, **tables}.items():

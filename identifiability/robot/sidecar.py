@@ -50,6 +50,9 @@ Every key is optional::
     [nominal]                            # parameter values beside those of the robot file
     "joint1.Fv" = 3.0
 
+    [rest]                               # where the spring of a joint ("joint2.K") is relaxed
+    joint2 = 0.4                         # [rad or m] (default: as the robot file says, or at home)
+
     [shapes]                             # joint and effect = Stribeck velocity, period of a ripple
     "joint1.stribeck_friction" = 0.05    # [rad/s or m/s]
 
@@ -296,6 +299,7 @@ class Sidecar(_Strict):
     symbols: dict[str, str] = {}
     base_parameters: BaseParametersEntry = BaseParametersEntry()
     nominal: dict[str, float] = {}
+    rest: dict[str, float] = {}
     shapes: dict[str, Annotated[float, Field(gt=0)]] = {}
     reference: dict[str, float] = {}
     limits: dict[str, LimitEntry] = {}

@@ -220,6 +220,7 @@ _MEANING = {
     "nominal": "parameters that the robot file cannot hold",
     "shapes": "Stribeck velocities and periods of the effects",
     "reference": "values by which the loads of effects are known",
+    "rest": "where the springs of joints are relaxed",
     "locked": "joints that do not move, and where they are held",
 }
 

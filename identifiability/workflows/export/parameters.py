@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from identifiability.effects.holding import complete_values, read_back, stated_numbers
+from identifiability.effects.holding import (
+    complete_values,
+    read_back,
+    settle_springs,
+    stated_numbers,
+)
 from identifiability.foundation.errors import RobotError, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS
 from identifiability.foundation.values import frozen
@@ -74,7 +80,7 @@ def write_parameters(
         with TemporaryDirectory() as folder:  # the same robot in the other format is the template
             beside = Path(folder) / f"{path.stem}{path.suffix.lower()}"
             write_twin(robot, beside)
-            twin = Robot.load(beside)
+            twin = replace(Robot.load(beside), rest=robot.rest)
             shapes = robot.shapes if shapes is None else shapes
             reference = robot.reference if reference is None else reference
             whole = complete_values(robot, parameters, keep=keep)
@@ -90,13 +96,14 @@ def write_parameters(
                 f"'{name}' is of no body, joint, motor or axis of {robot.name}"
                 f"{near_match(owner, known)}"
             )
-    values = complete_values(robot, parameters, keep=keep)
+    robot, values = settle_springs(robot, complete_values(robot, parameters, keep=keep))
     alone = read_back(robot, values)
     nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
     tables = {
         "nominal": nominal,
         "shapes": robot.shapes if shapes is None else shapes,
         "reference": robot.reference if reference is None else reference,
+        "rest": {} if robot.mjcf else {j: x for j, x in robot.rest.items() if values.get(f"{j}.K")},
     }
     bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
     sidecar = write_robot(robot, path, bodies, stated_numbers(robot, values), tables)

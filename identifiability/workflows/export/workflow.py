@@ -49,6 +49,8 @@ class Exported:
         What is wrong with the total mass, and the remedy; empty if nothing is.
     anew : bool
         Whether it is another format than the robot's own file, and so without geometry.
+    known : tuple of str
+        Torque that is known beforehand, which was taken off and stands in the sidecar alone.
     """
 
     robot: Path
@@ -58,6 +60,7 @@ class Exported:
     error_ra_file: float | None
     mass: str
     anew: bool = False
+    known: tuple[str, ...] = ()
 
     @property
     def statement(self) -> str:
@@ -69,6 +72,11 @@ class Exported:
             parts.append(
                 f"{self.robot.name} cannot hold {listing(held, len(held))}: {stand} in the "
                 "sidecar, which simulators do not read."
+            )
+        if self.known:
+            parts.append(
+                f"Torque that is known beforehand ({'; '.join(self.known)}) is beside what was "
+                f"fitted: it stands in the sidecar alone, and {self.robot.name} moves without it."
             )
         if self.error_ra is not None and self.error_ra_file is not None:
             parts.append(
@@ -147,6 +155,7 @@ def export(
     anew = robot.mjcf != (written.robot.suffix.lower() == ".xml")
     return Exported(
         anew=anew,
+        known=tuple(k.text for k in robot.known_torque),
         robot=written.robot,
         sidecar=written.sidecar,
         beside={title: tuple(names) for title, names in beside.items()},

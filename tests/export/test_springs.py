@@ -1,0 +1,135 @@
+"""Springs, curves over position and known torque in exported files: the torque that was fitted."""
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+
+from identifiability import Robot, analyze, simulate
+from identifiability.effects import FAMILIES
+from identifiability.effects.holding import held_by_file
+from identifiability.foundation.errors import RobotError
+from identifiability.regression.model import Model
+from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.robot import complete_motion
+from identifiability.robot.along import known_torque
+from identifiability.simulation import (
+    PAPER_NOISE,
+    PrescribedMotion,
+    random_trajectory,
+    shipped_trajectory,
+)
+from identifiability.workflows.export import export, write_parameters
+
+#: A spring that pulls back, one that pushes on, a counterweight, a cable; and at a passive joint.
+PLANTED = {
+    "two-link": {
+        "shoulder.k": 3.0, "shoulder.kq0": 2.4, "elbow.k": -1.5, "elbow.kq0": 0.4,
+        "elbow.ks": 2.0, "elbow.kc": -1.0, "shoulder.B3": 4.0, "shoulder.B4": -2.0,
+    },
+    "five-bar": {
+        "left_elbow.k": 2.0, "left_elbow.kq0": -3.0, "right_elbow.F0": 1.5, "right_elbow.ks": 0.7,
+        "right_shoulder.k": 0.8, "right_shoulder.kq0": 1.1, "right_shoulder.K": 0.5,
+    },
+}  # fmt: skip
+IN_FILE = {"two-link": ("shoulder",), "five-bar": ("left_elbow", "right_shoulder")}
+KNOWN = '[[known_torque]]\nalong = "{}"\ntable = [[-9, 1], [0, 0.2], [9, -2]]\n'
+
+
+def states(robot, count=30):
+    rng = np.random.default_rng(0)
+    q = rng.uniform(*robot.limits.T, (count, len(robot.joints)))
+    v, a = rng.normal(size=(2, *q.shape))
+    return complete_motion(robot, np.arange(1.0 * count), q, v, a)
+
+
+def torque_of(robot, values):
+    """All effects along random states, and what is known beforehand."""
+    motion = states(robot)
+    effects = [f.effect for f in FAMILIES.values() if f.name not in ("coulomb_friction", "payload")]
+    every = Model(tuple(effects))
+    phi = np.array([values.get(p.name, 0.0) for p in every.parameters(robot)])
+    return every.regressor(robot, motion) @ phi + known_torque(robot, motion)
+
+
+@pytest.fixture
+def given(tmp_path):
+    """A function (name) -> robot with a known torque in its sidecar."""
+
+    def load(name):
+        shipped = Robot.load(name)
+        path = tmp_path / f"{name}.xml"
+        path.write_text(shipped.path.read_text())
+        known = KNOWN.format(shipped.passive[0] if shipped.passive else "elbow")
+        path.with_suffix(".toml").write_text(shipped.sidecar.read_text() + known)
+        return Robot.load(path)
+
+    return load
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_file_and_sidecar_are_what_was_fitted(name, given, tmp_path):
+    robot = given(name)
+    values = {**robot.nominal, **PLANTED[name]}
+    written = write_parameters(robot, values, tmp_path / "fitted.xml")
+    copy = Robot.load(written.robot)
+    expected = torque_of(robot, values)
+    np.testing.assert_allclose(torque_of(copy, copy.nominal), expected, rtol=1e-9, atol=1e-11)
+    assert np.abs(expected - torque_of(robot, robot.nominal)).max() > 0.5
+    for joint in IN_FILE[name]:
+        k, stated = PLANTED[name][f"{joint}.k"], PLANTED[name].get(f"{joint}.K", 0.0)
+        assert copy.nominal[f"{joint}.K"] == pytest.approx(k + stated)
+        assert f"{joint}.k" not in copy.nominal
+    # Among what is beside the file are the spring that pushes on, and what goes with a sine.
+    held = held_by_file(robot, values)
+    assert {n for n in PLANTED[name] if held[n] == 0} == set(written.beside)
+    assert copy.known_torque[0].torques.tolist() == [1.0, 0.2, -2.0]
+
+
+def test_mujoco_has_the_springs_of_the_file_and_its_error_is_the_stated_one(replayed, tmp_path):
+    robot = Robot.load("five-bar")
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 250)
+    log = simulate(
+        robot, motion, noise=PAPER_NOISE, hide=["free_spring=0.2"], rng=np.random.default_rng(3)
+    )
+    effects = ["rigid_body", "viscous_friction", "coulomb_friction", "free_spring"]
+    ladder = LadderEntry(models=[RungEntry(name="fitted", effects=effects)])
+    result = analyze(robot, log, ladder=ladder, replicates=0)
+    parameters = result.chosen.physical.parameters()
+    signs = {parameters[f"{a.name}.k"] > 0 for a in (*robot.axes, *robot.passive_axes)}
+    assert signs == {True, False}
+    found = replayed(robot, result, log, tmp_path)
+    assert found.mujoco == pytest.approx(found.stated["error_ra_file"], rel=1e-9)
+    assert found.whole == pytest.approx(found.stated["error_ra"], rel=1e-9)
+    assert list(found.exported.beside) == ["spring with an unknown rest"]
+
+
+def test_the_other_format_keeps_where_springs_are_relaxed(given, tmp_path):
+    robot = given("two-link")
+    values = {**robot.nominal, **PLANTED["two-link"]}
+    urdf = Robot.load(write_parameters(robot, values, tmp_path / "fitted.urdf").robot)
+    assert urdf.rest == pytest.approx({"shoulder": 0.8})
+    back = Robot.load(write_parameters(urdf, urdf.nominal, tmp_path / "back.xml").robot)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "back.xml"))
+    assert (model.jnt_stiffness[0], model.qpos_spring[0]) == pytest.approx((3.0, 0.8))
+    assert "[rest]" not in back.sidecar.read_text()
+    expected = torque_of(robot, values)
+    for copy in (urdf, back):
+        np.testing.assert_allclose(torque_of(copy, copy.nominal), expected, rtol=1e-9, atol=1e-11)
+
+
+def test_torque_that_is_known_beforehand_is_said_to_be_beside_the_file(given, tmp_path):
+    robot = given("two-link")
+    log = simulate(robot, random_trajectory(robot, np.random.default_rng(1), samples=200))
+    path = analyze(robot, log, replicates=0).to_json(tmp_path / "result.json")
+    statement = export(robot, path, tmp_path / "fitted.xml").statement
+    assert "Torque that is known beforehand (along elbow by a table of 3 points" in statement
+    assert json.loads(path.read_text())["robot"]["known_torque"]
+
+
+def test_a_rest_of_what_is_no_joint_is_refused(given):
+    robot = given("two-link")
+    robot.sidecar.write_text("[rest]\nknee = 0.3\n")
+    with pytest.raises(RobotError, match=r"\[rest\] names 'knee', which the robot does not have"):
+        Robot.load(robot.path)
