@@ -51,12 +51,10 @@ def test_written_robots_give_the_written_parameters_on_both_roads(robot, tmp_pat
     np.testing.assert_allclose(simulated, fitted, atol=1e-9 * np.abs(fitted).max())
 
 
-def test_the_template_is_unchanged_and_the_other_format_is_refused(rps, tmp_path):
+def test_the_template_is_unchanged(rps, tmp_path):
     before = rps.path.read_bytes()
     write_parameters(rps, {"platform.m": 11.0}, tmp_path / "copy.xml")
     assert rps.path.read_bytes() == before
-    with pytest.raises(RobotError, match=r"robot\.xml closes loops, and .* written as URDF"):
-        write_parameters(rps, {}, tmp_path / "copy.urdf")
 
 
 def test_a_body_without_mass_is_refused_by_name(rps, tmp_path):

@@ -42,7 +42,7 @@ def export(
         their loops).
     form
         What to write; default: what the ending says. From an MJCF comes a URDF as well, and
-        the other way round, without geometry; closed chains keep their own format.
+        the other way round, without geometry.
     """
     with common.sentences():
         from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415

@@ -30,6 +30,7 @@ from identifiability.robot.locking import (
     weld,
 )
 from identifiability.robot.markup import read_markup
+from identifiability.robot.massless import merge_axes
 from identifiability.robot.mjcf import compile_mjcf
 from identifiability.robot.parts import Coupling, Stated
 from identifiability.robot.sidecar import Sidecar, read_sidecar
@@ -139,16 +140,16 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     home = {name: extra.home.get(name, 0.0) for name in single}
     locked, couplings = settle_locks(path, wanted, home, couplings)
     model, welded = weld(model, locked)
+    model, names = merge_axes(path, model, extra.massless)
     coupled = {c.joint for c in couplings}
-    driven = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
-    tree, last = read_tree(path, model, {})
+    tree, last = read_tree(path, model, names)
     return Stated(
         model=model,
         tree=tree,
         last=last,
         loops=[],
         couplings=couplings,
-        actuated=[name for name in driven if name not in coupled],
+        actuated=[name for name in tree.single if name not in coupled],
         locked=locked,
         welded=welded,
     )

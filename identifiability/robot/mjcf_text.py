@@ -52,6 +52,16 @@ def write_cable(element: ET.Element, stated: Mapping[str, float], rest: float) -
         element.set("springlength", f"{rest:.17g}")
 
 
+def thicken(inertia: Array) -> Array:
+    """Return an inertia (3, 3) of a flat body that MuJoCo takes: rounding may make it too thin."""
+    moments, axes = np.linalg.eigh(inertia)
+    lack = moments[2] - moments[0] - moments[1]
+    if abs(lack) >= FLAT * moments[2]:
+        return inertia
+    thick: Array = inertia + (FLAT * moments[2] + lack) * axes[:, :2] @ axes[:, :2].T
+    return thick
+
+
 def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inertia: Array) -> None:
     """Write the inertial of a body, in its own frame, and take the mass off what it is made of.
 
@@ -68,10 +78,6 @@ def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inert
     for old in element.findall("inertial"):
         element.remove(old)
     new = ET.Element("inertial", mass=f"{mass:.17g}", pos=numbers(centre))
-    moments, axes = np.linalg.eigh(inertia)
-    lack = moments[2] - moments[0] - moments[1]
-    if abs(lack) < FLAT * moments[2]:  # MuJoCo refuses a flat body that is a rounding too thin
-        inertia = inertia + (FLAT * moments[2] + lack) * axes[:, :2] @ axes[:, :2].T
     order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     new.set("fullinertia", numbers(np.array([inertia[i, j] for i, j in order])))
     after = [k for k, c in enumerate(element) if c.tag in ("joint", "freejoint")]

@@ -10,6 +10,8 @@ Every key is optional::
                                          # and what looks like degrees is refused)
     effects = ["joint_stiffness@roll"]   # effects of default models that are at some places only,
                                          # as a ladder writes them
+    massless = ["cross"]                 # links of a URDF between the axes of one joint (universal,
+                                         # ball), each carrying one joint: they are no bodies
     inertia_parts = ["Jr", "Js"]         # what an actuator's inertia is made of (default: Ia)
 
     [home]                               # joint = position; selects the assembly of a closed chain
@@ -290,6 +292,7 @@ class Sidecar(_Strict):
     locked: Names | dict[str, float | None] = []
     angles: Literal["rad", "deg"] | None = None
     effects: Names = []
+    massless: Names = []
     inertia_parts: Names = Field(default=["Ia"], min_length=1)
     home: dict[str, float] = {}
     loops: list[LoopEntry] | None = None

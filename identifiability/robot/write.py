@@ -26,6 +26,7 @@ from identifiability.robot.mjcf_text import (
     clear_mjcf,
     in_radians,
     numbers,
+    thicken,
     write_cable,
     write_inertial,
 )
@@ -147,7 +148,7 @@ def _write_body(top: ET.Element, robot: Description, body: str, theta: Array) ->
     # The library's frame is the joint's; the file's may be shifted or turned against it.
     frame = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)].placement
     R, p = np.array(frame.rotation), np.array(frame.translation)
-    centre, inertia = R.T @ (centre - p), R.T @ inertia @ R
+    centre, inertia = R.T @ (centre - p), thicken(R.T @ inertia @ R)
     if robot.mjcf:
         write_inertial(top, body, mass, centre, inertia)
     else:

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze, simulate
 from identifiability.cli import app
-from identifiability.foundation.errors import OutputError, RobotError
+from identifiability.foundation.errors import OutputError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
@@ -94,13 +94,6 @@ def test_an_ending_that_is_another_format_is_refused(results, tmp_path):
         export("two-link", path, tmp_path / "fitted.xml", "urdf")
     with pytest.raises(OutputError):
         export("two-link", path, tmp_path / "fitted.txt")
-
-
-@pytest.mark.parametrize("name", ["3-rps", "five-bar"])
-def test_closed_chains_keep_their_format(name, tmp_path):
-    robot = Robot.load(name)
-    with pytest.raises(RobotError, match="closes loops"):
-        write_parameters(robot, dict(robot.nominal), tmp_path / "fitted.urdf")
 
 
 def test_a_locked_joint_is_one_body_with_its_host(tmp_path):

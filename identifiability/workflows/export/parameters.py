@@ -59,7 +59,7 @@ def write_parameters(
         Standard parameters by name (``platform.mx``, ``slider1.Fv`` …).
     path : str or Path
         ``.xml`` for MJCF, ``.urdf`` for URDF. In the template's format everything but the numbers
-        stays; the other one is written anew, without geometry, and not for closed chains.
+        stays; the other one is written anew, without geometry.
     keep : bool
         Whether parameters that are not given keep the file's values; else joints have none.
     shapes : mapping, optional
@@ -103,7 +103,7 @@ def write_parameters(
         "nominal": nominal,
         "shapes": robot.shapes if shapes is None else shapes,
         "reference": robot.reference if reference is None else reference,
-        "rest": {} if robot.mjcf else {j: x for j, x in robot.rest.items() if values.get(f"{j}.K")},
+        "rest": {} if robot.mjcf else _rests(robot, values),
     }
     bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
     sidecar = write_robot(robot, path, bodies, stated_numbers(robot, values), tables)
@@ -111,3 +111,9 @@ def write_parameters(
     summed = {f"{joint}.{part}" for joint in robot.tree.single for part in parts}
     lost = tuple(name for name in nominal if name not in summed)  # the file has a rotor's sum
     return Written(Path(path), sidecar, lost)
+
+
+def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+    """Return where the springs of joints are relaxed; those of stated axes stand with them."""
+    joints = robot.tree.single
+    return {j: x for j, x in robot.rest.items() if j in joints and values.get(f"{j}.K")}

@@ -1,0 +1,145 @@
+"""A robot in the other format is the same robot: closed chains, couplings and axes too."""
+
+import numpy as np
+import pytest
+
+from identifiability.foundation.errors import RobotError
+from identifiability.regression.base_parameters import random_motion
+from identifiability.regression.model import Model
+from identifiability.robot import Robot, complete_motion
+from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.workflows.export import write_parameters
+
+EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
+           "joint_stiffness", "passive_joint_friction")  # fmt: skip
+
+ARM = """<mujoco><compiler angle="radian"/><worldbody><body name="base" quat="0 1 0 0" pos="1 2 3">
+  <body name="link1"><inertial mass="4" pos="0.3 0.02 0.01" diaginertia="0.03 0.1 0.11"/>
+    <joint name="shoulder" axis="0 -1 0" pos="0.05 0.02 0.1" stiffness="30" springref="0.3"/>
+    <body name="link2" pos="0.5 0 0" euler="0.1 0.2 0.3"><joint name="elbow" axis="0 -1 0"/>
+      <inertial mass="2" pos="0.2 0 0.03" fullinertia="0.02 0.05 0.06 0.002 0.001 -0.003"/>
+      <body name="wrist" pos="0.2 0 0"><joint name="w" axis="0 1 0"/>
+        <inertial mass="1" pos="0.1 0 0" diaginertia="0.01 0.02 0.03"/>
+        <body name="tip" pos="0.1 0 0"><joint name="p" type="slide" axis="0 0 1"/>
+          <inertial mass="0.5" pos="0.1 0 0" diaginertia="0.01 0.02 0.03"/></body></body>
+  </body></body></body></worldbody>{after}
+  <actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator></mujoco>"""
+COUPLED = """
+[[couplings]]
+joint = "w"
+of = "elbow"
+polynomial = [0.1, 0.5, 0.2]
+terms = {shoulder = [0, -0.3, 0, 0.1]}
+[[couplings]]
+joint = "p"
+terms = {w = [0, 0.2], shoulder = [0.05, 0, 0.1]}
+"""
+TENDON = """<tendon><fixed name="rope" stiffness="20" springlength="0.3" damping="2">
+  <joint joint="elbow" coef="2"/><joint joint="shoulder" coef="-0.6"/></fixed></tendon>"""
+LOCKED = """
+locked = {w = 0.2, p = 0.01}
+[limits]
+w = {v = 1}
+
+"""
+
+
+def load(name, folder):
+    """A shipped robot, or the arm above with something in it."""
+    made = {
+        "coupled": (ARM.format(after=""), COUPLED),
+        "locked": (ARM.format(after=""), LOCKED),
+        "tendon": (ARM.format(after=TENDON), "locked = ['w', 'p']\n"),
+        "more equations": (Robot.load("five-bar").path.read_text(), ""),
+    }
+    if name not in made:
+        return Robot.load(name)
+    text, sidecar = made[name]
+    path = folder / "robot.xml"
+    path.write_text(text)
+    path.with_suffix(".toml").write_text(sidecar)
+    return Robot.load(path)
+
+
+def nominal_torque(robot, motion):
+    model = Model.of(*EFFECTS)
+    phi = np.array([robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)])
+    return model.regressor(robot, motion) @ phi
+
+
+CASES = ("3-rps", "five-bar", "coupled", "locked", "tendon")
+LONG = ("3-rrr", "palletizer", "six-ups", "delta", "six-dof-arm", "two-link", "more equations")
+
+
+@pytest.mark.parametrize(
+    "name", [*CASES, *(pytest.param(n, marks=pytest.mark.everything) for n in LONG)]
+)
+def test_there_and_back_it_is_the_same_robot(name, tmp_path):
+    robot = load(name, tmp_path)
+    wide = random_motion(robot, np.random.default_rng(0), 20)
+    home = robot.actuated_positions(robot.home[None])
+    q = home + 0.2 * (wide.actuated_q - home)  # MuJoCo walks from each to the next
+    motion = complete_motion(robot, wide.t, q, wide.actuated_v, wide.actuated_a)
+    tau = nominal_torque(robot, motion)
+    suffixes = (".urdf", ".xml") if robot.mjcf else (".xml", ".urdf")
+    copy = robot
+    for suffix in suffixes:
+        path = tmp_path / f"copy{suffix[1:]}{suffix}"
+        write_parameters(copy, dict(copy.nominal), path)
+        copy = Robot.load(path)
+        assert copy.joints == robot.joints
+        assert {*copy.bodies, *copy.passive} == {*robot.bodies, *robot.passive}
+        assert np.array_equal(copy.limits, robot.limits)
+        where = {n: robot.home[j.iq] for n, j in robot.tree.single.items()}
+        assert {n: copy.home[j.iq] for n, j in copy.tree.single.items()} == where
+        for parameter, value in robot.nominal.items():
+            assert copy.nominal.get(parameter, 0.0) == pytest.approx(value, rel=1e-9, abs=1e-9)
+        actuated = (motion.actuated_q, motion.actuated_v, motion.actuated_a)
+        again = complete_motion(copy, motion.t, *actuated)
+        size = np.abs(tau).max()
+        np.testing.assert_allclose(nominal_torque(copy, again), tau, rtol=0, atol=1e-9 * size)
+        if name not in ("locked", "tendon"):  # MuJoCo reads the written files by itself
+            seen = simulate(copy, PrescribedMotion(motion.t, *actuated)).tau
+            np.testing.assert_allclose(seen, tau, rtol=0, atol=1e-9 * size)
+
+
+def test_bounds_move_with_the_frame_that_they_are_about(tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_text(ARM.format(after=""))
+    bounds = """locked = ["w", "p"]
+[bounds.bodies.link1]
+mass = [1, 6]
+box = [[0.1, 0.5], [-0.1, 0.1], [-0.1, 0.2]]
+ellipsoid = {centre = [0.3, 0, 0], radii = [0.3, 0.3, 0.3]}
+"""
+    path.with_suffix(".toml").write_text(bounds)
+    robot = Robot.load(path)
+    write_parameters(robot, dict(robot.nominal), tmp_path / "copy.urdf")
+    (bound,) = Robot.load(tmp_path / "copy.urdf").bounds
+    (before,) = robot.bounds
+    assert before.origin.tolist() == pytest.approx([-0.05, -0.02, -0.1])
+    assert bound.mass == before.mass
+    assert bound.origin.tolist() == [0, 0, 0]
+    moved = np.array(before.box) + before.origin[:, None]
+    np.testing.assert_allclose(np.array(bound.box), moved, atol=1e-12)
+    centre = np.array(before.ellipsoid.centre) + before.origin
+    np.testing.assert_allclose(bound.ellipsoid.centre, centre, atol=1e-12)
+
+
+def test_links_without_mass_are_no_bodies_and_others_are_refused(tmp_path):
+    rps = Robot.load("3-rps")
+    write_parameters(rps, dict(rps.nominal), tmp_path / "copy.urdf")
+    side = tmp_path / "copy.toml"
+    text = side.read_text()
+    side.write_text(text.replace("platform_behind_ball1_x", "leg2_upper"))
+    with pytest.raises(RobotError, match=r"'leg2_upper', which has a mass of 2 kg and carries 0"):
+        Robot.load(tmp_path / "copy.urdf")
+    side.write_text(text.replace("platform_behind_ball1_x", "platform_behind_ball1_z"))
+    with pytest.raises(RobotError, match=r"no moving link.*platform_behind_ball1_[xy]"):
+        Robot.load(tmp_path / "copy.urdf")
+
+
+def test_tendons_between_bodies_have_no_other_format(tmp_path):
+    robot = Robot.load("six-actuators")
+    with pytest.raises(RobotError, match=r"tendons between bodies \(leg1.*cannot be written as UR"):
+        write_parameters(robot, dict(robot.nominal), tmp_path / "copy.urdf")
