@@ -7,22 +7,18 @@ error after a given time is a fair figure of merit.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
-from collections.abc import Callable, Collection, Mapping
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from identifiability.foundation.errors import RobotError
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import Array
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
-from identifiability.robot.write import write_robot
+from identifiability.simulation.drives import Drives
 from identifiability.simulation.forces import JointTerms, both_directions
-from identifiability.simulation.mujoco_file import bare_urdf, reason_of
+from identifiability.simulation.forward_model import compile_forward, mixed_axes
 from identifiability.simulation.mujoco_robot import MujocoRobot
 
 #: Longest step of the integrator [s]; loops stay closed to about 1e-6 m with it.
@@ -37,9 +33,6 @@ DIVERGED = 10.0
 
 #: Rotor inertia that holds a locked joint where it is [kg·m² or kg].
 IMMOVABLE = 1e9
-
-#: Parts of an MJCF file that have no share in the free motion of the bodies.
-_IDLE = ("asset", "actuator", "sensor", "contact", "visual", "statistic", "custom")
 
 #: What a model has beyond bodies, viscous and Coulomb friction and rotors, from position, velocity
 #: and acceleration of the actuated joints, each (K, n): torque that is taken off (K, n), and dry
@@ -60,67 +53,75 @@ class ForwardRobot:
     Raises
     ------
     RobotError
-        If MuJoCo refuses the robot, or motors or axes mix joints (their friction is at no joint),
-        or a joint follows several others.
+        If MuJoCo refuses the robot, or a joint follows others in a way that it does not have.
     """
 
     def __init__(self, robot: Robot, parameters: Mapping[str, float]) -> None:
-        if robot.transmission is not None:
-            raise RobotError(
-                f"{robot.name} has coupled motors, whose friction and inertia MuJoCo's joints "
-                "cannot hold; it is not simulated forward."
-            )
-        if robot.combinations or any(coupling.more for coupling in robot.couplings):
-            raise RobotError(
-                f"{robot.name} has axes that combine joints or joints that follow several others; "
-                "it is not simulated forward."
-            )
-        pulling = {cable.name for cable in robot.cables}
-        if pulling & set(robot.joints):
-            raise RobotError(
-                f"{robot.name} is driven by tendons, which MuJoCo's joints cannot hold; it is not "
-                "simulated forward."
-            )
         self.robot = robot
         values = {**robot.nominal, **both_directions(parameters)}
         parts = robot.inertia_parts
-        terms = {n: JointTerms.of(values, n, parts) for n in robot.tree.single}
-        joints = {name: _stated_numbers(of) for name, of in terms.items()}
-        self._kinematics = MujocoRobot(robot, _compile(robot, values, joints))
+        self._axes = mixed_axes(robot)
+        places = (*robot.tree.single, *self._axes)
+        terms = {n: JointTerms.of(values, n, parts) for n in places}
+        numbers = {name: _stated_numbers(of) for name, of in terms.items()}
+        joints = {name: numbers[name] for name in (*robot.tree.single, *robot.tendons)}
+        self._kinematics = MujocoRobot(robot, compile_forward(robot, values, joints))
         self.model = self._kinematics.model
-        self._set_joints(joints)
-        driven = [terms[name] for name in robot.joints]
-        self._bias = np.array([0.5 * (t.forward - t.backward) + t.offset for t in driven])
-        self._positions = self._kinematics.positions
+        self._set_joints(numbers)
+        self._bias = self._constant(terms)
+        self._drives = Drives(self._kinematics)
         options = self.model.opt
         disabled = mujoco.mjtDisableBit
-        options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT)
+        options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION)
         options.disableflags |= int(disabled.mjDSBL_LIMIT | disabled.mjDSBL_CONTACT)
         options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
     def _set_joints(self, joints: Mapping[str, Mapping[str, float]]) -> None:
         """Set friction, rotors and springs."""
-        robot, model, home = self.robot, self.model, self.robot.home[None]
+        robot, model = self.robot, self.model
         for name, numbers in joints.items():
-            rest = robot.rest.get(name)
-            if any(name == cable.name for cable in robot.cables):
-                length = robot.dof_position(home, name)[0] if rest is None else rest
-                self._set_tendon(int(model.tendon(name).id), numbers, float(length))
+            if name in self._axes or any(name == cable.name for cable in robot.cables):
+                self._set_tendon(int(model.tendon(name).id), numbers, self._rest(name))
                 continue
             joint = model.joint(name)
             model.dof_armature[joint.dofadr[0]] = numbers["armature"]
             model.dof_damping[joint.dofadr[0]] = numbers["damping"]
             model.dof_frictionloss[joint.dofadr[0]] = numbers["frictionloss"]
             model.jnt_stiffness[joint.id] = numbers["stiffness"]
-            model.qpos_spring[joint.qposadr[0]] = (
-                robot.dof_position(home, name)[0] if rest is None else rest
-            )
+            model.qpos_spring[joint.qposadr[0]] = self._rest(name)
         model.dof_armature[self._kinematics.locked] = IMMOVABLE
+
+    def _rest(self, name: str) -> float:
+        """Return where a spring on a joint, tendon, motor or axis is relaxed [rad or m]."""
+        robot = self.robot
+        if name in robot.rest:
+            return robot.rest[name]
+        weights = self._axes.get(name, {name: 1.0})
+        at = {j: float(robot.dof_position(robot.home[None], j)[0]) for j in weights}
+        if name not in robot.combinations:  # a motor's is so where those of its joints are
+            at |= {j: robot.rest[j] for j in weights if j in robot.rest}
+        return sum(c * at[j] for j, c in weights.items())
 
     def _set_tendon(self, t: int, numbers: Mapping[str, float], rest: float) -> None:
         for word, value in numbers.items():
             getattr(self.model, f"tendon_{word}")[t] = value
         self.model.tendon_lengthspring[t] = rest
+
+    def _constant(self, terms: Mapping[str, JointTerms]) -> tuple[Array, Array]:
+        """Return what is taken off at joints (nv,) and along straight tendons (c,), always.
+
+        Offsets, and by how much dry friction is larger forwards than on both ways' mean.
+        """
+        cables = [cable.name for cable in self.robot.cables]
+        joints, lines = np.zeros(self.model.nv), np.zeros(len(cables))
+        for name, t in terms.items():
+            force = 0.5 * (t.forward - t.backward) + t.offset
+            if name in cables:
+                lines[cables.index(name)] = force
+                continue
+            for joint, c in self._axes.get(name, {name: 1.0}).items():
+                joints[self.model.joint(joint).dofadr[0]] += c * force
+        return joints, lines
 
     @quiet()
     def run(self, q: Array, dq: Array, tau: Array, dt: float, extra: Extra | None = None) -> Array:
@@ -152,34 +153,33 @@ class ForwardRobot:
         self.model.tendon_solimp_fri[:, :2] = HARD
         states = self._start(q, dq)
         out = np.full((count, steps, n), np.nan)
-        actuated = self._kinematics.actuated
-        coulomb = np.array(self.model.dof_frictionloss[actuated])
+        drives = self._drives
+        coulomb = drives.dry
         alive = np.ones(count, bool)
         limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
         try:
             for step in range(steps):
-                force = tau[:, step] - self._bias
+                force = tau[:, step]
                 dry = np.broadcast_to(coulomb, force.shape)
                 if extra is not None and alive.any():
                     taken, added = self._evaluate(extra, states, alive)
                     force, dry = force - taken, np.maximum(coulomb + added, 0.0)
                 for k in np.flatnonzero(alive):
-                    states[k].qfrc_applied[actuated] = force[k]
-                    self.model.dof_frictionloss[actuated] = dry[k]
+                    drives.push(states[k], force[k], self._bias)
+                    drives.dry = dry[k]
                     mujoco.mj_step(self.model, states[k], inner)
-                    at = states[k].qpos[self._positions]
+                    at = drives.position(states[k])
                     alive[k] = bool(np.all(np.abs(at) < limit))
                     if alive[k]:
                         out[k, step] = at
         finally:
-            self.model.dof_frictionloss[actuated] = coulomb
+            drives.dry = coulomb
         return out
 
     def _evaluate(self, extra: Extra, states: list[Any], alive: np.ndarray) -> tuple[Array, Array]:
         """Return torque and dry friction of the other effects at the present states."""
-        q = np.array([s.qpos[self._positions] for s in states])
-        dofs = self._kinematics.actuated
-        v, a = (np.array([getattr(s, part)[dofs] for s in states]) for part in ("qvel", "qacc"))
+        v, a = (np.array(part) for part in zip(*map(self._drives.rates, states), strict=True))
+        q = np.array([self._drives.position(s) for s in states])
         torque, dry = np.zeros_like(q), np.zeros_like(q)
         torque[alive], dry[alive] = extra(q[alive], v[alive], a[alive])
         return torque, dry
@@ -211,69 +211,3 @@ def _stated_numbers(terms: JointTerms) -> dict[str, float]:
     }
     # Physics forbids negative ones; the solver would blow up on rounding below zero.
     return {word: max(number, 0.0) for word, number in numbers.items()}
-
-
-def _compile(
-    robot: Robot, values: Mapping[str, float], joints: Mapping[str, Mapping[str, float]]
-) -> Any:
-    """Return the MuJoCo model of a robot with other bodies, without looks and contacts."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"robot{robot.path.suffix}"
-        bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
-        write_robot(robot, path, bodies, joints, {})
-        top = ET.parse(path).getroot()
-    text = (
-        bare_urdf(top, balance="true")
-        if top.tag == "robot"
-        else _bare_mjcf(top, {cable.name for cable in robot.cables})
-    )
-    try:
-        spec = mujoco.MjSpec.from_string(text)
-        _add_closures(spec, robot)
-        return spec.compile()
-    except ValueError as error:
-        raise RobotError(
-            f"MuJoCo cannot simulate {robot.path} with these values: {reason_of(error)}."
-        ) from None
-
-
-def _bare_mjcf(top: ET.Element, tendons: Collection[str]) -> str:
-    """Return an MJCF file without looks, contacts and what else no free motion needs."""
-    for part in [c for c in top if c.tag in _IDLE]:
-        top.remove(part)
-    for group in top.findall("tendon"):
-        for tendon in [c for c in group if c.get("name") not in tendons]:
-            group.remove(tendon)
-    for parent in list(top.iter()):
-        for child in [c for c in parent if c.tag in ("geom", "light", "camera")]:
-            parent.remove(child)
-    for key in top.iter("key"):
-        for name in ("ctrl", "act", "mpos", "mquat"):
-            key.attrib.pop(name, None)
-    compiler = top.find("compiler")
-    compiler = ET.SubElement(top, "compiler") if compiler is None else compiler
-    compiler.set("balanceinertia", "true")
-    return ET.tostring(top, encoding="unicode")
-
-
-def _add_closures(spec: Any, robot: Robot) -> None:
-    """Add the closures that the sidecar states, and couplings that the format does not carry."""
-    for index, loop in enumerate(robot.loops):
-        if loop.stated is None:
-            continue
-        names = [f"closure {index} {end}" for end in (0, 1)]
-        for name, (body, point) in zip(names, loop.stated, strict=True):
-            spec.body(body).add_site(name=name, pos=list(point))
-        _equate(spec, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names)
-    present = {e.name1 for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT}
-    for coupling in robot.couplings:
-        if coupling.joint in present:
-            continue
-        data = np.zeros(11)
-        data[: len(coupling.polynomial)] = coupling.polynomial
-        names = [coupling.joint, coupling.of or ""]
-        _equate(spec, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT, names, data=data)
-
-
-def _equate(spec: Any, kind: Any, of: Any, names: list[str], **options: Any) -> None:
-    spec.add_equality(type=kind, objtype=of, name1=names[0], name2=names[1], **options)

@@ -8,7 +8,6 @@ import pytest
 from identifiability import Robot
 from identifiability.effects import find_effect
 from identifiability.effects.placed import Part, Placed
-from identifiability.foundation.errors import RobotError
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -141,14 +140,6 @@ def test_motion_full_of_gaps_says_why_there_is_nothing(two_link):
     assert not gap.measured
     assert "without gaps" in gap.note
     assert np.isnan(gap.error_before)
-
-
-def test_coupled_motors_are_refused_with_the_reason(two_link):
-    from identifiability.robot.parts import Transmission
-
-    gear = Transmission(("m1", "m2"), np.eye(2), np.ones(2), np.zeros(2))
-    with pytest.raises(RobotError, match="coupled motors"):
-        ForwardRobot(replace(two_link, transmission=gear), {})
 
 
 @pytest.mark.parametrize("name", ["two-link", "five-bar"])

@@ -2,26 +2,11 @@
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, arm, parallelogram
+from made_robots import CLOSURES, SLIDE, WRIST, arm, coupled, parallelogram
 
 from identifiability import inspect
 from identifiability.foundation.errors import RobotError
 from identifiability.robot import complete_motion
-from identifiability.simulation.forward import ForwardRobot
-
-WRIST = """<body name="wrist" pos="0.2 0 0"><joint name="w" axis="0 1 0" {w}/>
-  <inertial mass="0.7" pos="0.1 0.02 0" diaginertia="0.003 0.004 0.005"/>
-  <body name="tip" pos="0.1 0 0"><joint name="p" type="slide" axis="1 0 0.2"/>
-  <inertial mass="0.3" pos="0.05 0 0.02" diaginertia="0.001 0.002 0.002"/></body></body>"""
-TENDONS = """<tendon><fixed name="one"><joint joint="w" coef="2"/><joint joint="elbow" coef="-0.6"/>
-  </fixed><fixed name="two"><joint joint="shoulder" coef="0.7"/><joint joint="elbow" coef="0.4"/>
-  </fixed></tendon><equality>{}</equality>"""
-EQUALITY = '<tendon tendon1="one" tendon2="two" polycoef="0.1 0.5 0.2 -0.1 0.05"/>'
-SLIDE = '<joint joint1="p" joint2="w" polycoef="0 0.2 0.1 0 0"/>'
-
-
-def coupled(equality=EQUALITY + SLIDE, w="", **parts):
-    return arm(inside=WRIST.format(w=w), after=TENDONS.format(equality), **parts)
 
 
 def test_an_equality_of_tendons_is_what_mujoco_makes_of_it_with_mimic_joints_behind(agrees):
@@ -102,10 +87,3 @@ def test_couplings_that_cannot_be_are_refused(load_text):
     own = SIDECAR.replace("{shoulder = [0, -0.3, 0, 0.1]}", "{w = [0, 1]}")
     with pytest.raises(RobotError, match="cannot be coupled to itself"):
         load_text(arm(inside=WRIST.format(w="")), sidecar=own)
-
-
-def test_a_coupling_of_several_joints_is_not_simulated_forward(load_text):
-    for text, sidecar in ((coupled(), None), (arm(inside=WRIST.format(w="")), SIDECAR)):
-        robot = load_text(text, sidecar=sidecar)
-        with pytest.raises(RobotError, match="joints that follow several others"):
-            ForwardRobot(robot, {})

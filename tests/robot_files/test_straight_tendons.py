@@ -173,9 +173,6 @@ def test_what_is_simulated_forward_has_the_files_cable(load_text):
     assert forward.tendon_frictionloss.tolist() == [2.0]
     moved = ForwardRobot(robot, robot.nominal).run(state[:1], state[1:2], np.zeros((1, 5, 2)), 0.01)
     assert np.isfinite(moved).all()
-    legs = load_text(stewart())
-    with pytest.raises(RobotError, match="driven by tendons"):
-        ForwardRobot(legs, legs.nominal)
 
 
 def test_a_cable_over_a_pulley_is_what_mujoco_makes_of_it(load_text):

@@ -1,0 +1,120 @@
+"""Laws of forward simulation where axes, motors and couplings mix joints: torque gives motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_robots import CLOSURES, arm, coupled, parallelogram
+
+from identifiability.foundation.errors import RobotError
+from identifiability.regression.model import Model
+from identifiability.robot import Robot, complete_motion
+from identifiability.robot.parts import Transmission
+from identifiability.simulation.forces import both_directions
+from identifiability.simulation.forward import ForwardRobot
+
+NUMBERS = 'stiffness="9" springlength="0.2" damping="1.1" armature="0.3" frictionloss="0.7"'
+CABLE = (
+    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="shoulder" coef="1.3"/>'
+    '<joint joint="elbow" coef="-0.5"/></fixed></tendon>'
+)
+LOOP_CABLE = (
+    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="drive" coef="1.3"/>'
+    '<joint joint="heel" coef="-0.5"/><joint joint="knee" coef="0.4"/></fixed></tendon></mujoco>'
+)
+AXIS = """[[axes]]
+name = "cable"
+joints = {shoulder = 1.3, elbow = -0.5}
+[nominal]
+"cable.Fv" = 1.1
+"cable.Fc" = 0.9
+"elbow.Fc+" = 0.6
+"elbow.Fc-" = 0.2
+"cable.Ia" = 0.3
+"cable.K" = 9
+"shoulder.off" = 0.4
+"""
+BODY = """<body name="hand" pos="0.3 0 0"><joint name="w" axis="0 0 1" ref="0.3"/>
+  <inertial mass="0.5" pos="0.1 0.02 0" diaginertia="0.002 0.003 0.004"/></body>"""
+FOLLOWS = """[[couplings]]
+joint = "w"
+of = "elbow"
+polynomial = [0.1, 0.5, 0.2]
+terms = {shoulder = [0, -0.3]}
+"""
+EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia",
+           "joint_stiffness", "passive_joint_friction", "torque_offset")  # fmt: skip
+STEP, STEPS = 2e-3, 60
+
+
+def follows_its_torque(robot, spread=0.3, seed=0):
+    """Whether torque of a motion, by the regressor, makes the forward robot move so."""
+    rng = np.random.default_rng(seed)
+    n, t = len(robot.joints), STEP * (np.arange(STEPS * 20 + 1) / 20)
+    start = robot.actuated_positions(robot.home[None])[0]
+    v, a = rng.uniform(0.7, 1.3, (2, n)) * spread * rng.choice([-1, 1], (2, n))
+    q = start + 0.1 * a + v * t[:, None] + 2 * a * t[:, None] ** 2
+    dq, ddq = v + 4 * a * t[:, None], np.tile(4 * a, (len(t), 1))
+    motion = complete_motion(robot, t, q, dq, ddq)
+    assert len(motion) == len(t)
+    model = Model.of(*EFFECTS)
+    given = both_directions(robot.nominal)
+    phi = np.array([given.get(p.name, 0.0) for p in model.parameters(robot)])
+    tau = model.regressor(robot, motion) @ phi
+    # Torque is held for a step: what moves it there on the mean is its mean over the step.
+    held = np.array([tau[20 * k : 20 * k + 21].mean(0) for k in range(STEPS)])
+    moved = ForwardRobot(robot, given).run(q[:1], dq[:1], held[None], STEP)[0]
+    distance = np.abs(q[-1] - q[0])
+    error = np.abs(moved - q[20::20])[-1]
+    np.testing.assert_array_less(error, 2e-3 * distance.max())
+    without = {k: 0.0 if k.startswith(("cable.", "m2.", "leg")) else x for k, x in given.items()}
+    other = ForwardRobot(robot, without).run(q[:1], dq[:1], held[None], STEP)[0]
+    return np.abs(other - q[20::20])[-1].max() / distance.max()
+
+
+@pytest.mark.parametrize(
+    ("text", "sidecar"),
+    [
+        (arm(after=CABLE), None),
+        (arm(), AXIS),
+        (parallelogram(CLOSURES["site on the root"]).replace(
+            "</mujoco>", LOOP_CABLE), None),
+    ],
+    ids=["tendon", "sidecar", "loop"],
+)  # fmt: skip
+def test_an_axis_that_mixes_joints_moves_as_its_torque_says(text, sidecar, load_text):
+    assert follows_its_torque(load_text(text, sidecar=sidecar)) > 0.02
+
+
+def test_motors_that_mix_joints_move_as_their_torque_says(load_text):
+    robot = load_text(arm())
+    gear = Transmission(("m1", "m2"), np.array([[1, 0], [0.6, 1.0]]), np.ones(2), np.zeros(2))
+    nominal = {**robot.nominal, "m2.Fv": 1.5, "m2.Fc": 0.8, "m2.Ia": 0.4}
+    assert follows_its_torque(replace(robot, transmission=gear, nominal=nominal)) > 0.02
+
+
+@pytest.mark.parametrize("bent", [True, False])
+def test_a_joint_that_follows_several_moves_with_them(bent, load_text):
+    follows = FOLLOWS if bent else FOLLOWS.replace("0.5, 0.2]", "0.5]")
+    follows_its_torque(load_text(arm(inside=BODY), sidecar=follows))
+
+
+def test_an_equality_of_tendons_is_kept(load_text):
+    follows_its_torque(load_text(coupled(w='ref="0.3"', elbow='ref="-0.2"')), spread=0.1)
+
+
+def test_legs_that_are_tendons_drive_a_platform():
+    assert follows_its_torque(Robot.load("six-actuators"), spread=0.02) > 0.02
+
+
+@pytest.mark.parametrize(
+    ("follows", "reason"),
+    [
+        (FOLLOWS.replace("[0, -0.3]", "[0, 0, 1]"), "several curves"),
+        (FOLLOWS.replace("0.2]", "0, 0, 0, 1]"), "a curve of a high power"),
+    ],
+)
+def test_a_coupling_that_mujoco_does_not_have_is_refused(follows, reason, load_text):
+    robot = load_text(arm(inside=BODY), sidecar=follows)
+    with pytest.raises(RobotError, match=f"'w' follows others by {reason}, and MuJoCo has one"):
+        ForwardRobot(robot, {})
