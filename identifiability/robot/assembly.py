@@ -22,6 +22,7 @@ from identifiability.robot.kinematics import Point
 from identifiability.robot.known_torque import KnownTorque
 from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.parts import Combination, Loop, Stated, Transmission, name_numbers
+from identifiability.robot.patterns import Owners, spread_patterns
 from identifiability.robot.sidecar import LimitEntry, LoopEntry, Sidecar
 
 
@@ -42,6 +43,9 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
     taken = (*bodies, *(d for j in stated.tree.joints for d in j.dofs), *stated.locked, *motors)
     axes = combine_joints(path, extra.axes, stated, taken)
+    dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
+    owners = Owners(bodies, (*dofs, *motors, *axes), (*stated.locked, *stated.welded))
+    extra = spread_patterns(path, extra, owners)
     _check_sidecar(path, extra, bodies, stated, (*motors, *axes))
     loops = stated.loops
     if extra.loops is not None:

@@ -98,6 +98,10 @@ Every key is optional::
     [[symmetry]]                         # columns that equal legs let us add
     name = "equal legs"
     tie = {"leg.my" = ["leg1.my", "leg2.my"]}
+
+In [nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern such
+as ``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*`` being any
+letters and ``?`` one. A name goes before a pattern, and of two patterns the one that stands last.
 """
 
 from __future__ import annotations

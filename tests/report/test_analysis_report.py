@@ -8,7 +8,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from identifiability import analyze
+from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.report import build_analysis_page, write_analysis_report
+from identifiability.report.sections.answer import answer_notes
 
 SECTIONS = (
     "parameters", "models", "motions", "prediction", "residuals", "physics", "structure",
@@ -159,3 +162,13 @@ def test_long_combinations_are_cut_between_terms():
     assert short.startswith("0.1234·m(0) + ")
     assert re.search(r"m\(\d+\) … ", short)
     assert shorten_label("m(1)") == "m(1)"
+
+
+def test_a_ladder_that_begins_with_less_is_no_poor_motion(simulated):
+    """What the first rung leaves out is not what the motion leaves out."""
+    log = simulated("two-link", "a", samples=200)
+    effects = ["rigid_body", "viscous_friction"]
+    first = RungEntry(name="first", effects=effects, zero=["*.Fv"])
+    analysis = analyze("two-link", log, ladder=LadderEntry(models=[first]), replicates=0)
+    assert [len(m.rung) for m in analysis.models] == [8, 6]
+    assert not [n for n in answer_notes(analysis).notes if "not rich enough" in n.title]

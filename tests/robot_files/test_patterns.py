@@ -1,0 +1,84 @@
+"""Patterns in the tables of a sidecar are the names that fit them, written out."""
+
+import pytest
+from made_robots import arm
+
+from identifiability.foundation.errors import RobotError
+
+PATTERNS = """
+[nominal]
+"*.Fv" = 0.3
+"elbow.Fv" = 0.7
+"link?.payload_m" = 0.1
+[prior]
+"link*.m*" = {mean = 1.0, sd = 0.5}
+"link2.m" = {mean = 2.0, sd = 0.2}
+[shapes]
+"*.stribeck_friction" = 0.05
+"s*.stribeck_friction" = 0.06
+[reference]
+"link?.m" = 3.0
+[limits]
+"*" = {v = 2}
+shoulder = {v = 1}
+[[symmetry]]
+tie = {"link.my" = ["link*.my"]}
+"""
+WRITTEN_OUT = """
+[nominal]
+"shoulder.Fv" = 0.3
+"elbow.Fv" = 0.7
+"link1.payload_m" = 0.1
+"link2.payload_m" = 0.1
+[prior]
+"link1.m" = {mean = 1.0, sd = 0.5}
+"link1.mx" = {mean = 1.0, sd = 0.5}
+"link1.my" = {mean = 1.0, sd = 0.5}
+"link1.mz" = {mean = 1.0, sd = 0.5}
+"link2.m" = {mean = 2.0, sd = 0.2}
+"link2.mx" = {mean = 1.0, sd = 0.5}
+"link2.my" = {mean = 1.0, sd = 0.5}
+"link2.mz" = {mean = 1.0, sd = 0.5}
+[shapes]
+"shoulder.stribeck_friction" = 0.06
+"elbow.stribeck_friction" = 0.05
+[reference]
+"link1.m" = 3.0
+"link2.m" = 3.0
+[limits]
+shoulder = {v = 1}
+elbow = {v = 2}
+[[symmetry]]
+tie = {"link.my" = ["link1.my", "link2.my"]}
+"""
+
+
+def test_patterns_are_the_names_that_fit_them(load_text):
+    ours, theirs = (load_text(arm(), sidecar=s) for s in (PATTERNS, WRITTEN_OUT))
+    for what in ("nominal", "prior", "shapes", "reference", "ties"):
+        assert getattr(ours, what) == getattr(theirs, what), what
+    assert ours.speed_limits.tolist() == theirs.speed_limits.tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        (
+            '[nominal]\n"wrist_*.Fv" = 1',
+            r"\[nominal\] has the pattern 'wrist_\*.Fv', which nothing",
+        ),
+        ('[prior]\n"link*.F?" = {mean = 1, sd = 1}', r"\[prior\] has the pattern 'link\*.F\?'"),
+        ("[limits]\n'link*' = {v = 1}", r"\[limits\] has the pattern 'link\*', which nothing fits"),
+    ],
+)
+def test_a_pattern_that_nothing_fits_is_refused(line, sentence, load_text):
+    with pytest.raises(RobotError, match=sentence):
+        load_text(arm(), sidecar=line)
+
+
+def test_a_pattern_may_fit_what_is_locked_alone(load_text):
+    robot = load_text(arm(), sidecar='[nominal]\n"elb*.Fv" = 1.0\n"*.Fc" = 2.0', lock=["elbow"])
+    assert {n for n in robot.nominal if n.endswith((".Fv", ".Fc"))} == {
+        "shoulder.Fv",
+        "shoulder.Fc",
+    }
