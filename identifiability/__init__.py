@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection, inspect
     from identifiability.workflows.predict import Fit, TorquePrediction
     from identifiability.workflows.prune import Ladder, prune
+    from identifiability.workflows.study import Study, new_study
 
 __version__ = "0.1.0"
 
@@ -70,6 +71,7 @@ _HOMES = {
         "workflows.inspect": ("Inspection", "inspect"),
         "workflows.predict": ("Fit", "TorquePrediction"),
         "workflows.prune": ("Ladder", "prune"),
+        "workflows.study": ("Study", "new_study"),
     }.items()
     for name in names
 }
@@ -96,6 +98,7 @@ __all__ = [
     "Regression",
     "Robot",
     "Samples",
+    "Study",
     "TorquePrediction",
     "Trajectory",
     "Verdict",
@@ -110,6 +113,7 @@ __all__ = [
     "gather_information",
     "identify_gains",
     "inspect",
+    "new_study",
     "prepare_samples",
     "prune",
     "simulate",

@@ -19,6 +19,7 @@ from identifiability.cli.export import export
 from identifiability.cli.gain import gain
 from identifiability.cli.grouping import Command
 from identifiability.cli.inspect import inspect
+from identifiability.cli.new import new
 from identifiability.cli.paper import paper
 from identifiability.cli.predict import predict
 from identifiability.cli.prune import prune
@@ -31,8 +32,8 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 verbs = (
-    *(demo, inspect, analyze, prune, diagnose, simulate, excite, predict, export, calibrate, gain),
-    *(convert, paper),
+    *(new, demo, inspect, analyze, prune, diagnose, simulate, excite, predict, export, calibrate),
+    *(gain, convert, paper),
 )
 for command in verbs:
     app.command(cls=Command)(command)

@@ -1,0 +1,42 @@
+"""``identifiability new``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from identifiability.cli import common, options
+
+
+@options.command
+def new(folder: Path, robot: str = "six-dof-arm") -> None:
+    """Make a folder to begin a study in: robot, sidecar, logs, script and Makefile.
+
+    Without --robot it holds a six-axis arm and three simulated logs in which something is that
+    the robot file does not state, so that every command runs at once:
+
+    ```
+    identifiability new study
+    cd study
+    identifiability analyze robot.urdf run1.csv run2.csv --validate run3.csv --report report.html
+    ```
+
+    `make` in it writes what the logs determine and what the model misses; study.py does the same
+    from Python. 3-rps has logs as well, of a closed chain. With a robot of your own there are no
+    logs yet, but a template of the columns that they must have:
+
+    ```
+    identifiability new mine --robot arm.urdf
+    ```
+
+    Parameters
+    ----------
+    folder
+        Folder to make; nothing is written over.
+    robot
+        MJCF or URDF file, which is copied with its sidecar, or a shipped robot such as 3-rps.
+    """
+    with common.sentences():
+        from identifiability.workflows.study import new_study  # noqa: PLC0415
+
+        made = new_study(folder, robot)
+    common.print_end([made.statement], made.written)

@@ -1,0 +1,107 @@
+"""A study folder runs at once; the logs in it are those that the script makes."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import Log, Robot, new_study
+from identifiability.cli import app
+from identifiability.foundation.errors import OutputError, RobotError
+from identifiability.robot.files import shipped_folder, shipped_robots
+
+ROOT = Path(__file__).resolve().parents[1]
+SAMPLED = ("six-dof-arm", "3-rps")
+
+
+@pytest.mark.parametrize("robot", SAMPLED)
+def test_a_study_of_a_sampled_robot_has_what_its_script_and_makefile_name(robot, tmp_path):
+    made = new_study(tmp_path / "study", robot)
+    assert made.has_logs
+    for text in ("study.py", "Makefile"):
+        named = re.findall(r"\b(?:robot\.\w+|run\d\.csv)", (made.folder / text).read_text())
+        assert len(set(named)) >= 4
+        assert all((made.folder / name).is_file() for name in named)
+    loaded = Robot.load(made.folder / made.robot)
+    assert loaded.joints == Robot.load(robot).joints
+    assert Log.read(made.folder / "run1.csv").joints == loaded.joints
+    compile((made.folder / "study.py").read_text(), "study.py", "exec")
+
+
+@pytest.mark.parametrize("robot", shipped_robots())
+def test_every_shipped_robot_can_be_studied(robot, tmp_path):
+    made = new_study(tmp_path / "study", robot)
+    assert made.has_logs == (robot in SAMPLED)
+    assert made.next_line.startswith(f"cd {made.folder} && identifiability")
+    assert sorted(path.name for path in made.written) == sorted(
+        path.name for path in made.folder.iterdir()
+    )
+
+
+def test_a_robot_of_ones_own_gets_a_sidecar_and_a_template(tmp_path):
+    own = tmp_path / "arm.urdf"
+    own.write_bytes((shipped_folder() / "six-dof-arm/robot.urdf").read_bytes())
+    made = new_study(tmp_path / "mine", own)
+    loaded = Robot.load(made.folder / "arm.urdf")
+    assert (made.folder / "arm.toml").is_file()
+    assert loaded.joints == Robot.load(own).joints
+    columns = pd.read_csv(made.folder / "template.csv").columns
+    assert list(columns[:3]) == ["t", "joint_1.q", "joint_1.tau"]
+    assert "template.csv" in made.statement
+
+
+def test_nothing_is_written_over_and_nothing_is_left_of_what_fails(tmp_path):
+    (tmp_path / "full").mkdir()
+    kept = tmp_path / "full" / "notes.txt"
+    kept.write_text("mine")
+    with pytest.raises(OutputError, match="nothing is written over"):
+        new_study(tmp_path / "full")
+    with pytest.raises(OutputError, match="nothing is written over"):
+        new_study(kept)
+    assert [p.name for p in (tmp_path / "full").iterdir()] == ["notes.txt"]
+    broken = tmp_path / "broken.urdf"
+    broken.write_text("<robot>")
+    with pytest.raises(RobotError):
+        new_study(tmp_path / "new", broken)
+    assert not (tmp_path / "new").exists()
+    done = CliRunner().invoke(app, ["new", str(tmp_path / "none"), "--robot", "no-such-robot"])
+    assert done.exit_code == 2
+    assert not (tmp_path / "none").exists()
+
+
+def test_the_sample_logs_are_small():
+    logs = [*shipped_folder().glob("*/logs/*.csv")]
+    assert len(logs) >= 7
+    assert sum(path.stat().st_size for path in logs) < 1_500_000
+
+
+@pytest.mark.everything
+def test_the_sample_logs_are_those_that_the_script_makes(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "studies")
+    import sample_logs
+
+    for machine in sample_logs.MACHINES:
+        for name, log in machine.logs().items():
+            kept = pd.read_csv(machine.folder / name)
+            made = log.to_frame()
+            assert list(kept.columns) == list(made.columns)
+            np.testing.assert_allclose(kept, made, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("robot", SAMPLED)
+def test_make_in_a_study_makes_what_it_says(robot, tmp_path):
+    made = new_study(tmp_path / "study", robot)
+    program = f"IDENTIFIABILITY={sys.executable} -m identifiability"
+    subprocess.run(["make", program], cwd=made.folder, check=True, capture_output=True)
+    assert (made.folder / "report.html").is_file()
+    assert (made.folder / "missing.html").is_file()
+    subprocess.run([sys.executable, "study.py"], cwd=made.folder, check=True, capture_output=True)
+    assert (made.folder / "fitted.xml").is_file()
