@@ -190,8 +190,12 @@ def _nominal(
     for name, axis in axes.items():
         values |= name_numbers(name, axis.numbers, parts)
     locked = tuple(f"{name}." for name in stated.locked)  # no friction where nothing moves
-    values |= {name: value for name, value in extra.nominal.items() if not name.startswith(locked)}
-    return values
+    given = {name: value for name, value in extra.nominal.items() if not name.startswith(locked)}
+    for name, value in given.items():  # one level of dry friction is that of both directions
+        joint, _, kind = name.rpartition(".")
+        if kind == "Fc":
+            values |= name_numbers(joint, {"frictionloss": value}, parts)
+    return values | given
 
 
 def _position_limits(robot: Description, given: list[LimitEntry]) -> Array:

@@ -1,0 +1,261 @@
+"""Laws of the shipped robots that come from tables: two dVRK arms, a SCARA, a differential wrist.
+
+They stand beside `ROBOTS` of the other tests, which run every law on every robot.
+"""
+
+import importlib.util
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identifiability import (
+    Model,
+    Regression,
+    Robot,
+    analyze,
+    diagnose,
+    estimate,
+    find_base_parameters,
+    gather_information,
+    prepare_samples,
+    simulate,
+)
+from identifiability.effects import default_effects
+from identifiability.foundation.toml_text import toml_text
+from identifiability.regression.reduction.file import ladder_path, read_ladder
+from identifiability.robot import complete_motion
+from identifiability.robot.dh import convert_dh
+from identifiability.robot.files import shipped_folder
+from identifiability.simulation import Campaign, Noise, PrescribedMotion, shipped_trajectory
+
+REFERENCE = Path(__file__).parent.parent / "models_reference" / "base_parameter_counts.toml"
+ARMS = ("dvrk-mtm", "dvrk-psm")
+EVERY = (*ARMS, "scara", "differential-wrist")
+BASICS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+NOISE = Noise(additive=0.05, correlation=0.9, encoder=1e-5)
+
+
+def dh(name):
+    return tomllib.loads((shipped_folder() / name / "dh.toml").read_text(encoding="utf-8"))
+
+
+def model_of(robot):
+    """The published model of the dVRK arms, the default one of the others."""
+    path = ladder_path(robot)
+    effects = (
+        default_effects(robot, BASICS) if path is None else read_ladder(path).models[0].effects
+    )
+    return Model.of(*effects)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_the_shipped_files_are_what_the_converter_makes_of_the_table(name, tmp_path):
+    folder = shipped_folder() / name
+    done = convert_dh(folder / "dh.toml", tmp_path / "robot.xml")
+    assert done.notes == ()
+    for file in ("robot.xml", "robot.toml"):
+        assert (tmp_path / file).read_text() == (folder / file).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_a_robot_of_a_table_is_what_mujoco_makes_of_it(name, agrees, tmp_path):
+    table = {key: value for key, value in dh(name).items() if key not in ("sidecar", "springs")}
+    done = convert_dh(table, tmp_path / "out.xml")
+    agrees(done.robot.read_text(), spread=0.5)
+
+
+@pytest.mark.parametrize(("name", "bodies", "whole"), [("dvrk-mtm", 46, 73), ("dvrk-psm", 17, 49)])
+def test_the_arms_have_the_published_numbers_of_base_parameters(name, bodies, whole):
+    robot = Robot.load(name)
+    model = model_of(robot)
+    rigid = Model.of(*(text for text in model.texts if text.startswith("rigid_body")))
+    for part, expected in ((rigid, bodies), (model, whole)):
+        base = find_base_parameters(robot, part)
+        assert (base.rank, base.ambiguous) == (expected, False)
+        assert base.gap[0] / base.gap[1] > 1e6
+    same = default_effects(robot, BASICS)  # what other verbs take has the same places
+    assert find_base_parameters(robot, Model.of(*same)).rank == whole
+
+
+def dh_frames(table, q):
+    """Frames of all links by name, from the rows alone; positions may be complex."""
+    pi = {"pi": np.pi, "-pi": -np.pi, "pi/2": np.pi / 2, "-pi/2": -np.pi / 2}
+    frames, last = {"base": np.eye(4)}, "base"
+    for row in table["links"]:
+        at, slides = q.get(row.get("joint"), 0.0), row.get("type") == "prismatic"
+        alpha, theta = (pi.get(row.get(k, 0), 0.0) for k in ("alpha", "theta"))
+        theta, d = theta + (0 if slides else at), row.get("d", 0.0) + (at if slides else 0)
+        ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
+        step = np.array(
+            [
+                [ct, -st, 0, row.get("a", 0.0)],
+                [st * ca, ct * ca, -sa, -sa * d],
+                [st * sa, ct * sa, ca, ca * d],
+                [0, 0, 0, 1],
+            ]
+        )
+        frames[row["name"]] = frames[row.get("parent", last)] @ step
+        last = row["name"]
+    return frames
+
+
+def every_joint(q):
+    """Positions of the joints that follow others, from the mechanisms themselves."""
+    if "crank" in q:
+        lag = q["crank"] - q["shoulder"]
+        return q | {"elbow_hinge": lag, "rod_hinge": -lag}
+    pitch, slide = q["pitch"], q["insertion"]
+    follow = {"front": -pitch, "intermediate": -pitch, "bottom": pitch, "top": pitch}
+    return q | follow | {"counterweight": slide}
+
+
+def energy_row(table, q, dq, gravity):
+    """Energy per unit of each inertial parameter; derivatives by complex steps, without error."""
+    step = 1e-30
+    still = dh_frames(table, every_joint(q))
+    moved = dh_frames(table, every_joint({j: x + 1j * step * dq[j] for j, x in q.items()}))
+    row = []
+    for link in table["links"]:
+        if link.get("mass") == 0 or "joint" not in link:
+            continue
+        T, rate = still[link["name"]], moved[link["name"]].imag / step
+        R = T[:3, :3]
+        S, v = R.T @ rate[:3, :3], R.T @ rate[:3, 3]
+        w = np.array([S[2, 1], S[0, 2], S[1, 0]])
+        products = np.outer(w, w) * (2 - np.eye(3)) / 2
+        height = [0.5 * v @ v - gravity @ T[:3, 3], *(np.cross(v, w) - R.T @ gravity)]
+        row += [*height, *products[np.triu_indices(3)]]
+    return np.array(row)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_the_energy_of_the_table_has_as_many_base_parameters(name):
+    table, rng = dh(name), np.random.default_rng(0)
+    joints = [r["joint"] for r in table["links"] if "joint" in r and "equals" not in r]
+    joints = [j for j in joints if not j.endswith("_hinge")]
+
+    def draw(size):
+        return dict(zip(joints, size * rng.standard_normal(len(joints)), strict=True))
+
+    down = np.array([0, 0, -9.81])
+    zero = dict.fromkeys(joints, 0.0)
+    first = energy_row(table, zero, zero, down)
+    rows = np.array([energy_row(table, draw(0.5), draw(3.0), down) - first for _ in range(400)])
+    norms = np.linalg.norm(rows, axis=0)
+    kept = norms > 1e-10 * norms.max()
+    s = np.linalg.svd(rows[:, kept] / norms[kept], compute_uv=False)
+    count = tomllib.loads(REFERENCE.read_text())[name]["count"]
+    assert s[count - 1] > 1e6 * s[count]
+
+
+@pytest.mark.parametrize("name", EVERY[2:])
+def test_the_energy_in_mujoco_has_as_many_base_parameters(name):
+    spec = importlib.util.spec_from_file_location(
+        "energy_rank", REFERENCE.with_name("energy_rank.py")
+    )
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    robot = Robot.load(name)
+    count = tomllib.loads(REFERENCE.read_text())[name]["count"]
+    assert find_base_parameters(robot, Model.of("rigid_body")).rank == count
+    rank, gap = module.energy_rank(robot.path, samples=400)
+    assert (rank, gap > 1e6) == (count, True)
+
+
+def test_the_counter_spring_and_the_cable_are_the_published_ones():
+    robot = Robot.load("dvrk-mtm")
+    q = np.zeros((60, 7))
+    q[:, 3], q[:, 4] = np.linspace(-1.9, 1.9, 60), np.linspace(-1.5, 2.2, 60)
+    motion = complete_motion(robot, np.arange(60.0), q, 0 * q, 0 * q)
+    W = Model.of("joint_stiffness@counter_spring").regressor(robot, motion)
+    r_s, h, rest, angle = 0.0075, 0.1035, 0.0613, np.pi + np.radians(23) - q[:, 4]
+    length = np.sqrt(r_s**2 + h**2 - 2 * r_s * h * np.cos(angle))
+    arm = r_s * h * np.sin(angle) / length
+    np.testing.assert_allclose(W[:, 4, 0], -arm * (length - rest), rtol=0, atol=1e-12)
+    assert robot.nominal["counter_spring.K"] == 271
+    x = q[:, 3]
+    cable = (0.0004877 * x**7 - 0.0037149 * x**6 + 0.0067497 * x**5 + 0.008519 * x**4
+             - 0.0201475 * x**3 - 0.025265 * x**2 + 0.048095 * x + 0.00255)  # fmt: skip
+    (known,) = robot.known_torque
+    assert known.along == "m4"
+    np.testing.assert_allclose(known.force(x), cable, atol=1e-12)
+    (m4,) = (a for a in robot.axes if a.name == "m4")
+    np.testing.assert_allclose(m4.row, [0, -0.6697, 0.6697, 1, 0, 0, 0])
+    low, high = robot.limits.T
+    reach = np.abs(m4.row) @ (high - low) / 2
+    middle = m4.row @ (low + high) / 2
+    assert -2.4 < middle - reach < middle + reach < 2.2
+
+
+def test_the_motors_of_the_other_arm_mix_its_wrist_as_published():
+    robot = Robot.load("dvrk-psm")
+    M = np.array([[1.0186, 0, 0], [-0.8306, 1.2178, 0], [-0.8306, 0, 1.2178]])
+    np.testing.assert_allclose(robot.transmission.coupling[4:, 4:] @ M, np.eye(3), atol=1e-12)
+    assert robot.combinations == {"jaws": {"jaw2": 1.0, "jaw1": -1.0}}
+    assert [a.name for a in robot.axes if a.mixed] == ["m6", "m7", "jaws"]
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_the_values_of_the_files_come_back_from_torque_without_noise(name):
+    robot = Robot.load(name)
+    model = model_of(robot)
+    base = find_base_parameters(robot, model)
+    move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
+    assert (robot.limits[:, 0] < move.q.min(0)).all()
+    assert (move.q.max(0) < robot.limits[:, 1]).all()
+    samples = prepare_samples(robot, simulate(robot, move))
+    assert samples.motion.singular == 0
+    fit = estimate(gather_information(Regression(robot, model, (samples,), base.kept)), "ols")
+    assert fit.determined.all()
+    truth = base.G @ [robot.nominal.get(p.name, 0.0) for p in base.parameters]
+    np.testing.assert_allclose(fit.value, truth, rtol=1e-5, atol=1e-8)
+    friction = [n for n in base.names if n.endswith(".Fc")]
+    assert len(friction) >= len(robot.joints)
+
+
+def hits(name, seed, trajectories, samples=None, replicates=1000):
+    """Whether each 95 % interval holds the truth, and the value and truth of the spring."""
+    robot = Robot.load(name)
+    moves = [shipped_trajectory(robot, x) for x in trajectories]
+    campaign = Campaign.of(robot, [PrescribedMotion.of(m, samples) for m in moves])
+    logs = campaign.logs(noise=NOISE, rng=np.random.default_rng(seed))
+    result = analyze(robot, logs[:-1], validate=logs[-1], replicates=replicates, seed=seed)
+    rung, frame = result.models[0].rung, result.to_frame()
+    truth = np.linalg.lstsq(rung.M, result.structure.nominal_base - rung.held, rcond=None)[0]
+    low, high = np.array(frame["interval95"].tolist()).T
+    at = next(k for k, n in enumerate(frame["name"]) if n.endswith(".K"))
+    return (low <= truth) & (truth <= high), frame["value"][at] / truth[at]
+
+
+@pytest.mark.parametrize(
+    "name", ["dvrk-mtm", pytest.param("dvrk-psm", marks=pytest.mark.everything)]
+)
+def test_an_arm_is_identified_back_from_a_noisy_log(name):
+    """`studies/dvrk.py` in short: there 20 seeds cover at least .93."""
+    held, spring = hits(name, 0, "abd", samples=500, replicates=50)
+    assert held.mean() > 0.85  # one seed; intervals of one seed err together
+    assert spring == pytest.approx(1.0, abs=0.06)
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("name", ARMS)
+def test_intervals_of_an_arm_hold_the_truth(name):
+    shares, springs = zip(*(hits(name, seed, "abcd") for seed in range(8)), strict=True)
+    shares = np.mean(shares, axis=1)
+    assert shares.mean() + 2 * shares.std(ddof=1) / np.sqrt(8) > 0.93
+    assert np.mean(springs) == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.everything
+def test_a_cable_that_is_not_given_is_named_and_learned(tmp_path):
+    robot = Robot.load("dvrk-mtm")
+    said = tomllib.loads(robot.sidecar.read_text(encoding="utf-8"))
+    del said["known_torque"]
+    (tmp_path / "bare.toml").write_text(toml_text(said), encoding="utf-8")
+    bare = Robot.load("dvrk-mtm", sidecar=tmp_path / "bare.toml")
+    campaign = Campaign.of(robot, [shipped_trajectory(robot, x) for x in "abcd"])
+    logs = campaign.logs(noise=NOISE, rng=np.random.default_rng(0))
+    found = diagnose(bare, logs[:3], logs[3], model=model_of(robot), seed=0, forward=False)
+    assert [(e.name, e.joints) for e in found.effects] == [("position_torque", ("m4",))]
