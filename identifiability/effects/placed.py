@@ -148,6 +148,10 @@ class Placed(Effect):
             )
         return out
 
+    def layout(self, robot: Robot) -> list[tuple[Effect, list[int]]]:
+        """Return the effect of each part, and which of its columns the part takes."""
+        return [(part.effect, list(taken)) for part, taken in self._taken(robot)]
+
     @staticmethod
     def part_parameters(robot: Robot, part: Part) -> list[Parameter]:
         """Return the parameters of one part."""
@@ -166,10 +170,9 @@ class Placed(Effect):
         start = 0
         waiting: dict[int, list[tuple[int, list[int]]]] = {}
         effects: dict[int, Effect] = {}
-        for part, taken in self._taken(robot):
-            columns = list(taken)
-            effects[id(part.effect)] = part.effect
-            waiting.setdefault(id(part.effect), []).append((start, columns))
+        for effect, columns in self.layout(robot):
+            effects[id(effect)] = effect
+            waiting.setdefault(id(effect), []).append((start, columns))
             start += len(columns)
         for key, effect in effects.items():
             W = np.zeros((len(motion), out.shape[1], len(effect.parameters(robot))))

@@ -52,5 +52,5 @@ def test_an_asymmetry_is_an_offset_once_symmetric_friction_is_there(logs_of):
     rivals = find_rivals(m.white, offset, [], m.candidates, Rules().confusable)
     # A spring with a rest of its own has an offset too.
     near = {r.family: r.similarity for r in rivals if r.place == "joint_1"}
-    assert next(iter(near)) == "free_spring"
+    assert near["free_spring"] > 1 - 1e-9
     assert near["coulomb_asymmetry"] > 0.98

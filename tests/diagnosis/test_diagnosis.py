@@ -251,9 +251,8 @@ def test_the_command_refuses_an_unknown_family_in_one_sentence(app, logs_of, tmp
 def test_long_logs_are_thinned_to_stretches_that_keep_their_neighbours(logs_of, monkeypatch):
     log = logs_of("two-link", motion=0.01)[0]
     samples = prepare_samples(Robot.load("two-link"), log, Preparation(keep_rest=True))
-    monkeypatch.setattr("identifiability.workflows.diagnose.motion.MOST_SAMPLES", 300)
     monkeypatch.setattr("identifiability.workflows.diagnose.motion.STRETCH", 50)
-    less = thin(samples)
+    less = thin(samples, 300)
     gaps = np.flatnonzero(np.diff(less.motion.kept) > 1)
     assert len(less.tau) == 300
     assert len(gaps) == 5

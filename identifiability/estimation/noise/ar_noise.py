@@ -9,7 +9,8 @@ stationary [Monahan 1984].
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -102,35 +103,41 @@ class ARNoise:
             out[:, j] = whiten(values[:, j], runs, pacf) / sigma
         return out
 
-    def simulate(self, count: int, draws: int, rng: np.random.Generator, runs: Runs) -> Array:
+    def simulate(
+        self,
+        count: int,
+        draws: int,
+        rng: np.random.Generator,
+        runs: Runs,
+        precision: type[np.floating[Any]] = np.float64,
+    ) -> Array:
         """Return noise (count, n, draws) with coefficients as uncertain as the data leave them."""
-        out = np.empty((count, len(self.joints), draws))
+        out = np.empty((count, len(self.joints), draws), precision)
         if not draws:
             return out
         for j, noise in enumerate(self.joints):
             drawn = [noise.draw(rng) for _ in range(draws)]
             pacf = np.array([p for p, _ in drawn]).T
             e = rng.standard_normal((count, draws))
+            size = np.array([sigma for _, sigma in drawn])
             for start, stop in runs:
-                out[start:stop, j] = colour_many(e[start:stop], pacf)
-            out[:, j] *= np.array([sigma for _, sigma in drawn])
+                out[start:stop, j] = colour_many(e[start:stop], pacf) * size
         return out
 
 
-def fit_noise(tau: Array, blocks: Sequence[Array], runs: Runs) -> ARNoise:
+def fit_noise(tau: Array, blocks: Callable[[int], Sequence[Array]], runs: Runs) -> ARNoise:
     """Return the noise of every joint beside columns that may explain its torque.
 
     Parameters
     ----------
     tau : (N, n)
-    blocks : sequence of (N, n, k)
-        Base model, then the families of the dictionary, the ones that must not be left out first.
+    blocks : callable(joint) -> sequence of (N, k)
+        What acts in a joint: base model, then the families of the dictionary, the ones that must
+        not be left out first.
     runs : sequence of (start, stop)
         Stretches without gaps.
     """
-    return ARNoise(
-        tuple(fit_joint(tau[:, j], [b[:, j] for b in blocks], runs) for j in range(tau.shape[1]))
-    )
+    return ARNoise(tuple(fit_joint(y, blocks(j), runs) for j, y in enumerate(tau.T)))
 
 
 def fit_joint(y: Array, blocks: Sequence[Array], runs: Runs) -> JointNoise:

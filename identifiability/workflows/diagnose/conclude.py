@@ -154,7 +154,7 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
     """
     out = []
     for c, found in zip(naming.chosen, solve_chosen(m.white, naming.chosen), strict=True):
-        D = m.train.D[:, :, list(c.columns)]
+        D = m.train.D.take(c.columns)
         rest = [other for other in naming.chosen if other is not c]
         value, error = found
         if c.family.flexible:

@@ -9,26 +9,30 @@ and with several compare. A level that physics wants positive counts only if it 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
 from scipy.special import chdtrc, gammaln, log_ndtr
 
-from identifiability.estimation.noise.ar_noise import ARNoise
+from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Directions of a candidate below this share of its length are not there.
 NEGLIGIBLE = 1e-4
+#: Rows of a joint, and rows for each of its columns, beyond which they are compressed.
+MANY, TALL = 1500, 4
+#: Simulated series that are whitened together.
+AT_ONCE = 100
 #: Values of χ² beyond which its tail is taken from the asymptotic series.
 FAR = 1000.0
 
 
 @frozen
 class Whitened:
-    """Rows in units of their noise, joints one below the other.
+    """Rows in units of their noise, joints one below the other, compressed where they are many.
 
     Attributes
     ----------
@@ -61,6 +65,7 @@ class Bench:
     rows : Rows
     noise : ARNoise
     simulated : (N, n, 2 B)
+        In single precision: it is the largest thing of all, and random.
     """
 
     rows: Rows
@@ -70,22 +75,59 @@ class Bench:
     @staticmethod
     def of(rows: Rows, noise: ARNoise, draws: int, rng: np.random.Generator) -> Bench:
         """Simulate noise for some rows."""
-        return Bench(rows, noise, noise.simulate(len(rows), 2 * draws, rng, rows.runs))
+        simulated = noise.simulate(len(rows), 2 * draws, rng, rows.runs, np.float32)
+        return Bench(rows, noise, simulated)
 
     def whiten(self, misfit: Array | None = None) -> Whitened:
         """Return whitened rows; `misfit` (n,) is variance that the model does not explain yet."""
         rows, draws = self.rows, self.simulated.shape[2] // 2
-        parts = [rows.tau[:, :, None], rows.X, rows.D, self.simulated]
-        w = self.noise.whiten(np.concatenate(parts, axis=2), rows.runs, misfit)
-        edges = np.cumsum([1, rows.X.shape[2], rows.D.shape[2], draws])
-        y, X, D, scale, noise = np.split(w.reshape(-1, w.shape[2]), edges, axis=1)
-        return Whitened(y[:, 0], X, D, scale, noise)
+        columns, others = [], []
+        for j, own in enumerate(self.noise.joints):
+
+            def whiten(x: Array, j: int = j, own: JointNoise = own) -> Array:
+                left = None if misfit is None else misfit[j : j + 1]
+                return ARNoise((own,)).whiten(x[:, None], rows.runs, left)[:, 0]
+
+            part, Z = compress(whiten(rows.joint_columns(j)), self.simulated[:, j], whiten)
+            columns.append(rows.spread(j, part))
+            others.append(Z)
+        edges = [1, 1 + rows.X.shape[2]]
+        y, X, D = np.split(np.concatenate(columns), edges, axis=1)
+        simulated = np.concatenate(others)
+        return Whitened(y[:, 0], X, D, simulated[:, :draws], simulated[:, draws:])
 
     def misfit(self, residual: Array) -> Array:
         """Return the variance of a residual (N, n) that noise does not explain, (n,)."""
         left = np.array([j.left for j in self.noise.joints])
         excess: Array = np.maximum(np.mean(residual**2, axis=0) - 2 * left, 0.0)
         return excess
+
+
+def compress(
+    A: Array, Z: Array, change: Callable[[Array], Array] = lambda same: same
+) -> tuple[Array, Array]:
+    """Return columns A (N, k) and other series (N, B), in k rows each where N is far more.
+
+    These are R and Q'Z of A = QR: every product of columns with one another and with other series
+    stays what it was, and no more is asked of them.
+
+    Parameters
+    ----------
+    A : (N, k)
+    Z : (N, B)
+    change : callable((N, m)) -> (N, m), optional
+        Done to the other series first, a few at a time.
+    """
+    parts = [Z[:, k : k + AT_ONCE] for k in range(0, Z.shape[1], AT_ONCE)]
+    Q = None
+    if len(A) > max(MANY, TALL * A.shape[1]):
+        Q, A = np.linalg.qr(A)
+    found = (
+        [change(part.astype(float)) for part in parts]
+        if Q is None
+        else [Q.T @ change(part.astype(float)) for part in parts]
+    )
+    return A, np.concatenate([np.empty((len(A), 0)), *found], axis=1)
 
 
 def unit_columns(A: Array) -> Array:

@@ -16,6 +16,7 @@ from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
     Whitened,
+    compress,
     orthonormal,
     project_out,
     score_candidates,
@@ -63,11 +64,14 @@ def find_aliases(
     share : float
         Remaining share below which a candidate is structurally aliased.
     """
-    n, b = rows.joints, rows.X.shape[2]
+    b = rows.X.shape[2]
     scale = np.sqrt(np.mean(rows.tau**2, axis=0))
     weight = 1.0 / np.where(scale > 0, scale, 1.0)
-    X = (rows.X * weight[:, None]).reshape(len(rows) * n, b)
-    D = (rows.D * weight[:, None]).reshape(len(rows) * n, -1)
+    none = np.empty((len(rows), 0))
+    parts = [
+        rows.spread(j, compress(rows.joint_columns(j) * w, none)[0]) for j, w in enumerate(weight)
+    ]
+    _, X, D = np.split(np.concatenate(parts), [1, 1 + b], axis=1)
     X, D = unit_columns(X), unit_columns(D)
     value = np.linalg.lstsq(X, D, rcond=1e-8)[0] if b else np.zeros((0, D.shape[1]))
     left = np.linalg.norm(D - X @ value, axis=0)

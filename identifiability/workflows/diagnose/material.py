@@ -149,14 +149,14 @@ def gather(
     listed, refused = list_candidates(structure.robot, families, names, motions, fixed=fixed)
     rows = build_rows(structure, listed, setting.samples, fixed)
     choosing, verifying = (
-        build_rows(structure, listed, part, fixed) if part else None
+        build_rows(structure, listed, part, fixed, later=True) if part else None
         for part in (choose, setting.validation)
     )
     real = RealRobot.of(structure) if "rigid_body" in names and not fixed else None
     aliases = find_aliases(rows, listed, structure.base.names, setting.rules.alias)
     hidden = {(a.family, a.place) for a in aliases if a.structural}
     candidates = tuple(c for c in listed if c.group not in hidden)
-    noise = fit_noise(rows.tau, family_blocks(rows, candidates), rows.runs)
+    noise = fit_noise(rows.tau, lambda j: family_blocks(rows, candidates, j), rows.runs)
     bench = Bench.of(rows, noise, draws, rng)
     held = HeldOut(rows, choosing, verifying, real)
     return Material(
@@ -164,10 +164,12 @@ def gather(
     )
 
 
-def family_blocks(rows: Rows, candidates: Sequence[Candidate]) -> list[Array]:
-    """Return the columns of the base model and of each family, families with few columns first."""
+def family_blocks(rows: Rows, candidates: Sequence[Candidate], joint: int) -> list[Array]:
+    """Return what acts in a joint of the base model and each family, few columns first, (N, ·)."""
     columns: dict[str, list[int]] = {}
     for c in candidates:
         columns.setdefault(c.family.name, []).extend(c.columns)
     small_first = sorted(columns.values(), key=len)
-    return [rows.X, *(rows.D[:, :, at] for at in small_first)]
+    block = rows.D.block(joint)
+    inside = [np.flatnonzero(np.isin(block.columns, at)) for at in small_first]
+    return [rows.X[:, joint], *(block.values[:, at] for at in inside if len(at))]

@@ -34,8 +34,9 @@ LAST = 0.25
 PAUSE = 0.05
 #: Samples that a stretch must have.
 LEAST = 100
-#: Samples after decimation that a diagnosis looks at; more are thinned to stretches.
-MOST_SAMPLES = 6000
+#: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
+#: are thinned to stretches.
+MOST_SAMPLES, MOST_IN_ALL = 6000, 8000
 STRETCH = 300
 
 
@@ -136,7 +137,14 @@ def join(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def prepare_rows(robot: Robot, log: Recording, how: Preparation | None) -> Samples:
+def samples_each(logs: int) -> int:
+    """Return the samples after decimation that are looked at in each of so many fitted logs."""
+    return max(STRETCH, min(MOST_SAMPLES, MOST_IN_ALL // max(logs, 1)))
+
+
+def prepare_rows(
+    robot: Robot, log: Recording, how: Preparation | None, most: int = MOST_SAMPLES
+) -> Samples:
     """Return a log ready for a diagnosis: decimated to its band, thinned if it is very long.
 
     Measured derivatives do not need a filter, but questions need few rows: torque and columns are
@@ -152,25 +160,27 @@ def prepare_rows(robot: Robot, log: Recording, how: Preparation | None) -> Sampl
         while factor > 1 and signals.Decimation(factor).outputs(len(log)) < checks.FEWEST:
             factor -= 1
         how = Preparation(decimate=max(factor, 1))
-    return prepare_thin(robot, log, how or Preparation())
+    return prepare_thin(robot, log, how or Preparation(), most=most)
 
 
-def thin(samples: Samples) -> Samples:
+def thin(samples: Samples, most: int = MOST_SAMPLES) -> Samples:
     """Return evenly spaced stretches of samples that are more than a diagnosis needs."""
-    if samples.outputs <= MOST_SAMPLES:
+    if samples.outputs <= most:
         return samples
-    windows = _stretches(samples.decimation, len(samples.tau))
+    windows = _stretches(samples.decimation, len(samples.tau), most)
     rows = np.concatenate([np.arange(a, b) for a, b in windows])
     notes = (*samples.notes, _note(len(windows)))
     return replace(samples, motion=samples.motion[rows], tau=samples.tau[rows], notes=notes)
 
 
-def _stretches(decimation: signals.Decimation | None, samples: int) -> list[tuple[int, int]]:
-    """Return evenly spaced stretches (start, stop) with about `MOST_SAMPLES` outputs in all."""
+def _stretches(
+    decimation: signals.Decimation | None, samples: int, most: int
+) -> list[tuple[int, int]]:
+    """Return evenly spaced stretches (start, stop) with about `most` outputs in all."""
     length = STRETCH
     if decimation is not None:
         length = STRETCH * decimation.factor + 2 * decimation.reach
-    count = max(1, min(MOST_SAMPLES // STRETCH, samples // length))
+    count = max(1, min(most // STRETCH, samples // length))
     starts = np.linspace(0, samples - length, count).astype(int)
     return [(int(s), int(s) + length) for s in starts]
 
@@ -184,6 +194,8 @@ def prepare_thin(
     log: Recording,
     how: Preparation,
     change: Callable[[Log], Log] = lambda log: log,
+    *,
+    most: int = MOST_SAMPLES,
 ) -> Samples:
     """Return a log ready for a diagnosis; of a long one only the stretches looked at are read.
 
@@ -194,17 +206,19 @@ def prepare_thin(
     how : Preparation
     change : callable(Log) -> Log, optional
         Done to the samples first; it may take some away at the end.
+    most : int
+        Samples after decimation that are looked at.
 
     Raises
     ------
     LogError, ClosureError
     """
     if isinstance(log, Log):
-        return thin(prepare_samples(robot, change(log), how))
+        return thin(prepare_samples(robot, change(log), how), most)
     plan = make_plan(robot, log, how)
     d = plan.decimation
-    every = (len(log) if d is None else d.outputs(len(log))) <= MOST_SAMPLES
-    windows = [(0, len(log))] if every else _stretches(d, len(log))
+    every = (len(log) if d is None else d.outputs(len(log))) <= most
+    windows = [(0, len(log))] if every else _stretches(d, len(log), most)
     edge = plan.filter_reach
     reach = plan.reach - edge
     parts = []

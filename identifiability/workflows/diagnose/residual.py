@@ -19,6 +19,7 @@ from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
     Whitened,
+    compress,
     orthonormal,
     project_out,
 )
@@ -131,12 +132,13 @@ def smallest_sizes(
     reach = float(stats.norm.isf(np.exp(-critical))) + POWER
     taken = {c.group for c in chosen}
     out: dict[str, float] = {}
+    every = rows.D.rms()
     for c in candidates:
         if c.group in taken:
             continue
         at = list(c.columns)
         left = np.linalg.norm(project_out(Q, white.D[:, at]), axis=0)
-        size = np.sqrt(np.mean(rows.D[:, :, at] ** 2, axis=0))
+        size = every[:, at]
         for k, joint in enumerate(np.argmax(size, axis=0)):
             if left[k] > NEGLIGIBLE * float(np.linalg.norm(white.D[:, at[k]])):
                 share = float(reach / left[k] * size[joint, k] / rms[joint])
@@ -154,14 +156,25 @@ def smooth_share(
 ) -> tuple[float, float]:
     """Return the share of the residual that is smooth in (q, q̇), and its 95 % upper bound."""
     weight = 1.0 / np.sqrt(np.mean(residual**2, axis=0))
-    model = rows.columns(chosen) * weight[:, None]
-    Q = orthonormal(model.reshape(residual.size, model.shape[2]))
-    U = orthonormal(project_out(Q, smooth_basis(rows)))
-    simulated = noise.simulate(len(rows), draws, rng, rows.runs) * weight[:, None]
-    free = project_out(Q, simulated.reshape(-1, draws))
+    model = rows.columns(chosen)
+    simulated = noise.simulate(len(rows), draws, rng, rows.runs, np.float32)
+    m, columns, others, length = model.shape[2], [], [], np.zeros(draws)
+    for j in range(rows.joints):
+        S = smooth_basis(rows, j)
+        A = np.column_stack([model[:, j] * weight[j], S, residual[:, j] * weight[j]])
+        part, drawn = compress(A, simulated[:, j])
+        whole = np.zeros((len(part), m + rows.joints * S.shape[1] + 1))
+        whole[:, :m], whole[:, -1] = part[:, :m], part[:, -1]
+        whole[:, m + j * S.shape[1] :][:, : S.shape[1]] = part[:, m:-1]
+        columns.append(whole)
+        others.append(drawn * weight[j])
+        length += weight[j] ** 2 * (simulated[:, j] ** 2).sum(0, dtype=float)
+    whole, drawn = np.concatenate(columns), np.concatenate(others)
+    Q = orthonormal(whole[:, :m])
+    U = orthonormal(project_out(Q, whole[:, m:-1]))
     # Shares, not sizes: the fitted noise may be larger than what is left here.
-    null = ((U.T @ free) ** 2).sum(0) / (free**2).sum(0)
-    y = project_out(Q, (residual * weight).reshape(-1))
+    null = ((U.T @ drawn) ** 2).sum(0) / (length - ((Q.T @ drawn) ** 2).sum(0))
+    y = project_out(Q, whole[:, -1])
     found = float(((U.T @ y) ** 2).sum()) / (float(y @ y) or 1.0)
     share, limit = (
         (found - level) / max(1.0 - level, 1e-12)
@@ -170,17 +183,12 @@ def smooth_share(
     return float(np.clip(share, 0, 1)), float(np.clip(limit, 0, 1))
 
 
-def smooth_basis(rows: Rows) -> Array:
-    """Return polynomials of position and velocity of each joint, also times sign(q̇), (N·n, k)."""
-    out = []
-    for j in range(rows.joints):
-        q, v = rows.q[:, j], rows.dq[:, j]
-        V = legendre.legvander2d(_scaled(q), _scaled(v), [DEGREE, DEGREE])[:, 1:]
-        V = np.column_stack([V, np.sign(v)[:, None] * V[:, : DEGREE + 1]])
-        whole = np.zeros((len(rows), rows.joints, V.shape[1]))
-        whole[:, j] = V
-        out.append(whole.reshape(-1, V.shape[1]))
-    return np.concatenate(out, axis=1)
+def smooth_basis(rows: Rows, j: int) -> Array:
+    """Return polynomials of position and velocity of a joint, also times sign(q̇), (N, k)."""
+    q, v = rows.q[:, j], rows.dq[:, j]
+    V = legendre.legvander2d(_scaled(q), _scaled(v), [DEGREE, DEGREE])[:, 1:]
+    basis: Array = np.column_stack([V, np.sign(v)[:, None] * V[:, : DEGREE + 1]])
+    return basis
 
 
 def _scaled(x: Array) -> Array:

@@ -7,10 +7,11 @@ columns of the base model, then one or more columns for every candidate (family,
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from identifiability.effects import Effect, Family, Part, Placed, Span
+from identifiability.effects import Effect, Family, Part, Span
 from identifiability.effects.family import measure_spans
 from identifiability.estimation.noise.autoregression import Runs
 from identifiability.estimation.noise.residual_noise import find_runs
@@ -18,9 +19,10 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.regression.information import Information
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
+from identifiability.workflows.diagnose.dictionary import Dictionary, Entries, compute_entries
 
 
 @frozen
@@ -89,8 +91,8 @@ class Rows:
         Torque that the model columns should explain.
     X : (N, n, b)
         Base model, refitted at every step; no columns when the model is fixed.
-    D : (N, n, c)
-        Columns of the candidates.
+    D : Dictionary
+        Columns of the candidates, (N, n, c).
     t : (N,) [s]
     log : (N,) int
         Which log a row comes from.
@@ -104,7 +106,7 @@ class Rows:
 
     tau: Array
     X: Array
-    D: Array
+    D: Dictionary
     t: Array
     log: np.ndarray
     runs: Runs
@@ -126,7 +128,20 @@ class Rows:
     def columns(self, chosen: Sequence[Candidate]) -> Array:
         """Return the columns of the model with some candidates, (N, n, b + …)."""
         at = [k for c in chosen for k in c.columns]
-        return np.concatenate([self.X, self.D[:, :, at]], axis=2)
+        return np.concatenate([self.X, self.D.take(at)], axis=2)
+
+    def joint_columns(self, j: int) -> Array:
+        """Return torque, model and what of the dictionary acts in one joint, (N, 1 + b + k)."""
+        parts = [self.tau[:, j, None], self.X[:, j], self.D.block(j).values]
+        return np.concatenate(parts, axis=1)
+
+    def spread(self, j: int, part: Array) -> Array:
+        """Return `joint_columns`, in whatever rows, in the layout (·, 1 + b + c) of all joints."""
+        first = 1 + self.X.shape[2]
+        whole = np.zeros((len(part), first + self.D.width))
+        whole[:, :first] = part[:, :first]
+        whole[:, first + self.D.block(j).columns] = part[:, first:]
+        return whole
 
     def information(
         self, chosen: Sequence[Candidate], mask: np.ndarray | slice = slice(None)
@@ -215,11 +230,22 @@ def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool)
     return out
 
 
+def number(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates whose columns are the first ones, in their order."""
+    ends = np.cumsum([len(c.columns) for c in candidates]).tolist()
+    return [
+        replace(c, columns=tuple(range(end - len(c.columns), end)))
+        for c, end in zip(candidates, ends, strict=True)
+    ]
+
+
 def build_rows(
     structure: Structure,
     candidates: Sequence[Candidate],
     samples: Sequence[Samples],
     fixed: bool = False,
+    *,
+    later: bool = False,
 ) -> Rows:
     """Return the rows of some logs.
 
@@ -228,26 +254,35 @@ def build_rows(
     structure : Structure
         The robot under the base model.
     candidates : sequence of Candidate
+        Whose columns are those of the dictionary, all of them.
     samples : sequence of Samples
     fixed : bool
         Whether the base parameters keep the values of the robot file.
+    later : bool
+        Whether columns of candidates are computed only when they are looked at.
     """
-    extra = (Placed([c.part for c in candidates]),) if candidates else ()
-    kept, width = structure.base.kept, len(structure.parameters)
-    count = sum(len(c.columns) for c in candidates)
-    columns = np.concatenate([kept, width + np.arange(count)]).astype(int)
-    model = Model((*structure.model.effects, *extra))
-    regression = Regression(structure.robot, model, tuple(samples), columns)
+    robot, kept = structure.robot, structure.base.kept
+    regression = Regression(robot, structure.model, tuple(samples), kept)
     chunks = [
         (np.full(len(c.tau), c.log), c.W.copy(), c.tau, c.raw)
         for part in regression.parts()
         for c in part.chunks()
     ]
-    log, W, tau, raw = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
-    X, D = W[:, :, : len(kept)], W[:, :, len(kept) :]
+    log, X, tau, raw = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
     target = tau
     if fixed:
         target, X = tau - X @ structure.nominal_base, X[:, :, :0]
+    owner = {k: c for c in candidates for k in c.columns}
+
+    def ask(columns: Sequence[int]) -> Entries:
+        wanted = list({id(owner[k]): owner[k] for k in columns}.values())
+        found = compute_entries(robot, [(c.part, c.columns) for c in wanted], samples)
+        asked = set(columns)
+        return {at: x for at, x in found.items() if at[1] in asked}
+
+    size = *tau.shape, len(owner)
+    every = range(len(owner))
+    D = Dictionary.later(*size, ask) if later else Dictionary.of_entries(*size, ask(every))
     t = np.concatenate([s.output_times() for s in samples])
     q, dq, ddq = np.split(np.concatenate([_states(s) for s in samples]), 3, axis=1)
     return Rows(target, X, D, t, log, find_runs(samples), q, dq, ddq, tau, raw)

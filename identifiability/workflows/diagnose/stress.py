@@ -21,8 +21,8 @@ from identifiability.logs.repeats import Recording
 from identifiability.workflows.diagnose.evidence import Bench, score_candidates, solve_chosen
 from identifiability.workflows.diagnose.gates import CLOCK, Naming, Survival, keep_surviving
 from identifiability.workflows.diagnose.material import Material
-from identifiability.workflows.diagnose.motion import prepare_thin
-from identifiability.workflows.diagnose.rows import Candidate, Rows, build_rows
+from identifiability.workflows.diagnose.motion import prepare_thin, samples_each
+from identifiability.workflows.diagnose.rows import Candidate, Rows, build_rows, number
 
 Prepare = Callable[[Recording, float | None, Callable[[Log], Log]], Samples]
 #: Samples anew, from a log and its samples as they were.
@@ -112,11 +112,7 @@ def stress_effects(
     """
     out: list[list[Survival]] = [[] for _ in chosen]
     # Columns in these rows; a sign that cannot be is said, not scored.
-    ends = np.cumsum([len(c.columns) for c in chosen]).tolist()
-    local = [
-        replace(c, columns=tuple(range(end - len(c.columns), end)), positive=False)
-        for c, end in zip(chosen, ends, strict=True)
-    ]
+    local = [replace(c, positive=False) for c in number(chosen)]
     for name, variation in variations.items():
         rows = build(variation)
         white = Bench(rows, noise, np.empty((*rows.tau.shape, 0))).whiten()
@@ -146,11 +142,12 @@ def stress_named(
 
     def prepare(log: Recording, limit: float | None, change: Callable[[Log], Log]) -> Samples:
         changed = how if limit is None else replace(how, cutoff=limit)
-        return prepare_thin(structure.robot, log, replace(changed, decimate=factor), change)
+        changed = replace(changed, decimate=factor)
+        return prepare_thin(structure.robot, log, changed, change, most=samples_each(len(logs)))
 
     def build(variation: Variation) -> Rows:
         changed = [variation(log, s) for log, s in zip(logs, train, strict=True)]
-        return build_rows(structure, naming.chosen, changed, material.setting.fixed)
+        return build_rows(structure, number(naming.chosen), changed, material.setting.fixed)
 
     variations = list_variations(train[0].cutoff if computed else None, prepare, rng)
     firsts = [value[0] for value, _ in solve_chosen(material.white, naming.chosen)]

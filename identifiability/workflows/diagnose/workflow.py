@@ -25,7 +25,7 @@ from identifiability.workflows.analyze.decisive import state_decisive
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.late import early, name_late
 from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting, gather
-from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows
+from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows, samples_each
 from identifiability.workflows.diagnose.naming import name_effects
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.stress import stress_named
@@ -116,7 +116,7 @@ def diagnose(
         opening = open_logs(
             Structure.of(robot, choose_model(model, usual_effects(robot))),
             Recordings(roles.fit, (*roles.choose, *roles.verify), given.hints),
-            partial(prepare_rows, robot, how=how),
+            partial(prepare_rows, robot, how=how, most=samples_each(len(roles.fit))),
             "diagnosed",
             engine,
         )

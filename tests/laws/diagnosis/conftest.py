@@ -12,6 +12,7 @@ import pytest
 from identifiability.effects.family import Family
 from identifiability.effects.viscous_friction import ViscousFriction
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
+from identifiability.workflows.diagnose.dictionary import Dictionary
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.rows import Candidate, Rows
@@ -41,7 +42,13 @@ def make_rows(tau, X, D, log=None, **motion):
     edges = [0, *(np.flatnonzero(np.diff(log)) + 1).tolist(), n]
     given = {"q": zero, "dq": zero, "ddq": zero, "measured": tau, "raw": tau, **motion}
     return Rows(
-        tau=tau, X=X, D=D, t=0.01 * np.arange(n), log=log, runs=list(pairwise(edges)), **given
+        tau=tau,
+        X=X,
+        D=Dictionary.of(D),
+        t=0.01 * np.arange(n),
+        log=log,
+        runs=list(pairwise(edges)),
+        **given,
     )
 
 

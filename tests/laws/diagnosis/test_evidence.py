@@ -154,12 +154,12 @@ def test_rows_are_divided_by_their_own_joints_noise_and_misfit(rng, rows_of, whi
     bench = Bench(rows=rows, noise=white_noise(0.5, 2.0), simulated=simulated)
     for misfit, sd in ((None, [0.5, 2.0]), ([0.0, 12.0], [0.5, 4.0])):  # 2² + 12 = 4²
         w = bench.whiten(None if misfit is None else np.array(misfit))
-        np.testing.assert_allclose(w.y, (tau / sd).ravel())
-        np.testing.assert_allclose(w.X[:, 0], (X[:, :, 0] / sd).ravel())
-        np.testing.assert_allclose(w.D[:, 0], (D[:, :, 0] / sd).ravel())
-        both = (simulated / np.array(sd)[:, None]).reshape(100, 6)
-        np.testing.assert_allclose(w.scale, both[:, :3])
-        np.testing.assert_allclose(w.noise, both[:, 3:])
+        np.testing.assert_allclose(w.y, (tau / sd).T.ravel())
+        np.testing.assert_allclose(w.X[:, 0], (X[:, :, 0] / sd).T.ravel())
+        np.testing.assert_allclose(w.D[:, 0], (D[:, :, 0] / sd).T.ravel())
+        both = (simulated / np.array(sd)[:, None]).transpose(1, 0, 2).reshape(100, 6)
+        np.testing.assert_allclose(w.scale, both[:, :3], rtol=1e-6)
+        np.testing.assert_allclose(w.noise, both[:, 3:], rtol=1e-6)
 
 
 def test_misfit_is_what_twice_the_noise_does_not_explain(rng, rows_of):

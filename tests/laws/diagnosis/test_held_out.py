@@ -35,7 +35,7 @@ def weighted(W, tau):
 
 def test_joints_weigh_by_the_residual_that_they_have_in_a_plain_fit(rng, rows_of, candidate):
     rows, c = data(rng, rows_of), [candidate("a", "j", 0)]
-    W = np.concatenate([rows.X, rows.D[:, :, :1]], axis=2)
+    W = np.concatenate([rows.X, rows.D.take([0])], axis=2)
     held = HeldOut(train=rows, choosing=None)
     np.testing.assert_allclose(held.fit(c), weighted(W, rows.tau), rtol=1e-9)
     mask = np.arange(len(rows)) < 100
@@ -52,7 +52,7 @@ def test_the_error_while_choosing_is_in_units_of_each_joint_without_candidates(
     train, choosing, verifying = (data(rng, rows_of) for _ in range(3))
     held = HeldOut(train=train, choosing=choosing, verifying=verifying)
     c = [candidate("a", "j", 0)]
-    W, U = (np.concatenate([r.X, r.D[:, :, :1]], axis=2) for r in (train, choosing))
+    W, U = (np.concatenate([r.X, r.D.take([0])], axis=2) for r in (train, choosing))
     scale = np.sqrt(np.mean((choosing.tau - choosing.X @ weighted(train.X, train.tau)) ** 2, 0))
     left = choosing.tau - U @ weighted(W, train.tau)
     np.testing.assert_allclose(held.errors(c), np.mean(np.abs(left) / scale, axis=1), rtol=1e-9)
@@ -70,7 +70,7 @@ def test_without_other_motion_logs_or_fifths_are_left_out_in_turn(rng, rows_of, 
     rows = data(rng, rows_of, n, log)
     held, c = HeldOut(train=rows, choosing=None), [candidate("a", "j", 0)]
     folds = log if logs > 1 else np.arange(n) * 5 // n
-    W = np.concatenate([rows.X, rows.D[:, :, :1]], axis=2)
+    W = np.concatenate([rows.X, rows.D.take([0])], axis=2)
     left, plain = np.empty((n, 2)), np.empty((n, 2))
     for fold in np.unique(folds):
         out = folds == fold
@@ -97,7 +97,7 @@ def test_a_gain_is_relative_and_its_error_is_that_of_24_stretches(rng, rows_of, 
 def test_a_fit_that_was_fitted_has_the_smallest_error_where_it_was_fitted(rng, rows_of, candidate):
     rows, c = data(rng, rows_of, noise=(1.0, 1.0)), [candidate("a", "j", 0)]
     held = HeldOut(train=rows, choosing=None)
-    W = np.concatenate([rows.X, rows.D[:, :, :1]], axis=2)
+    W = np.concatenate([rows.X, rows.D.take([0])], axis=2)
     left = rows.tau - W @ weighted(W, rows.tau)
     np.testing.assert_allclose(held.fitted_residual(c), left, atol=1e-9)
     assert np.sum(left**2) < np.sum(held.gap([c]).residual[:, :, 0] ** 2)

@@ -144,12 +144,12 @@ def test_a_dictionary_may_take_at_most_45_per_cent_of_a_joints_rows():
     rng = np.random.default_rng(0)
     y, n = rng.standard_normal((60, 1)), 60
     first, second = rng.standard_normal((n, 1, 20)), rng.standard_normal((n, 1, 30))
-    found = fit_noise(y, [first, second], [(0, n)]).joints[0]
+    found = fit_noise(y, lambda j: [first[:, j], second[:, j]], [(0, n)]).joints[0]
     assert found.dof == n - 27
-    assert fit_noise(y, [first], [(0, n)]).joints[0].dof == n - 20
+    assert fit_noise(y, lambda j: [first[:, j]], [(0, n)]).joints[0].dof == n - 20
     # What is in the columns is not noise: a large effect of the dictionary is not taken for it.
     big = y[:, 0] + 100 * first[:, 0, 0]
-    left = fit_noise(big[:, None], [first], [(0, n)]).joints[0].left
-    assert left == pytest.approx(fit_noise(y, [first], [(0, n)]).joints[0].left)
+    left = fit_noise(big[:, None], lambda j: [first[:, j]], [(0, n)]).joints[0].left
+    assert left == pytest.approx(fit_noise(y, lambda j: [first[:, j]], [(0, n)]).joints[0].left)
     twice = np.concatenate([first, first], axis=2)  # the same columns again take nothing more
-    assert fit_noise(y, [first, twice], [(0, n)]).joints[0].dof == n - 20
+    assert fit_noise(y, lambda j: [first[:, j], twice[:, j]], [(0, n)]).joints[0].dof == n - 20

@@ -134,6 +134,6 @@ def test_noise_is_fitted_beside_the_model_and_small_families_first(rows_of, cand
     D = np.arange(24.0).reshape(4, 1, 6)
     rows = rows_of(np.zeros((4, 1)), np.ones((4, 1, 2)), D)
     options = [candidate("big", "j", 0, 1), candidate("big", "k", 2), candidate("small", "j", 4)]
-    first, *families = family_blocks(rows, options)
-    np.testing.assert_array_equal(first, rows.X)
-    assert [f[0, 0].tolist() for f in families] == [[4.0], [0.0, 1.0, 2.0]]
+    first, *families = family_blocks(rows, options, 0)
+    np.testing.assert_array_equal(first, rows.X[:, 0])
+    assert [f[0].tolist() for f in families] == [[4.0], [0.0, 1.0, 2.0]]
