@@ -280,9 +280,10 @@ def build_rows(
         asked = set(columns)
         return {at: x for at, x in found.items() if at[1] in asked}
 
-    size = *tau.shape, len(owner)
-    every = range(len(owner))
-    D = Dictionary.later(*size, ask) if later else Dictionary.of_entries(*size, ask(every))
+    (N, n), c = tau.shape, len(owner)
+    D = Dictionary.later(N, n, c, ask)
+    if not later:
+        D = Dictionary.of_entries(N, n, c, ask(range(c)))
     t = np.concatenate([s.output_times() for s in samples])
     q, dq, ddq = np.split(np.concatenate([_states(s) for s in samples]), 3, axis=1)
     return Rows(target, X, D, t, log, find_runs(samples), q, dq, ddq, tau, raw)
