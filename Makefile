@@ -1,5 +1,5 @@
 # make demo: run the main job; make paper: check the paper's tables; make test: run the tests;
-# make lint: style, types, layers; make docs: the reference of every module;
+# make lint: style, types, layers; make docs: the site, with the reference of every module;
 # make mutants: would the tests notice faults?; make check-all: what takes too long for make test;
 # make processors: the demo and the tests with the kernels of other processors, before a release.
 # Each needs Python 3.11 or newer and nothing else: it makes .venv itself.
@@ -65,10 +65,12 @@ check-all: $(VENV)/robots lint test mutants
 MODULES = $(shell find identifiability -name '*.py' ! -name __main__.py | \
   sed 's,/__init__,,; s,\.py$$,,; s,/,.,g' | sort)
 
+# Links that lead nowhere are errors; NO_MKDOCS_2_WARNING: no advertisement for another program.
 docs: $(VENV)/dev
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	$(BIN)/python -W error::UserWarning -W 'ignore:The module specification' -m pdoc \
 	  --docformat numpy --no-show-source --footer-text identifiability \
-	  --output-directory reports/docs $(MODULES)
+	  --output-directory reports/docs/modules $(MODULES)
 
 # Public robot files, 131 MB, and CasADi, 93 MB, for tests that make test leaves out.
 $(VENV)/robots: $(VENV)/dev
