@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Mapping
 from functools import cached_property
 from typing import ClassVar, Literal, TypeAlias
 
+import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.report.drawing import svg
 from identifiability.report.tables import Table
@@ -122,15 +127,122 @@ class Gallery:
 
 
 @frozen
+class Sketch:
+    """A drawing that is SVG already, with its caption.
+
+    Attributes
+    ----------
+    markup : Markup
+    width : int
+        Width at which its text has the intended size [px].
+    caption : str
+    """
+
+    markup: Markup
+    width: int
+    caption: str = ""
+    kind: ClassVar[str] = "picture"
+
+
+@frozen
+class Traces:
+    """Lines over time that can be zoomed and read off where they are.
+
+    Attributes
+    ----------
+    groups : tuple of Trace
+        One is shown at a time, chosen by its name.
+    caption : str
+    """
+
+    groups: tuple[Trace, ...]
+    caption: str = ""
+    kind: ClassVar[str] = "traces"
+
+
+#: A step of time this many times the usual one is a gap.
+GAP = 10.0
+
+
+@frozen
+class Trace:
+    """What is drawn of one joint.
+
+    Attributes
+    ----------
+    name, unit : str
+    t : tuple of float [s]
+    lines : mapping
+        Name of a line to its values at `t`; NaN breaks a line.
+    """
+
+    name: str
+    unit: str
+    t: tuple[float, ...]
+    lines: Mapping[str, tuple[float, ...]]
+
+    @classmethod
+    def of(cls, name: str, unit: str, t: Array, lines: Mapping[str, Array]) -> Trace:
+        """Return the lines of arrays (N,); where samples are missing they break."""
+        step = np.diff(t)
+        usual = np.median(step) if len(step) else np.inf
+        gaps = np.flatnonzero(step > GAP * usual) + 1
+        times = np.insert(t, gaps, t[gaps] - 1e-9)
+        broken = {n: tuple(np.insert(y, gaps, np.nan).tolist()) for n, y in lines.items()}
+        return cls(name, unit, tuple(times.tolist()), broken)
+
+    @property
+    def data(self) -> str:
+        """The lines as JSON with four digits."""
+        rows = (self.t, *self.lines.values())
+        short = [[None if math.isnan(x) else float(f"{x:.5g}") for x in row] for row in rows]
+        return json.dumps({"unit": self.unit, "names": [*self.lines], "rows": short})
+
+
+@frozen
+class Answer:
+    """A question that every reader has, its answer in a few words, and what is said of it.
+
+    Attributes
+    ----------
+    question, short, text : str
+    tone : str
+    commands : tuple of (what, command)
+        Lines for the terminal, ready to copy, with what each is for.
+    """
+
+    question: str
+    short: str
+    text: str = ""
+    tone: str = ""
+    commands: tuple[tuple[str, str], ...] = ()
+
+
+@frozen
+class Answers:
+    """The questions of a page, the drawing of what they are about beside them."""
+
+    answers: tuple[Answer, ...]
+    sketch: Sketch | None = None
+    kind: ClassVar[str] = "answers"
+
+
+@frozen
 class Fold:
-    """Blocks that open on demand; in print they are open."""
+    """Blocks that open on demand; in print they are open.
+
+    With `detail` they are there only where the reader asked for statistics in detail.
+    """
 
     summary: str
     blocks: tuple[Block, ...]
+    detail: bool = False
     kind: ClassVar[str] = "fold"
 
 
-Block: TypeAlias = Prose | Notes | Terms | Table | Picture | Gallery | Fold
+Block: TypeAlias = (
+    Prose | Notes | Terms | Table | Picture | Gallery | Fold | Sketch | Traces | Answers
+)
 
 
 @frozen
@@ -145,9 +257,12 @@ class Section:
     lead : str
         One or two sentences that say what is to be seen.
     blocks : tuple
+    detail : bool
+        Whether it is shown only to who asks for statistics in detail.
     """
 
     name: str
     title: str
     lead: str = ""
     blocks: tuple[Block, ...] = ()
+    detail: bool = False

@@ -125,14 +125,19 @@ def dots(
 
 def thin(t: Array, y: Array, most: int) -> tuple[Array, Array]:
     """Return at most `most` points of a line that keep its peaks: least and largest of each bin."""
-    if len(y) <= most:
-        return t, y
-    edges = np.linspace(0, len(y), max(most // 2, 1) + 1).astype(int)
-    found = [
-        sorted({a + int(np.argmin(y[a:b])), a + int(np.argmax(y[a:b]))}) for a, b in pairwise(edges)
-    ]
-    rows = np.concatenate([np.array(f) for f in found])
+    rows = peak_rows((y,), most)
     return t[rows], y[rows]
+
+
+def peak_rows(lines: Sequence[Array], most: int) -> np.ndarray:
+    """Return rows that keep the peaks of lines (N,), at most `most` for each of them, ascending."""
+    count = len(lines[0])
+    if count <= most:
+        return np.arange(count)
+    edges = np.linspace(0, count, max(most // 2, 1) + 1).astype(int)
+    pick = (np.argmin, np.argmax)
+    found = {a + int(p(y[a:b])) for y in lines for a, b in pairwise(edges) for p in pick}
+    return np.array(sorted(found))
 
 
 def svg(figure: Figure, alt: str = "") -> Markup:

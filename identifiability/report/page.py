@@ -15,9 +15,10 @@ from markupsafe import Markup, escape
 
 from identifiability.foundation.output import write_text
 from identifiability.foundation.values import frozen
-from identifiability.report.blocks import Block, Section, Tile
+from identifiability.report.blocks import Block, Fold, Section, Tile, Traces
 from identifiability.report.drawing import TEMPLATES
 from identifiability.report.marks import mark_of
+from identifiability.report.tables import Table
 
 
 @frozen
@@ -28,7 +29,7 @@ class Page:
     ----------
     title : str
     statement : str
-        The answer in plain words, at the very top.
+        The answer in plain words, at the very top, where no `Answers` of the summary give it.
     sections : tuple of Section
     overline, subtitle : str
         What kind of page this is, and what it is about.
@@ -39,22 +40,40 @@ class Page:
     """
 
     title: str
-    statement: str
+    statement: str = ""
     sections: tuple[Section, ...] = ()
     overline: str = ""
     subtitle: str = ""
     tiles: Sequence[Tile] = ()
     summary: Sequence[Block] = ()
 
+    @property
+    def has_detail(self) -> bool:
+        """Whether something is shown only to who asks for statistics in detail."""
+        return any(s.detail or any(map(_detailed, s.blocks)) for s in self.sections)
+
+    @property
+    def has_traces(self) -> bool:
+        """Whether lines are drawn by the page's script."""
+        return any(isinstance(b, Traces) for s in self.sections for b in s.blocks)
+
+
+def _detailed(block: Block) -> bool:
+    if isinstance(block, Table):
+        return any(c.detail for c in block.columns)
+    return isinstance(block, Fold) and block.detail
+
 
 def render_page(page: Page, template: str = "page.html.j2") -> str:
     """Return a page as HTML that loads nothing and runs no script but its own."""
     environment = page_environment()
-    script = (TEMPLATES / "page.js").read_text(encoding="utf-8")
+    names = ["page.js", *(("uplot/uPlot.js", "traces.js") if page.has_traces else ())]
+    sheets = ["style.css", *(("uplot/uPlot.css",) if page.has_traces else ())]
+    script, style = ("\n".join(map(_template_text, each)) for each in (names, sheets))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return environment.get_template(template).render(
         page=page,
-        style=Markup((TEMPLATES / "style.css").read_text(encoding="utf-8")),
+        style=Markup(style),
         script=Markup(script),
         script_hash=f"sha256-{digest}",
     )
@@ -79,6 +98,10 @@ def write_page(
     OutputError
     """
     return write_text(path, render_page(Page(title, statement, tuple(sections), **more)))
+
+
+def _template_text(name: str) -> str:
+    return (TEMPLATES / name).read_text(encoding="utf-8")
 
 
 @cache

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.estimation.verdict import Class, Verdict
-from identifiability.report.blocks import Fold, Note, Notes, Prose, Section, Tile
+from identifiability.report.blocks import Answer, Answers, Fold, Note, Notes, Prose, Section
 from identifiability.report.figures.models import draw_ladder, draw_survival
 from identifiability.report.numbers import (
     NONE,
@@ -22,6 +22,15 @@ from identifiability.report.numbers import (
     whole_percent,
 )
 from identifiability.report.page import Page
+from identifiability.report.sections.connections import section_budget, section_confused
+from identifiability.report.sections.decision import (
+    answer_next,
+    answer_quality,
+    answer_trust,
+    log_names,
+    sketch_robot,
+    source_name,
+)
 from identifiability.report.sections.facts import (
     SIGMA,
     UNIT,
@@ -38,44 +47,85 @@ from identifiability.workflows.prune.rung import PrunedRung
 
 def build_pruning_page(ladder: Ladder) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
+    notes = tuple(_notes(ladder))
+    sections = (
+        section_survivors(ladder),
+        section_ladder(ladder),
+        *(() if ladder.nothing else (section_budget(ladder.fit, ladder.samples),)),
+        *(() if ladder.nothing else (section_confused(ladder.fit),)),
+        section_stability(ladder),
+        replace(section_absorption(ladder), detail=True),
+        replace(section_refused(ladder), detail=True),
+        replace(section_method(ladder), detail=True),
+    )
     return Page(
         title=ladder.robot.title or ladder.robot.name,
-        statement=ladder.statement,
-        sections=(
-            section_ladder(ladder),
-            section_survivors(ladder),
-            section_stability(ladder),
-            section_absorption(ladder),
-            section_refused(ladder),
-            section_method(ladder),
-        ),
+        sections=sections,
         overline="Pruning report",
         subtitle=(
             f"{ladder.robot.path.name} · {format_count(len(ladder.samples), 'log')} with "
             f"{format_count(ladder.information.samples, 'sample')}"
         ),
-        tiles=_tiles(ladder),
-        summary=(Notes(tuple(_notes(ladder))),),
+        summary=(
+            _answers(ladder, notes),
+            Notes(notes),
+            Fold("The answer in one paragraph", (Prose((ladder.statement,)),)),
+        ),
     )
 
 
-def _tiles(ladder: Ladder) -> tuple[Tile, ...]:
+def _answers(ladder: Ladder, notes: tuple[Note, ...]) -> Answers:
+    """Return what to use, how good it is, whether to trust it, what to do next."""
     chosen, full = ladder.chosen, ladder.full
-    found = ladder.result.count(Class.IDENTIFIABLE)
     outside = np.isfinite(chosen.error_ra_validation)
     error = chosen.error_ra_validation if outside else chosen.error_ra_unseen
     before = full.error_ra_validation if outside else full.error_ra_unseen
-    size = 0 if ladder.nothing else len(chosen)
-    logs = format_count(ladder.stability.replicates, "resampled log")
-    where = "error on the validation logs" if outside else "error on unseen motion"
-    feasible, tone = ("Yes", "green") if ladder.feasible else ("No", "vermilion")
-    return (
-        Tile(f"{size} of {len(full)}", "parameters are worth using"),
-        Tile(f"{found} of {len(chosen)}", "are identifiable", ladder.result.unjudged),
-        Tile(error_text(error), where, f"{error_text(before)} unpruned"),
-        Tile(whole_percent(ladder.stability.same), "choose exactly this model", f"of {logs}"),
-        Tile(feasible, "physically possible", "", tone),
+    found, size = ladder.result.count(Class.IDENTIFIABLE), len(chosen)
+    kind = "the validation logs" if outside else "stretches that the fits had not seen"
+    kind = f"{kind} ({error_text(before)} unpruned)"
+    question = "Which model is worth using?"
+    share = ladder.stability
+    if ladder.nothing:
+        use = Answer(question, "None.", f"Because {ladder.nothing}.", "vermilion")
+    else:
+        short = f"{size} of {len(full)} parameters, {found} of them identifiable."
+        real = (
+            "A real robot can have its values."
+            if ladder.feasible
+            else ladder.result.physical.sentence
+        )
+        again = f"{whole_percent(share.same)} of {format_count(share.replicates, 'resampled log')}"
+        text = f"{real} {again} choose exactly this model." if share.replicates else real
+        use = Answer(question, short, text, "green" if ladder.feasible else "amber")
+    each = ladder.held_out.joint_error()[:, 0]
+    doubt = f"Nothing is identifiable, because {ladder.nothing}." if ladder.nothing else ""
+    answers = (
+        use,
+        answer_quality(error, ladder.robot.joints, each, kind),
+        answer_trust(notes, doubt or ladder.result.unjudged, found, size),
+        answer_next(_next_commands(ladder)),
     )
+    return Answers(answers, sketch_robot(ladder.robot, ladder.samples, ladder.verdicts))
+
+
+def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
+    robot, logs = source_name(ladder.robot), log_names(ladder.samples)
+    if ladder.nothing:
+        return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
+    return [
+        (
+            "Take the robot into a simulator (result.json is what --json wrote):",
+            f"identifiability export {robot} result.json --out fitted.xml",
+        ),
+        (
+            "Predict the torque of another log:",
+            f"identifiability predict {robot} result.json another.csv --out torque.csv",
+        ),
+        (
+            "Find out what even this model misses (pruned.toml is what --model wrote):",
+            f"identifiability diagnose {robot} {logs} --model pruned.toml --report missing.html",
+        ),
+    ]
 
 
 def _notes(ladder: Ladder) -> Iterator[Note]:
@@ -128,12 +178,12 @@ MOVES = columns(
     "moves",
     Column("move", "text", _move_cell),
     Column("size", "number", len),
-    Column("p", digits(2), _p_value),
+    Column("p", digits(2), _p_value, detail=True),
     Column("identifiable", "number", found_cell),
     Column("fitted", error_text, "error_ra"),
     Column("unseen", error_text, "error_ra_unseen"),
-    Column("± SE", "error", _spread_cell),
-    Column("squares", digits(3), "error_squares"),
+    Column("± SE", "error", _spread_cell, detail=True),
+    Column("squares", digits(3), "error_squares", detail=True),
     Column("worst σ%", "number", _worst_cell),
     Column("signs", "badge", _signs_cell),
 )

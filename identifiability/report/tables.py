@@ -71,12 +71,18 @@ class Column:
         of the row; None for the element of the row at the column's own place.
     hint : str
         One sentence that says what the column is.
+    detail : bool
+        Whether it is shown only to who asks for statistics in detail.
+    quiet : bool
+        Whether that holds for the small print of its cells; it is said where the pointer is.
     """
 
     title: str
     look: Look = "text"
     get: str | Callable[[Any], Any] | None = None
     hint: str = ""
+    detail: bool = False
+    quiet: bool = False
 
     @property
     def kind(self) -> Kind:

@@ -14,8 +14,8 @@ from identifiability.report import build_analysis_page, write_analysis_report
 from identifiability.report.sections.answer import answer_notes
 
 SECTIONS = (
-    "parameters", "models", "motions", "prediction", "residuals", "physics", "structure",
-    "full-model", "motion", "thresholds", "provenance",
+    "parameters", "models", "prediction", "budget", "confused", "motions", "residuals", "physics",
+    "structure", "full-model", "motion", "thresholds", "provenance",
 )  # fmt: skip
 
 
@@ -148,9 +148,13 @@ def test_dropped_and_singular_samples_are_warned_of(paper_analysis):
 def test_impossible_values_are_a_warning_and_not_a_footnote(paper_analysis):
     worst = replace(paper_analysis, selected=0)
     page = build_analysis_page(worst)
-    assert page.tiles[-1].value == "No"
-    assert page.summary[-1].notes[0].title == "Impossible values in the model to use."
-    assert page.sections[7].blocks == ()  # the unpruned model is not shown twice
+    answers, _, notes, _ = page.summary
+    assert answers.answers[0].tone == "amber"
+    assert answers.answers[2].short == "With care."
+    assert "Impossible values in the model to use" in answers.answers[2].text
+    assert notes.notes[0].title == "Impossible values in the model to use."
+    (again,) = (s for s in page.sections if s.name == "full-model")
+    assert again.blocks == ()  # the unpruned model is not shown twice
 
 
 def test_long_combinations_are_cut_between_terms():

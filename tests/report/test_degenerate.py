@@ -26,8 +26,10 @@ def test_hostile_joint_names_are_harmless(chain_analysis, hostile_names):
 def test_a_robot_that_stands_still_is_a_result(chain_analysis):
     analysis = chain_analysis(["a", "b"], amplitude=0.0)
     page = build_analysis_page(analysis)
-    assert page.statement.startswith("Nothing is identifiable")
-    assert page.tiles[2].value.startswith("0 of")
+    answers = page.summary[0].answers
+    assert [a.short for a in answers[::2]] == ["Nothing, and none.", "No."]
+    assert answers[2].text.startswith("Nothing is identifiable")
+    assert [c for _, c in answers[3].commands] == ["identifiability inspect robot.xml 'log 1'"]
     for row in cells(analysis):
         assert [c.text for c in row[1:3]] == ["—", "—"]
         assert row[5].text == "—"
@@ -38,7 +40,7 @@ def test_torque_that_never_varies_has_no_relative_error(chain_analysis):
     analysis = chain_analysis(["a"], torque=5.0)
     html = render(analysis)
     assert "Nothing is identifiable, because the measured torque never changes" in html
-    assert build_analysis_page(analysis).tiles[3].value == "—"
+    assert build_analysis_page(analysis).summary[0].answers[1].short == "There is no error to tell."
     assert not re.search(r">[^<]*\bnan\b[^<]*<", html)
 
 

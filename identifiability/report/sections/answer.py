@@ -1,4 +1,4 @@
-"""The answer: headline numbers, who is who, and what to keep in mind."""
+"""The answer: what to use, who is who, and what to keep in mind."""
 
 from __future__ import annotations
 
@@ -7,9 +7,18 @@ from collections.abc import Iterator
 import numpy as np
 
 from identifiability.estimation.verdict import Class
-from identifiability.report.blocks import Note, Notes, Term, Terms, Tile
+from identifiability.report.blocks import Answer, Answers, Note, Notes, Term, Terms
 from identifiability.report.marks import MARKS
 from identifiability.report.numbers import error_text, format_count, format_number, join, time_text
+from identifiability.report.sections.decision import (
+    answer_next,
+    answer_quality,
+    answer_trust,
+    grade_of,
+    log_names,
+    sketch_robot,
+    source_name,
+)
 from identifiability.report.sections.facts import model_title, sigma_inflation
 from identifiability.report.words import note
 from identifiability.workflows.analyze import Analysis
@@ -24,46 +33,64 @@ MOST_NAMES = 24
 FEW_ROWS = 10
 
 
-def answer_tiles(analysis: Analysis) -> tuple[Tile, ...]:
-    """Return the headline numbers."""
-    chosen, full = analysis.chosen, analysis.full
-    found, total = chosen.count(Class.IDENTIFIABLE), len(chosen.rung)
-    inside = ""
-    if chosen is not full:
-        before = f"{full.count(Class.IDENTIFIABLE)} of {len(full.rung)}"
-        before = "not judged" if full.unjudged else before
-        inside = f"{before} in the unpruned {model_title(full)}"
-    effects = ", ".join(e.replace("_", " ") for e in analysis.effects)
-    return (
-        Tile(str(len(analysis.base.parameters)), "parameters", effects),
-        Tile(
-            str(analysis.base.rank),
-            "can be told apart",
-            "by any motion; the others act only in sums, or never",
-        ),
-        Tile(f"{found} of {total}", f"identifiable in {model_title(chosen)}", inside),
-        Tile(
-            error_text(chosen.error_ra_validation),
-            "error on unseen motion",
-            f"{error_text(chosen.error_ra)} on the motion it was fitted to",
-            "" if chosen.error_ra_validation < 1 else "vermilion",
-        ),
-        _feasible_tile(analysis),
+def answer_questions(analysis: Analysis, notes: Notes) -> Answers:
+    """Return what to use, how good it is, whether to trust it, what to do next."""
+    chosen, found = analysis.chosen, analysis.chosen.count(Class.IDENTIFIABLE)
+    doubt = f"Nothing is identifiable, because {analysis.nothing}." if analysis.nothing else ""
+    each = analysis.held_out.joint_error()[:, analysis.selected]
+    joints, kind = analysis.robot.joints, analysis.validation_kind
+    answers = (
+        _answer_use(analysis),
+        answer_quality(chosen.error_ra_validation, joints, each, kind),
+        answer_trust(notes.notes, doubt or chosen.unjudged, found, len(chosen.rung)),
+        answer_next(_next_commands(analysis)),
     )
+    return Answers(answers, sketch_robot(analysis.robot, analysis.samples, chosen.verdicts))
 
 
-def _feasible_tile(analysis: Analysis) -> Tile:
-    chosen = analysis.chosen
-    label = "physically possible"
-    if chosen.feasible:
-        return Tile("Yes", label, "a real robot can have all its values", "green")
-    if chosen.infeasible:
-        return Tile("No", label, f"wrong sign: {join(chosen.infeasible, 3)}", "vermilion")
-    if chosen.physical.certificate is None:
-        why = "" if analysis.nothing else "the motion leaves some parameters undetermined"
-        return Tile("Open", label, why)
-    near = f"the nearest real robot errs by {error_text(chosen.error_ra_physical)}"
-    return Tile("Nearly", label, near, "amber")
+def _answer_use(analysis: Analysis) -> Answer:
+    chosen, base = analysis.chosen, analysis.base
+    question = "What do the logs determine, and which model to use?"
+    size = f"Of {len(base.parameters)} parameters {base.rank} can be told apart by any motion."
+    if analysis.nothing:
+        return Answer(question, "Nothing, and none.", size, "vermilion")
+    found = f"{chosen.count(Class.IDENTIFIABLE)} of {len(chosen.rung)} parameters"
+    if chosen.unjudged:
+        found = f"{len(chosen.rung)} parameters, none judged"
+    title = model_title(chosen)
+    if chosen is not analysis.full:
+        full = analysis.full
+        size += f" The unpruned {model_title(full)} keeps all {len(full.rung)} of them"
+        size += "." if full.unjudged else f", {full.count(Class.IDENTIFIABLE)} identifiable."
+    physics = f" {analysis.physical_statement}"
+    tone = "blue" if chosen.feasible else "amber"
+    return Answer(question, f"{title}: {found} identifiable.", f"{size}{physics}", tone)
+
+
+def _next_commands(analysis: Analysis) -> list[tuple[str, str]]:
+    """Return at most three lines for the terminal, the most useful first."""
+    robot, logs = source_name(analysis.robot), log_names(analysis.samples)
+    if analysis.nothing:
+        return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
+    chosen, out = analysis.chosen, []
+    if grade_of(chosen.error_ra_validation) != "very-good":
+        page = "--report missing.html"
+        text = "Find out what the model misses:"
+        out.append((text, f"identifiability diagnose {robot} {logs} {page}"))
+    if chosen.count(Class.IDENTIFIABLE) < len(chosen.rung):
+        text = "Drop what noise decides, and keep a model that a real robot can have:"
+        more = "--report pruned.html --json result.json"
+        out.append((text, f"identifiability prune {robot} {logs} {more}"))
+        text = "Or measure what these logs leave open:"
+        out.append(
+            (
+                text,
+                f"identifiability excite {robot} --start-from {logs.split(' ')[0]} --out next.json",
+            )
+        )
+    text = "Take the robot into a simulator (result.json is what --json wrote):"
+    out.append((text, f"identifiability export {robot} result.json --out fitted.xml"))
+    return out[:3]
 
 
 def answer_terms(analysis: Analysis) -> Terms:

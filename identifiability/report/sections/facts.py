@@ -74,7 +74,7 @@ def bias_columns(verdicts: Sequence[Verdict]) -> tuple[Column, ...]:
     """Return the column of what least squares would have been, if the fit is none."""
     if all(v.bias_sigma is None for v in verdicts):
         return ()
-    return (Column("least squares − value", _sigmas, "bias_sigma"),)
+    return (Column("least squares − value", _sigmas, "bias_sigma", detail=True),)
 
 
 def _sigmas(moved: float | None) -> str:
@@ -85,4 +85,4 @@ def _sigmas(moved: float | None) -> str:
 VALUE = Column("value", "number", lambda v: measured_cells(v.value, v.sigma_robust)[0])
 SIGMA = Column("± σ", "error", lambda v: measured_cells(v.value, v.sigma_robust)[1])
 UNIT = Column("unit", get="unit")
-VERDICT = Column("verdict", "badge", lambda v: badge_cell(v.verdict.value, v.reason))
+VERDICT = Column("verdict", "badge", lambda v: badge_cell(v.verdict.value, v.reason), quiet=True)

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from identifiability.effects import find_effect, title_of
 from identifiability.estimation.estimator import PAPER_FACTOR
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.names import Array
-from identifiability.report.blocks import Fold, Gallery, Section
+from identifiability.report.blocks import Fold, Gallery, Section, Term, Terms
 from identifiability.report.figures.models import draw_errors, draw_sizes
 from identifiability.report.figures.parameters import draw_precision, draw_pulls
 from identifiability.report.numbers import (
@@ -93,17 +94,23 @@ def _possible_cell(m: RungResult) -> Cell:
     return Cell("open" if m.physical.certificate is None else "not exactly", 1.0, near, "partly")
 
 
+INERTIAL_KEY = (
+    "m, mx … mz, Ixx … Izz",
+    "mass [kg], mass times centre of mass [kg·m] and inertia [kg·m²] of a body, in the frame of "
+    "the joint that carries it and about its origin",
+)
+
 LADDER = columns(
     "models",
     Column("model", get=lambda m: Cell(m.name, note=m.rung.description)),
     Column("parameters", "number", lambda m: len(m.rung)),
     Column("identifiable", "number", found_cell),
-    Column("10× rule", "number", "paper_identified"),
+    Column("10× rule", "number", "paper_identified", detail=True),
     Column("error, fitted", error_text, "error_ra"),
     Column("error, unseen", error_text, "error_ra_validation"),
-    Column("joints, unseen", error_text, "error_joints_validation"),
-    Column("± SE", "error", _spread_cell),
-    Column("condition", _condition_text, "estimate.condition"),
+    Column("joints, unseen", error_text, "error_joints_validation", detail=True),
+    Column("± SE", "error", _spread_cell, detail=True),
+    Column("condition", _condition_text, "estimate.condition", detail=True),
     Column("real robot", "badge", _possible_cell),
 )
 
@@ -114,7 +121,24 @@ def section_parameters(analysis: Analysis) -> Section:
     blocks = parameter_blocks(analysis, analysis.chosen)
     described = f" ({rung.description})" if rung.description else ""
     size = format_count(len(rung), "parameter")
-    return section("analysis.parameters", *blocks, title=title, size=size, described=described)
+    holes = {"title": title, "size": size, "described": described}
+    return section("analysis.parameters", *blocks, name_key(analysis), **holes)
+
+
+def name_key(analysis: Analysis) -> Fold:
+    """Return what the names of parameters mean."""
+    terms = [Term("NAME.KIND", sentence("analysis.key")), Term(*INERTIAL_KEY)]
+    for name in analysis.effects:
+        effect = find_effect(name)
+        kinds = dict.fromkeys(p.kind for p in effect.parameters(analysis.robot))
+        if name != "rigid_body" and kinds:
+            terms.append(Term(", ".join(kinds), title_of(name), formula=effect.equation))
+    robot = analysis.robot
+    short = {**robot.body_symbols, **robot.joint_symbols}
+    named = [f"{symbol} is {name}" for name, symbol in short.items() if symbol != name]
+    if named:
+        terms.append(Term("short forms", f"{'; '.join(named)}."))
+    return Fold("What the names mean", (Terms(tuple(terms)),))
 
 
 def section_full_model(analysis: Analysis) -> Section:
@@ -135,6 +159,7 @@ def parameter_blocks(analysis: Analysis, result: RungResult) -> tuple[Gallery, T
 def parameter_table(analysis: Analysis, result: RungResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
     most = max((v.share for v in result.verdicts), default=0.0)
+    reduced = any(v.sigma_omit for v in result.verdicts)
     stated = dict(zip(result.rung.columns, stated_values(analysis, result), strict=True))
 
     def share(v: Verdict) -> Cell:
@@ -148,26 +173,31 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
 
     every = columns(
         "parameters",
-        Column("parameter", get=lambda v: Cell(v.name, note=shorten_label(v.label))),
+        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
         VALUE,
         SIGMA,
         UNIT,
-        Column("σ white", percent_text, "sigma_percent"),
-        Column("σ robust", percent_text, "sigma_robust_percent"),
+        Column("σ white", percent_text, "sigma_percent", detail=True),
+        Column("σ robust", percent_text, "sigma_robust_percent", detail=reduced),
         Column("σ label", percent_text, "sigma_label_percent"),
         *bias_columns(result.verdicts),
         Column("robot file", "number", in_file),
         Column("share of torque", "bar", share),
-        Column("10× rule", "text", _paper_cell),
+        Column("10× rule", "text", _paper_cell, detail=True),
         VERDICT,
     )
-    reduced = any(v.sigma_omit for v in result.verdicts)
     own = tuple(c for c in every if reduced or c.title != "σ label")
     return Table.of("", own, result.verdicts, filter_by=-1)
 
 
 def _paper_cell(v: Verdict) -> Cell:
     return Cell("✓" if v.paper_rule else "–", float(v.paper_rule))
+
+
+def label_note(v: Verdict) -> str:
+    """Return the combination that a name stands for; nothing where it is the parameter alone."""
+    alone = " " not in v.label and v.label[:1] not in "−-0123456789"
+    return "" if alone else shorten_label(v.label)
 
 
 def shorten_label(label: str, most: int = 110) -> str:

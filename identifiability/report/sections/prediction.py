@@ -9,7 +9,8 @@ import numpy as np
 from identifiability.estimation.layout import WINDOW, WINDOWS
 from identifiability.estimation.noise.autocorrelation import autocorrelation
 from identifiability.foundation.names import Array
-from identifiability.report.blocks import Block, Fold, Gallery, Section
+from identifiability.report.blocks import Block, Fold, Gallery, Section, Trace, Traces
+from identifiability.report.drawing import peak_rows
 from identifiability.report.figures.motion import (
     choose_stretch,
     draw_autocorrelation,
@@ -49,7 +50,8 @@ def section_prediction(analysis: Analysis) -> Section:
     windows = sentence("analysis.windows", windows=WINDOWS, window=WINDOW)
     return section(
         "analysis.prediction",
-        *torque_pictures(analysis, part),
+        torque_traces(analysis),
+        Fold("Each joint as a picture", torque_pictures(analysis, part)),
         joint_table(analysis),
         log_table(analysis) if len(analysis.samples) + len(analysis.validation) > 1 else None,
         log=samples.name,
@@ -58,6 +60,22 @@ def section_prediction(analysis: Analysis) -> Section:
         kind="a log that" if analysis.validation else "stretches of a log that",
         windows="" if whole else windows,
     )
+
+
+def torque_traces(analysis: Analysis) -> Traces:
+    """Return the torque of each joint along the whole first unseen log, to zoom and read off."""
+    out, m = analysis.held_out, analysis.selected
+    t = out.t[0]
+    most = max(300, LINE_POINTS // (2 * len(analysis.robot.joints)))
+    groups = []
+    for k, (joint, unit) in enumerate(
+        zip(analysis.robot.joints, torque_units(analysis.robot), strict=True)
+    ):
+        measured, predicted = out.tau[: len(t), k], out.predicted[: len(t), k, m]
+        rows = peak_rows((measured, predicted, measured - predicted), most)
+        lines = {"measured": measured, "predicted": predicted, "left over": measured - predicted}
+        groups.append(Trace.of(joint, unit, t[rows], {n: y[rows] for n, y in lines.items()}))
+    return Traces(tuple(groups), sentence("analysis.traces", log=unseen_samples(analysis)[0].name))
 
 
 def torque_pictures(analysis: Analysis, part: slice) -> tuple[Block, ...]:

@@ -54,10 +54,123 @@ for (const chip of document.querySelectorAll(".chip")) {
   });
 }
 
+// Statistics in detail are hidden until they are asked for; a link into them asks.
+const statistics = document.getElementById("statistics");
+function showDetail(on) {
+  if (statistics) statistics.checked = on;
+  document.body.classList.toggle("with-detail", on);
+}
+if (statistics) statistics.addEventListener("change", () => showDetail(statistics.checked));
+function openTarget() {
+  const target = location.hash && document.getElementById(location.hash.slice(1));
+  if (target && target.closest(".detail")) { showDetail(true); target.scrollIntoView(); }
+}
+window.addEventListener("hashchange", openTarget);
+openTarget();
+
+// Copies and files are made here; nothing is sent. A cell that a spreadsheet would run is quoted.
+function tableRows(table) {
+  const text = (cell) => {
+    const value = cell.dataset.key && !Number.isNaN(Number(cell.dataset.key))
+      ? cell.dataset.key : (cell.childNodes.length ? cell.innerText : "").replace(/\s+/g, " ").trim();
+    return /^[=+@\t\r]|^-(?![\d.])/.test(value) ? `'${value}` : value;
+  };
+  return [...table.rows].filter((row) => !row.hidden).map((row) => [...row.cells].map(text));
+}
+function say(button, word) {
+  const before = button.textContent;
+  button.textContent = word;
+  setTimeout(() => { button.textContent = before; }, 1200);
+}
+async function copy(button, text) {
+  try {
+    await navigator.clipboard.writeText(text);
+  } catch {
+    const area = document.createElement("textarea");
+    area.value = text;
+    document.body.append(area);
+    area.select();
+    document.execCommand("copy");
+    area.remove();
+  }
+  say(button, "copied");
+}
+for (const button of document.querySelectorAll(".copy")) {
+  button.addEventListener("click", () => copy(button, button.dataset.copy));
+}
+for (const button of document.querySelectorAll(".copy-table")) {
+  button.addEventListener("click", () => copy(button,
+    tableRows(button.closest(".table").querySelector("table")).map((r) => r.join("\t")).join("\n")));
+}
+for (const button of document.querySelectorAll(".save-table")) {
+  button.addEventListener("click", () => {
+    const rows = tableRows(button.closest(".table").querySelector("table"));
+    const quote = (x) => (/[",\n]/.test(x) ? `"${x.replaceAll('"', '""')}"` : x);
+    const text = rows.map((r) => r.map(quote).join(",")).join("\r\n");
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob(["\ufeff", text], { type: "text/csv" }));
+    link.download = `${button.closest("section, main").id || "table"}.csv`;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    say(button, "saved");
+  });
+}
+
+// A part of the drawn robot shows its rows; a row and its mark in the pictures light up together.
+const parameters = document.querySelector("#parameters .table, #survivors .table");
+const rowName = (row) => row.cells[0].firstChild.textContent.trim();
+function showOwner(part) {
+  const owner = part.dataset.owner, pressed = part.getAttribute("aria-pressed") === "true";
+  for (const other of document.querySelectorAll("[data-owner]")) {
+    other.setAttribute("aria-pressed", String(!pressed && other === part));
+  }
+  const rows = [...parameters.querySelectorAll("tbody tr")];
+  for (const row of rows) row.hidden = !pressed && !rowName(row).startsWith(`${owner}.`);
+  const shown = rows.filter((row) => !row.hidden).length;
+  const status = parameters.querySelector(".shown");
+  if (status) status.textContent = pressed ? "" : `${owner}: ${shown} of ${rows.length} shown`;
+  if (!pressed) parameters.scrollIntoView({ block: "start" });
+}
+if (parameters) {
+  for (const part of document.querySelectorAll("[data-owner]")) {
+    part.addEventListener("click", () => showOwner(part));
+    part.addEventListener("keydown", (event) => {
+      if (event.key === "Enter" || event.key === " ") { event.preventDefault(); showOwner(part); }
+    });
+  }
+}
+function light(section, name, on) {
+  for (const one of section.querySelectorAll("[data-row]")) {
+    if (one.dataset.row === name) one.classList.toggle("lit", on);
+  }
+  for (const row of section.querySelectorAll("tbody tr")) {
+    if (rowName(row) === name) row.classList.toggle("lit", on);
+  }
+}
+for (const section of document.querySelectorAll("section")) {
+  if (!section.querySelector("[data-row]")) continue;
+  const nameOf = (target) => {
+    const mark = target.closest("[data-row]"), row = target.closest("tbody tr");
+    return mark ? mark.dataset.row : row ? rowName(row) : null;
+  };
+  for (const [kind, on] of [["mouseover", true], ["mouseout", false]]) {
+    section.addEventListener(kind, (event) => {
+      const name = nameOf(event.target);
+      if (name !== null) light(section, name, on);
+    });
+  }
+  section.addEventListener("click", (event) => {
+    const mark = event.target.closest("[data-row]");
+    if (!mark) return;
+    const row = [...section.querySelectorAll("tbody tr")].find((r) => rowName(r) === mark.dataset.row);
+    if (row) row.scrollIntoView({ block: "center" });
+  });
+}
+
 // Paper cannot be clicked: folds are open in print, and a link opens the fold it leads into.
 const closed = [];
 window.addEventListener("beforeprint", () => {
-  for (const fold of document.querySelectorAll("details:not([open])")) {
+  for (const fold of document.querySelectorAll("details:not([open]):not(.detail)")) {
     fold.open = true;
     closed.push(fold);
   }

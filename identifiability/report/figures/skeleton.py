@@ -1,0 +1,231 @@
+"""The robot as a skeleton: joints as dots, bodies as lines between them, coloured by verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.robot import Robot
+from identifiability.robot.kinematics import WORLD, Point
+
+#: Size of the drawing and the margin around it [px].
+WIDTH, HEIGHT, MARGIN = 400, 380, 46
+
+#: Direction that one looks along where the robot is not flat: azimuth and height [rad].
+VIEW = (-0.95, 0.42)
+
+#: A robot whose points lie in a plane up to this share of its size is drawn in that plane.
+FLAT = 0.03
+
+#: Bodies and joints with a name beside them, at most; others say it where the pointer is.
+NAMED = 12
+
+
+@frozen
+class Part:
+    """How a body or a joint is shown.
+
+    Attributes
+    ----------
+    tone : str
+        Colour by the name of the style sheet's variable.
+    text : str
+        What is said where the pointer is.
+    """
+
+    tone: str
+    text: str
+
+
+def draw_skeleton(robot: Robot, pose: Array, parts: Mapping[str, Part]) -> Markup | None:
+    """Return the robot in a pose as SVG, its moving parts with the attribute ``data-owner``.
+
+    None where all its points coincide.
+
+    Parameters
+    ----------
+    robot : Robot
+    pose : (nq,)
+        Configuration of the tree in Pinocchio's convention.
+    parts : mapping
+        Body, joint or axis to how it is shown; others are grey.
+    """
+    limbs, at = trace_limbs(robot, pose)
+    every = np.concatenate([*limbs.values(), at])
+    if not np.isfinite(every).all() or not np.ptp(every, axis=0).max() > 0:
+        return None
+    place = _look(every)
+    ground = Part("grey", "does not appear in the model")
+    drawn = []
+    for body, lines in sorted(limbs.items(), key=lambda x: float(place.depth(x[1]).mean())):
+        part = parts.get(body, ground)
+        drawn.append(_limb(body, part, place(lines).reshape(-1, 2, 2)))
+    for joint, origin in zip(robot.tree.joints, at, strict=True):
+        drawn.append(_joint(joint.dofs, joint.kind, parts, place(origin[None])[0]))
+    drawn += _names(robot, parts, {b: place(x) for b, x in limbs.items()})
+    base = [place(o[None])[0] for j, o in zip(robot.tree.joints, at, strict=True) if _stands(j)]
+    feet = "".join(_foot(x, y) for x, y in base)
+    return Markup(
+        f'<svg class="robot" viewBox="0 0 {WIDTH} {HEIGHT}" role="group" '
+        f'aria-label="{escape(robot.title or robot.name)}, drawn from its kinematics">'
+        f"{feet}{''.join(drawn)}</svg>"
+    )
+
+
+def trace_limbs(robot: Robot, pose: Array) -> tuple[dict[str, Array], Array]:
+    """Return the lines of each moving body, (2 s, 3) each, and the places of joints, (j, 3) [m].
+
+    A body goes from its joint to those that hang on it, to the points at which loops close, and,
+    where there are none, to its centre of mass and as far again.
+    """
+    tree, q = robot.tree, pose[None]
+    frames = tree.frames(q, range(len(tree.joints)))
+    at = np.stack([frames.origin[k][:, 0] for k in range(len(tree.joints))])
+    limbs: dict[str, Array] = {}
+    for body, k in _carriers(robot).items():
+        ends = [at[c] for c, j in enumerate(tree.joints) if j.parent == k]
+        for loop in robot.loops:
+            ends += [tree.world_point(frames, p)[:, 0] for p in _points(loop, k)]
+        if not ends:
+            mass = robot.nominal.get(f"{body}.m", 0.0)
+            first = np.array([robot.nominal.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
+            if mass > 0:
+                ends = [tree.world_point(frames, Point(k, 1.6 * first / mass))[:, 0]]
+        limbs[body] = np.array([p for end in ends or [at[k]] for p in (at[k], end)])
+    return limbs, at
+
+
+def _carriers(robot: Robot) -> dict[str, int]:
+    """Return the last joint of the tree before each body; of a ball's three hinges the third."""
+    model = robot.model
+    ends = {j.iv + j.nv: k for k, j in enumerate(robot.tree.joints)}
+    places = (int(model.idx_vs[k] + model.nvs[k]) for k in range(1, model.njoints))
+    return {b: ends[at] for b, at in zip(robot.bodies, places, strict=True) if at in ends}
+
+
+def _points(loop: object, joint: int) -> list[Point]:
+    found = (getattr(loop, "first", None), getattr(loop, "second", None))
+    return [p for p in found if p is not None and p.joint == joint]
+
+
+def _stands(joint: object) -> bool:
+    return bool(getattr(joint, "parent", WORLD) == WORLD)
+
+
+@frozen
+class _View:
+    """From the world to the paper."""
+
+    right: Array
+    up: Array
+    origin: Array
+    scale: float
+    shift: Array
+
+    def __call__(self, points: Array) -> Array:
+        """Return places on the paper, (N, 2) [px]."""
+        moved = points - self.origin
+        flat = np.stack([moved @ self.right, -(moved @ self.up)], 1)
+        out: Array = flat * self.scale + self.shift
+        return out
+
+    def depth(self, points: Array) -> Array:
+        """Return how near points are, (N,) [m]."""
+        near: Array = (points - self.origin) @ np.cross(self.right, self.up)
+        return near
+
+
+def _look(points: Array) -> _View:
+    """Return the view that shows some points: of a flat robot its plane, with z up if it can be."""
+    origin = points.mean(0)
+    _, size, axes = np.linalg.svd(points - origin, full_matrices=False)
+    size = np.pad(size, (0, 3 - len(size)))
+    vertical = np.array([0.0, 0.0, 1.0])
+    if size[0] > 0 and size[2] < FLAT * size[0] and size[1] > FLAT * size[0]:
+        away = axes[2]
+        if abs(away[2]) > 0.9:  # seen from above, where nothing is up
+            right, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+        else:
+            away = away if away[np.argmax(np.abs(away))] < 0 else -away
+            right = np.cross(away, vertical)
+            right /= np.linalg.norm(right)
+            up = np.cross(right, away)
+    else:
+        turn, height = VIEW
+        right = np.array([np.cos(turn), np.sin(turn), 0.0])
+        level = np.array([-np.sin(turn), np.cos(turn), 0.0])
+        up = np.sin(height) * level + np.cos(height) * vertical
+    flat = np.stack([(points - origin) @ right, -((points - origin) @ up)], 1)
+    low, high = flat.min(0), flat.max(0)
+    room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
+    scale = float(np.min(room / np.maximum(high - low, 1e-9 + 0.02 * float(np.max(high - low)))))
+    shift = np.array([WIDTH, HEIGHT]) / 2 - scale * (low + high) / 2
+    return _View(right, up, origin, scale, shift)
+
+
+def _open(owner: str, part: Part) -> str:
+    text = escape(f"{owner}: {part.text}")
+    return (
+        f'<g class="tone-{part.tone}" data-owner="{escape(owner)}" tabindex="0" role="button" '
+        f'aria-pressed="false" aria-label="{text}"><title>{text}</title>'
+    )
+
+
+def _limb(body: str, part: Part, lines: Array) -> str:
+    corners = np.unique(lines.reshape(-1, 2).round(1), axis=0)
+    if len(corners) > 2:  # a plate
+        middle = corners - corners.mean(0)
+        corners = corners[np.argsort(np.arctan2(middle[:, 1], middle[:, 0]))]
+        path, kind = f"M{'L'.join(f'{x:.1f} {y:.1f}' for x, y in corners)}Z", "limb plate"
+    else:
+        path = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in lines)
+        kind = "limb"
+    return f'{_open(body, part)}<path class="{kind}" d="{path}"/></g>'
+
+
+def _joint(dofs: Sequence[str], kind: str, parts: Mapping[str, Part], at: Array) -> str:
+    x, y = at
+    shape = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="7" class="%s"/>'
+    if kind == "prismatic":
+        shape = f'<rect x="{x - 6:.1f}" y="{y - 6:.1f}" width="12" height="12" class="%s"/>'
+    known = next((d for d in dofs if d in parts), None)
+    if known is None:
+        small = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.4" class="passive"/>'
+        return f"<g><title>{escape(', '.join(dofs))}</title>{small}</g>"
+    return f"{_open(known, parts[known])}{shape % 'joint'}</g>"
+
+
+def _foot(x: float, y: float) -> str:
+    left, right, low = x - 15, x + 15, y + 11
+    strokes = "".join(f"M{k:.1f} {low:.1f}l-5 6" for k in np.linspace(left + 5, right, 5))
+    return f'<path class="ground" d="M{left:.1f} {low:.1f}H{right:.1f}{strokes}"/>'
+
+
+def _names(robot: Robot, parts: Mapping[str, Part], places: Mapping[str, Array]) -> list[str]:
+    """Return names beside bodies, away from the middle of the robot, none over another."""
+    shown = [b for b in robot.bodies if b in parts][:NAMED]
+    middle = np.mean([places[b].mean(0) for b in shown], axis=0) if shown else np.zeros(2)
+    texts: list[str] = []
+    taken: list[tuple[Array, Array]] = []
+    for body in shown:
+        lines = places[body]
+        along = lines[-1] - lines[0]
+        aside = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
+        at = lines.mean(0)
+        aside = aside if aside @ (at - middle) >= 0 else -aside
+        name = body if len(body) <= 22 else f"{body[:12]}…{body[-9:]}"
+        room = np.array([6.2 * len(name), 13.0])
+        shift = 12.0 * aside + 0.5 * room * np.array([np.clip(2 * aside[0], -1, 1), aside[1]])
+        at = np.clip(at + shift, 0.5 * room + 2, [WIDTH, HEIGHT] - 0.5 * room - 2)
+        while any((np.abs(at - other) < 0.5 * (room + size)).all() for other, size in taken):
+            at[1] += 7.0
+        taken.append((at, room))
+        x, y = at
+        texts.append(
+            f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{escape(name)}</text>'
+        )
+    return texts

@@ -1,0 +1,39 @@
+// Torque over time: drag to zoom, double click for all, the cursor reads values off.
+function drawTraces(figure) {
+  const box = figure.querySelector(".trace-box"), reset = figure.querySelector(".reset");
+  const buttons = [...figure.querySelectorAll("[data-trace]")];
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  let plot = null;
+  const show = (button) => {
+    for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
+    const data = JSON.parse(button.dataset.trace);
+    if (plot) plot.destroy();
+    const [ink, line] = [colour("--muted"), colour("--line")];
+    const strokes = [colour("--muted"), colour("--blue"), colour("--vermilion")];
+    const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
+    const digits = (u, x) => (x == null ? "\u2014" : Number(x.toPrecision(4)).toString());
+    plot = new uPlot({
+      width: box.clientWidth, height: Math.max(240, Math.min(420, box.clientWidth * 0.36)),
+      scales: { x: { time: false } },
+      cursor: { drag: { x: true, y: false } },
+      legend: { live: true },
+      axes: [{ ...axis, label: "time [s]" }, { ...axis, label: `torque [${data.unit}]`, size: 64 }],
+      series: [{ label: "t [s]", value: digits }, ...data.names.map((name, k) => ({
+        label: name, stroke: strokes[k], width: k ? 1.4 : 2.6, value: digits, points: { show: false },
+      }))],
+      hooks: {
+        setScale: [(u, key) => {
+          const all = data.rows[0], { min, max } = u.scales.x;
+          if (key === "x") reset.hidden = !(min > all[0] || max < all[all.length - 1]);
+        }],
+      },
+    }, data.rows, box);
+    reset.onclick = () => plot.setScale("x", { min: data.rows[0][0], max: data.rows[0].at(-1) });
+  };
+  for (const button of buttons) button.addEventListener("click", () => show(button));
+  const again = () => show(buttons.find((b) => b.getAttribute("aria-pressed") === "true"));
+  window.addEventListener("resize", again);
+  again();
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
+}
+for (const figure of document.querySelectorAll(".traces")) drawTraces(figure);

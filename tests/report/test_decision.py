@@ -1,0 +1,133 @@
+"""The first screen: graded errors, trust, commands, and the robot drawn from its kinematics."""
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.report import build_analysis_page, render_page
+from identifiability.report.blocks import Note, Trace
+from identifiability.report.figures.confusion import order_confused
+from identifiability.report.figures.skeleton import Part, draw_skeleton, trace_limbs
+from identifiability.report.sections.connections import correlation_of, section_confused
+from identifiability.report.sections.decision import (
+    answer_quality,
+    answer_trust,
+    grade_of,
+    quote,
+    source_name,
+)
+from identifiability.robot import Robot
+
+
+@pytest.mark.parametrize(
+    ("error", "grade"),
+    [(0.03, "very-good"), (0.031, "good"), (0.15, "fair"), (0.16, "poor"), (0.51, "useless")],
+)
+def test_an_error_has_a_grade(error, grade):
+    assert grade_of(error) == grade
+
+
+def test_quality_names_the_best_and_the_worst_joint():
+    answer = answer_quality(0.05, ("a", "b", "c"), np.array([0.04, 0.09, 0.02]), "another log")
+    assert answer.short == "Good: it misses 5.00 % of how much torque varies."
+    assert "From 2.00 % (c) to 9.00 % (b)." in answer.text
+    assert answer.text.endswith("Measured on another log.")
+    assert answer.tone == "green"
+
+
+def test_trust_falls_with_a_warning_and_is_gone_with_a_doubt():
+    note, warning = Note("note", "Small.", ""), Note("warning", "Grave.", "")
+    assert answer_trust([note], "", 3, 4).short.startswith("Yes")
+    assert "“Grave”" in answer_trust([note, warning], "", 3, 4).text
+    assert answer_trust([note, warning], "", 3, 4).short == "With care."
+    assert answer_trust([note], "nothing moved", 3, 4).short == "No."
+
+
+def test_names_are_quoted_for_a_shell():
+    assert quote("run-1.csv") == "run-1.csv"
+    assert quote("my run's.csv") == "'my run'\\''s.csv'"
+    assert source_name(Robot.load("3-rps")) == "3-rps"
+
+
+def test_commands_stand_on_the_page_and_can_be_copied(paper_analysis):
+    html = render_page(build_analysis_page(paper_analysis))
+    assert 'data-copy="identifiability export 3-rps result.json --out fitted.xml"' in html
+
+
+def test_limbs_go_from_joint_to_joint_and_close_loops():
+    robot = Robot.load("five-bar")
+    limbs, at = trace_limbs(robot, robot.home)
+    ends = [lines[1] for body, lines in limbs.items() if "distal" in body]
+    assert np.allclose(ends[0], ends[1], atol=1e-9)  # both end in the point where the loop closes
+    assert np.allclose(limbs["left_proximal"][1], limbs["left_distal"][0])
+    assert len(at) == len(robot.tree.joints)
+
+
+@pytest.mark.parametrize("name", ["3-rps", "six-dof-arm", "six-ups", "two-link"])
+def test_every_body_and_joint_is_drawn_inside_the_picture(name):
+    robot = Robot.load(name)
+    parts = {owner: Part("blue", "all") for owner in (*robot.bodies, *robot.joints)}
+    drawing = str(draw_skeleton(robot, robot.home, parts))
+    owners = re.findall(r'data-owner="([^"]*)"', drawing)
+    assert sorted(owners) == sorted((*robot.bodies, *robot.joints))
+    paths = re.findall(r' d="(M[^"]*)"', drawing)
+    numbers = [float(x) for p in paths for x in re.findall(r"[ML ](-?[\d.]+)", p)]
+    assert min(numbers) >= 0
+    assert max(numbers) <= 400
+
+
+def test_a_name_cannot_leave_the_drawing():
+    robot = Robot.load("two-link")
+    evil = '"><script>x</script>'
+    drawing = str(draw_skeleton(robot, robot.home, {robot.bodies[0]: Part("blue", evil)}))
+    assert "<script" not in drawing
+
+
+def test_a_gap_breaks_a_trace_and_values_are_short():
+    t = np.array([0.0, 0.1, 0.2, 5.0, 5.1])
+    trace = Trace.of("a", "N", t, {"measured": np.arange(5) / 3})
+    assert "null" in trace.data
+    assert "0.33333" in trace.data
+    assert "0.333333" not in trace.data
+
+
+def test_confused_parameters_stand_beside_each_other_and_others_are_left_out():
+    correlation = np.eye(5)
+    for a, b, rho in ((0, 3, -0.95), (1, 4, 0.8), (2, 3, 0.5)):
+        correlation[a, b] = correlation[b, a] = rho
+    assert order_confused(correlation).tolist() == [0, 3, 1, 4]
+
+
+def test_the_words_of_the_map_say_which_pair_and_its_sign():
+    covariance = np.array([[4.0, -1.9, 0.0], [-1.9, 1.0, 0.0], [0.0, 0.0, 9.0]])
+    assert np.isclose(correlation_of(covariance)[0, 1], -0.95)
+    found = section_confused(SimpleNamespace(covariance=covariance, names=("a", "b", "c")))
+    assert "a and b (−0.95)" in found.lead
+    apart = section_confused(SimpleNamespace(covariance=np.eye(3), names=("a", "b", "c")))
+    assert apart.blocks == ()
+    assert apart.lead.startswith("None")
+
+
+def test_statistics_in_detail_are_hidden_and_the_rest_is_short(chain_analysis):
+    analysis = chain_analysis(["a", "b"], held=1)
+    html = render_page(build_analysis_page(analysis))
+    assert 'id="statistics"' in html
+    for name in ("residuals", "full-model", "thresholds", "provenance"):
+        assert f'<section id="{name}" class="detail">' in html
+    assert '<section id="parameters">' in html
+
+
+def test_a_body_is_as_good_as_its_best_parameter(paper_analysis):
+    sketch = build_analysis_page(paper_analysis).summary[0].sketch
+    best = {
+        v.name.rpartition(".")[0]
+        for v in paper_analysis.chosen.verdicts
+        if v.verdict == "identifiable"
+    }
+    for owner in best:
+        assert f'class="tone-blue" data-owner="{owner}"' in sketch.markup
+    worse = replace(paper_analysis, selected=0)
+    assert build_analysis_page(worse).summary[0].sketch.markup != sketch.markup
