@@ -21,7 +21,14 @@ from identifiability.robot.joints import body_names
 from identifiability.robot.kinematics import Point
 from identifiability.robot.known_torque import KnownTorque
 from identifiability.robot.measured_torque import MeasuredTorque
-from identifiability.robot.parts import Combination, Loop, Stated, Transmission, name_numbers
+from identifiability.robot.parts import (
+    Combination,
+    Loop,
+    LoopFrame,
+    Stated,
+    Transmission,
+    name_numbers,
+)
 from identifiability.robot.patterns import Owners, spread_patterns
 from identifiability.robot.sidecar import LimitEntry, LoopEntry, Sidecar
 
@@ -152,22 +159,32 @@ def _check_known(path: Path, key: str, given: Any, known: tuple[str, ...]) -> No
 
 
 def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
-    model, ends = stated.model, []
+    ends = []
     places = ((entry.body1, entry.point1), (entry.body2, entry.point2))
     for body, point in places:
-        frames = [f for f in model.frames if f.name == body and f.type == pin.FrameType.BODY]
-        if not frames:
-            known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
-            raise RobotError(
-                f"The sidecar of {path}: a loop names the body '{body}', which the robot does not "
-                f"have{near_match(body, known)} Known: {listing(known)}."
-            )
-        place = frames[0].placement
-        position = np.array(place.rotation) @ np.array(point) + np.array(place.translation)
-        ends.append(Point(stated.last[frames[0].parentJoint], position))
+        joint, rotation, translation = _find_body(path, body, stated)
+        ends.append(Point(joint, rotation @ np.array(point) + translation))
+    frame = None
+    if entry.frame is not None:
+        joint, rotation, _ = _find_body(path, entry.frame, stated)
+        frame = LoopFrame(entry.frame, joint, rotation)
     axes = tuple("xyz".index(a) for a in entry.axes)
     name = entry.name or f"{entry.body1}-{entry.body2}"
-    return Loop(name, ends[0], ends[1], axes, places)
+    return Loop(name, ends[0], ends[1], axes, places, frame)
+
+
+def _find_body(path: Path, body: str, stated: Stated) -> tuple[int, Array, Array]:
+    """Return the joint of the tree that a body is behind, and its rotation and place there."""
+    model = stated.model
+    frames = [f for f in model.frames if f.name == body and f.type == pin.FrameType.BODY]
+    if not frames:
+        known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+        raise RobotError(
+            f"The sidecar of {path}: a loop names the body '{body}', which the robot does not "
+            f"have{near_match(body, known)} Known: {listing(known)}."
+        )
+    place = frames[0].placement
+    return stated.last[frames[0].parentJoint], np.array(place.rotation), np.array(place.translation)
 
 
 def _nominal(

@@ -9,7 +9,8 @@ import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import find_named, is_pattern
-from identifiability.robot.parts import Bound, Ellipsoid, Stated
+from identifiability.robot.bound import Bound, Ellipsoid
+from identifiability.robot.parts import Stated
 from identifiability.robot.sidecar import BodyBoundsEntry, BoundsEntry
 
 

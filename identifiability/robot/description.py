@@ -14,12 +14,13 @@ from identifiability.foundation.errors import RobotError, near_match
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
+from identifiability.robot.bound import Bound
 from identifiability.robot.kinematics import Tree
 from identifiability.robot.known_torque import KnownTorque
 from identifiability.robot.markup import included_files
 from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.mjcf import weighing_files
-from identifiability.robot.parts import Axis, Bound, Cable, Coupling, Loop, Transmission
+from identifiability.robot.parts import Axis, Cable, Coupling, Loop, Transmission
 
 
 def _none() -> np.ndarray:

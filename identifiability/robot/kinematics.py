@@ -18,18 +18,10 @@ import scipy
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.robot.vectors import basis_along, combine, cross, turned
 
 JointType = Literal["revolute", "prismatic", "ball", "free"]
 WORLD = -1
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return ``a × b`` of vectors (3, N) (numpy.cross is several times slower on batches)."""
-    out = np.empty((3, max(a.shape[1], b.shape[1])))
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
 
 
 @frozen
@@ -135,7 +127,7 @@ class Tree:
         out: list[_Aligned] = []
         for j in self.joints:
             before = np.eye(3) if j.parent == WORLD else out[j.parent].basis
-            basis = np.eye(3) if j.kind in ("ball", "free") else _basis(j.axis)
+            basis = np.eye(3) if j.kind in ("ball", "free") else basis_along(j.axis)
             turn = (before.T @ j.rotation @ basis).T
             out.append(_Aligned(basis, turn, before.T @ j.translation))
         return tuple(out)
@@ -161,9 +153,9 @@ class Tree:
                 quat = q[:, j.iq + 3 : j.iq + 7]
                 turn = scipy.spatial.transform.Rotation.from_quat(quat)
                 out[:, j.iq : j.iq + 3] += turn.apply(dv[:, :3])
-                out[:, j.iq + 3 : j.iq + 7] = _turned(quat, dv[:, 3:])
+                out[:, j.iq + 3 : j.iq + 7] = turned(quat, dv[:, 3:])
             elif j.kind == "ball":
-                out[:, j.iq : j.iq + 4] = _turned(q[:, j.iq : j.iq + 4], dv)
+                out[:, j.iq : j.iq + 4] = turned(q[:, j.iq : j.iq + 4], dv)
             else:
                 out[:, j.iq] += dv[:, 0]
         return out
@@ -198,10 +190,31 @@ class Tree:
         at = self.world_point(self.frames(q, [point.joint]), point)
         return np.broadcast_to(at, (3, len(q))).T
 
+    def world_axes(self, frames: Frames, joint: int, rotation: Array) -> Array:
+        """Return the axes of a frame behind a joint, ``out[i]`` the i-th in the world, (3, 3, N).
+
+        Parameters
+        ----------
+        frames : Frames
+        joint : int
+        rotation : (3, 3)
+            Of the frame in that of the joint.
+        """
+        if joint == WORLD:
+            return np.asarray(rotation.T[:, :, None])
+        own = self._aligned[joint].basis.T @ rotation
+        axes: Array = np.einsum("ci,cxn->ixn", own, frames.axes[joint])
+        return axes
+
     def add_point_jacobian(self, frames: Frames, point: Point, sign: float, out: Array) -> None:
         """Add ``sign · ∂x/∂v`` of a point to `out` (3, nv, N), world axes."""
-        at = self.world_point(frames, point)
-        for k in self.chain(point.joint):
+        self.add_jacobian_at(frames, point.joint, self.world_point(frames, point), sign, out)
+
+    def add_jacobian_at(
+        self, frames: Frames, joint: int, at: Array, sign: float, out: Array
+    ) -> None:
+        """Add the same of what is behind a joint and just at a place of the world, (3, N) [m]."""
+        for k in self.chain(joint):
             j, R = self.joints[k], frames.axes[k]
             if j.kind == "prismatic":
                 out[:, j.iv] += sign * R[2]
@@ -225,11 +238,27 @@ class Tree:
         v : (N, nv)
         points : list of Point
         """
+        motion = self.bias_motions(frames, v, (p.joint for p in points))
+        out = []
+        for p in points:
+            omega, alpha, acc = motion[p.joint]
+            start = frames.origin.get(p.joint, np.zeros((3, 1)))
+            arm = self.world_point(frames, p) - start
+            out.append(acc + cross(alpha, arm) + cross(omega, cross(omega, arm)))
+        return out
+
+    def bias_motions(
+        self, frames: Frames, v: Array, joints: Iterable[int]
+    ) -> dict[int, tuple[Array, Array, Array]]:
+        """Return how frames behind joints move at zero joint acceleration, each (3, N).
+
+        Angular velocity, angular acceleration, and acceleration of the origin, by joint.
+        """
         v = np.ascontiguousarray(v.T)
         zero = np.zeros((3, 1))
         motion: dict[int, tuple[Array, Array, Array]] = {WORLD: (zero, zero, zero)}
         origin = {WORLD: zero, **frames.origin}
-        for k in self.ancestors(p.joint for p in points):
+        for k in self.ancestors(joints):
             j, R = self.joints[k], frames.axes[k]
             omega, alpha, acc = motion[j.parent]
             arm = origin[k] - origin[j.parent]
@@ -238,44 +267,15 @@ class Tree:
             if j.kind == "prismatic":
                 acc = acc + 2 * cross(omega, R[2] * rate)
             elif j.kind == "free":  # its velocity is given along its own, turning axes
-                linear, spin = _combine(R, rate[:3]), _combine(R, rate[3:])
+                linear, spin = combine(R, rate[:3]), combine(R, rate[3:])
                 acc, omega = cross(spin, linear), spin
                 alpha = zero
             else:
-                spin = R[2] * rate if j.kind == "revolute" else _combine(R, rate)
+                spin = R[2] * rate if j.kind == "revolute" else combine(R, rate)
                 alpha = alpha + cross(omega, spin)
                 omega = omega + spin
             motion[k] = (omega, alpha, acc)
-        out = []
-        for p in points:
-            omega, alpha, acc = motion[p.joint]
-            arm = self.world_point(frames, p) - origin[p.joint]
-            out.append(acc + cross(alpha, arm) + cross(omega, cross(omega, arm)))
-        return out
-
-
-def _basis(axis: Array) -> Array:
-    """Return a right-handed orthonormal basis whose third column is `axis`; exact for x, y, z."""
-    axis = axis / np.linalg.norm(axis)
-    first = np.zeros(3)
-    # The coordinate after the largest is never along the axis.
-    first[(int(np.argmax(np.abs(axis))) + 1) % 3] = 1.0
-    first -= (first @ axis) * axis
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(axis, first), axis], 1)
-
-
-def _combine(R: Array, parts: Array) -> Array:
-    """Return the vector with some components along the axes of a frame, (3, N)."""
-    whole: Array = R[0] * parts[0] + R[1] * parts[1] + R[2] * parts[2]
-    return whole
-
-
-def _turned(quat: Array, step: Array) -> Array:
-    """Return unit quaternions (x y z w) turned by rotation vectors in their own frame."""
-    rotation = scipy.spatial.transform.Rotation
-    turned: Array = (rotation.from_quat(quat) * rotation.from_rotvec(step)).as_quat()
-    return turned
+        return motion
 
 
 def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
@@ -290,7 +290,7 @@ def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
         out[2] = R[2]
         return out, p
     if j.kind == "free":
-        p = p + _combine(R, q[j.iq : j.iq + 3])
+        p = p + combine(R, q[j.iq : j.iq + 3])
     quat = q[j.iq + j.nq - 4 : j.iq + j.nq]
     turn = scipy.spatial.transform.Rotation.from_quat(quat.T).as_matrix().T
-    return np.stack([_combine(R, turn[c]) for c in range(3)]), p
+    return np.stack([combine(R, turn[c]) for c in range(3)]), p

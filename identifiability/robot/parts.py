@@ -85,11 +85,29 @@ class Axis:
 
 
 @frozen
+class LoopFrame:
+    """A body whose axes a closure is written in, as a slot turns with its body.
+
+    Attributes
+    ----------
+    body : str
+    joint : int
+        The joint of the tree that it is behind, or ``WORLD``.
+    rotation : (3, 3)
+        Of its frame in that of the joint.
+    """
+
+    body: str
+    joint: int
+    rotation: Array
+
+
+@frozen
 class Loop:
     """A point closure: a point of one body coincides with a point of another.
 
-    `axes` are the world directions in which the closure is demanded (a planar loop needs two);
-    `stated` is the entry of a sidecar: bodies, and points in their frames.
+    `axes` are the directions in which the closure is demanded (a planar loop needs two), those of
+    the world or of `frame`; `stated` is the entry of a sidecar: bodies, and points in their frames.
     """
 
     name: str
@@ -97,6 +115,7 @@ class Loop:
     second: Point
     axes: tuple[int, ...] = (0, 1, 2)
     stated: tuple[tuple[str, tuple[float, ...]], tuple[str, tuple[float, ...]]] | None = None
+    frame: LoopFrame | None = None
 
 
 @frozen
@@ -156,44 +175,6 @@ class Combination:
     weights: Mapping[str, float]
     numbers: Mapping[str, float] = field(default_factory=dict)
     rest: float | None = None
-
-
-@frozen
-class Ellipsoid:
-    """An ellipsoid along the axes of a body's frame.
-
-    Attributes
-    ----------
-    centre, radii : (3,) [m]
-    """
-
-    centre: tuple[float, float, float]
-    radii: tuple[float, float, float]
-
-
-@frozen
-class Bound:
-    """What is known of the mass of bodies, or of the centre of mass of one.
-
-    Attributes
-    ----------
-    bodies : tuple of str
-        Whose masses add up; one where there is anything about its centre.
-    mass : (float, float) or None [kg]
-    box : three pairs or None [m]
-        Where the centre of mass is, along the axes of the body's frame.
-    ellipsoid : Ellipsoid or None
-        The same, in the body's frame.
-    rotation, origin : (3, 3), (3,) [m]
-        The body's frame in that of its joint, which parameters are about.
-    """
-
-    bodies: tuple[str, ...]
-    mass: tuple[float, float] | None = None
-    box: tuple[tuple[float, float], ...] | None = None
-    ellipsoid: Ellipsoid | None = None
-    rotation: Array = field(default_factory=lambda: np.eye(3))
-    origin: Array = field(default_factory=lambda: np.zeros(3))
 
 
 @frozen

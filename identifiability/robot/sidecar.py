@@ -23,8 +23,10 @@ Every key is optional::
     point1 = [0.3, 0, 0]
     body2 = "right_tip"
     point2 = [0.3, 0, 0]
-    axes = ["x", "z"]                    # world directions in which it is demanded (default: all,
-                                         # which also a planar loop may have, at any yaw)
+    axes = ["x", "z"]                    # directions in which it is demanded (default: all, which
+                                         # also a planar loop may have, at any yaw)
+    frame = "table"                      # the body whose axes they are, as a slot turns with its
+                                         # body (default: the world's)
 
     [[couplings]]                        # joint = c0 + c1 of + c2 of² + …, beside the file's own
     joint = "joint3"
@@ -163,6 +165,7 @@ class LoopEntry(_Strict):
     body2: str
     point2: Triple = (0.0, 0.0, 0.0)
     axes: list[Literal["x", "y", "z"]] = Field(default=["x", "y", "z"], min_length=1)
+    frame: str | None = None
 
 
 class CouplingEntry(_Strict):

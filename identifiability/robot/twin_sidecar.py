@@ -15,8 +15,10 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError
 from identifiability.robot import twin_mjcf, twin_urdf
+from identifiability.robot.bound import Bound
 from identifiability.robot.description import Description
-from identifiability.robot.parts import Bound, Coupling
+from identifiability.robot.kinematics import WORLD
+from identifiability.robot.parts import Coupling
 from identifiability.robot.twin_parts import ends_of, stated_in_file
 
 #: Keys that are written anew.
@@ -91,6 +93,14 @@ def _loops(robot: Description, ground: str) -> list[dict[str, Any]]:
             entry |= {f"body{k}": body, f"point{k}": point.tolist()}
         if len(loop.axes) < 3:
             entry["axes"] = ["xyz"[axis] for axis in loop.axes]
+        if loop.frame is not None:
+            if not np.allclose(loop.frame.rotation, np.eye(3), atol=1e-9):
+                raise RobotError(
+                    f"The frame of '{loop.frame.body}' in {robot.path} is turned against "
+                    f"its joint, so the axes of the loop '{loop.name}' cannot be said in the other "
+                    "format: export it in its own, or as JSON."
+                )
+            entry |= {} if loop.frame.joint == WORLD else {"frame": loop.frame.body}
         out.append(entry)
     return out
 

@@ -20,7 +20,8 @@ from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.simulation.joint_couplings import find_couplings
 from identifiability.simulation.mujoco_cables import find_cables
-from identifiability.simulation.mujoco_file import PointClosure, find_closures, load_file
+from identifiability.simulation.mujoco_file import load_file
+from identifiability.simulation.mujoco_loops import find_closures
 
 TOLERANCE = 1e-12
 _MAX_STEPS = 30
@@ -205,13 +206,8 @@ class MujocoRobot:
             full[self.model.nq :] += step[self.model.nv :]
         return bool(np.abs(self._error(full)).max() < 1e-9)
 
-    def _world(self, closure: PointClosure, end: int) -> Array:
-        rotation = self.data.xmat[closure.body[end]].reshape(3, 3)
-        at: Array = self.data.xpos[closure.body[end]] + rotation @ closure.point[end]
-        return at
-
     def _error(self, full: Array) -> Array:
-        points = [self._world(c, 0) - self._world(c, 1) for c in self.closures]
+        points = [c.error(self.data) for c in self.closures]
         joints = [[c.error(self.data.qpos)] for c in self.couplings]
         drawn = [c.length(self.data) for c in self.cables]
         gaps = [[x - length] for x, length in zip(full[self.model.nq :], drawn, strict=True)]
@@ -221,14 +217,10 @@ class MujocoRobot:
     def _jacobian(self, *, dot: bool = False) -> Array:
         """Return the Jacobian of the loop errors, or its time derivative."""
         rows = []
-        jac = mujoco.mj_jacDot if dot else mujoco.mj_jac
         for c in self.closures:
-            ends = []
-            for end in (0, 1):
-                J = np.zeros((3, self.model.nv))
-                jac(self.model, self.data, J, None, self._world(c, end), c.body[end])
-                ends.append(np.pad(J, ((0, 0), (0, len(self.cables)))))
-            rows.append(ends[0] - ends[1])
+            turned = c.gradient_rate if dot else c.gradient
+            rate = turned(self.model, self.data)
+            rows.append(np.pad(rate, ((0, 0), (0, len(self.cables)))))
         q, v = self.data.qpos, self.data.qvel
         for coupling in self.couplings:
             rate = coupling.gradient_rate(q, v) if dot else coupling.gradient(q, len(v))

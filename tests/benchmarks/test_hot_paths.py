@@ -104,6 +104,7 @@ def test_a_delta_costs_no_more_than_ten_regressors(arm):
     assert ours <= 10 * bare, f"{ours / bare:.2f} × the bare loop"
 
 
+@pytest.mark.benchmark(timer=time.process_time)
 @pytest.mark.parametrize("name", ["3-rps", "delta"])
 def test_closed_chain_from_actuated_motion_to_projected_regressor(benchmark, name):
     robot, move = motion_of(name, 10_000)

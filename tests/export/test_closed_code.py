@@ -54,6 +54,32 @@ def with_more_equations():
     return Robot.load("five-bar").path.read_text()
 
 
+def in_a_turning_plane():
+    """The shipped palletizer, whose tool-side parallelogram the sidecar closes in its plane."""
+    text = Robot.load("palletizer").path.read_text()
+    return re.sub(r'<connect name="upper_parallelogram"[^>]*/>', "", text)
+
+
+#: All loops again, for a sidecar's are the only ones.
+PLANE = """[[loops]]
+body1 = "rod"
+point1 = [1.2, 0, 0]
+body2 = "forearm"
+point2 = [-0.35, 0, 0]
+[[loops]]
+body1 = "lower_bar"
+point1 = [1.2, 0, 0]
+body2 = "plate"
+point2 = [-0.3, 0, 0]
+[[loops]]
+body1 = "upper_bar"
+point1 = [1.3, -0.14, 0]
+body2 = "wrist"
+point2 = [0, 0, 0.25]
+axes = ["x", "z"]
+frame = "table"
+"""
+
 COUPLED = """actuated = ["joint_1", "joint_2", "joint_3", "joint_4"]
 [[couplings]]
 joint = "joint_5"
@@ -74,6 +100,7 @@ MADE = {
     "on tendons": (on_tendons, ""),
     "with a ball": (with_ball, None),
     "with more equations": (with_more_equations, ""),
+    "in a turning plane": (in_a_turning_plane, PLANE),
 }
 
 
@@ -89,8 +116,9 @@ def load(name, folder):
     text, sidecar = MADE[name]
     path = folder / "robot.xml"
     path.write_text(text())
-    if sidecar is None:
-        path.with_suffix(".toml").write_text(Robot.load("3-rps").sidecar.read_text())
+    beside = Robot.load("3-rps").sidecar.read_text() if sidecar is None else sidecar
+    if beside:
+        path.with_suffix(".toml").write_text(beside)
     return Robot.load(path)
 
 
@@ -102,7 +130,7 @@ def run(path):
 
 
 @pytest.mark.everything
-@pytest.mark.parametrize("name", ["3-rps", "six-ups", "five-bar", "coupled", *MADE])
+@pytest.mark.parametrize("name", ["3-rps", "six-ups", "five-bar", "delta", "coupled", *MADE])
 def test_generated_python_closes_the_loops_and_is_the_prediction(name, tmp_path):
     """Every effect that code can hold, at once, against regressor times parameters."""
     robot, rng = load(name, tmp_path), np.random.default_rng(0)

@@ -18,6 +18,7 @@ from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Robot
+from identifiability.robot.kinematics import Point
 from identifiability.workflows.export.along import CURVES, axis_row, force_along
 from identifiability.workflows.export.recursion import position_rates, tree_torque, world_points
 
@@ -140,6 +141,11 @@ def _loop_errors(ca: Any, robot: Robot, q: Any) -> list[Any]:
     errors: list[Any] = []
     for loop in robot.loops:
         apart = next(points) - next(points)
+        if loop.frame is not None:
+            frame = loop.frame
+            tips = [Point(frame.joint, x) for x in (np.zeros(3), *frame.rotation.T)]
+            start, *tips = world_points(ca, robot.tree, q, tips)
+            apart = ca.vertcat(*(ca.dot(tip - start, apart) for tip in tips))
         errors += [apart[axis] for axis in loop.axes]
     for coupling in robot.couplings:
         error = at[coupling.joint]
