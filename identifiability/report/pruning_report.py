@@ -39,6 +39,7 @@ from identifiability.report.sections.facts import (
     bias_columns,
     found_cell,
 )
+from identifiability.report.sections.robot import mass_table
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import columns, note, picture, section, sentence, words
 from identifiability.workflows.prune.result import Ladder
@@ -54,6 +55,7 @@ def build_pruning_page(ladder: Ladder) -> Page:
         *(() if ladder.nothing else (section_budget(ladder.fit, ladder.samples),)),
         *(() if ladder.nothing else (section_confused(ladder.fit),)),
         section_stability(ladder),
+        section_bodies(ladder),
         replace(section_absorption(ladder), detail=True),
         replace(section_refused(ladder), detail=True),
         replace(section_method(ladder), detail=True),
@@ -216,6 +218,13 @@ def section_survivors(ladder: Ladder) -> Section:
 def share_cell(share: float) -> Cell:
     """Return a share with its bar; none where it is not known."""
     return Cell(whole_percent(share), share, share=float(np.clip(np.nan_to_num(share), 0.0, 1.0)))
+
+
+def section_bodies(ladder: Ladder) -> Section:
+    """Return what the bodies of the nearest real robot weigh beside the robot file's."""
+    masses = mass_table(ladder.robot, ladder.result.physical.parameters())
+    said = filter(None, (ladder.result.physical.sentence, ladder.mass_statement))
+    return section("pruning.bodies", masses, said=" ".join(said))
 
 
 def section_stability(ladder: Ladder) -> Section:

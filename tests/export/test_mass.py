@@ -55,6 +55,23 @@ def test_pruning_knows_the_remedy(log):
     assert heavy.to_dict()["physical"]["cad_prior"] == 1.0
 
 
+def test_a_diagnosis_chooses_the_prior_on_motion_that_it_has_not_seen(log, simulated_session):
+    """As an analysis does under the same model; the choice is not the weight where none is."""
+    from identifiability.physical.cad_prior import WEAK
+    from identifiability.regression.regression import Model
+    from identifiability.regression.structure import Structure
+    from identifiability.workflows.diagnose.real_robot import fit_physical
+
+    robot, unseen = Robot.load("3-rps"), simulated_session("3-rps", "595", 0)
+    result = analyze(robot, log, unseen, ladder=FULL, replicates=0, estimator="ls")
+    structure = Structure.of(robot, Model.of(*result.effects))
+    found = fit_physical(structure, result.samples, result.validation)
+    assert found.cad_weight == result.chosen.physical.cad_weight != WEAK
+    masses = {n: v for n, v in result.chosen.physical.parameters().items() if n.endswith(".m")}
+    assert {n: found.values[n] for n in masses} == pytest.approx(masses, rel=1e-3)
+    assert fit_physical(structure, result.samples).cad_weight == WEAK
+
+
 def test_three_times_the_file_is_the_limit():
     robot = Robot.load("two-link")  # 6.5 kg, of bodies with volume
     values = dict(robot.nominal)

@@ -116,10 +116,13 @@ class Physical:
     structure : Structure
     values : mapping
         Standard parameters by name.
+    cad_weight : float
+        Of the prior around the robot file that it was found with.
     """
 
     structure: Structure
     values: Mapping[str, float]
+    cad_weight: float = 0.0
 
     @property
     def robot(self) -> Robot:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -10,26 +9,16 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.effects.holding import held_by_file
-from identifiability.estimation.estimate import estimate
-from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
-from identifiability.physical.cad_prior import WEAK
-from identifiability.physical.feasibility import assess_feasibility
-from identifiability.physical.fitted_model import FittedModel
-from identifiability.physical.mass import real_robot_dict
-from identifiability.regression.gather import gather_information
-from identifiability.regression.reduction import LadderEntry, RungEntry, full_rung, ladder_text
-from identifiability.regression.regression import Regression
-from identifiability.regression.structure import Structure
+from identifiability.regression.reduction import LadderEntry, RungEntry, ladder_text
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
-from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
+from identifiability.workflows.diagnose.forward import ForwardGap, compare_forward
 from identifiability.workflows.diagnose.keep import keep_completed
+from identifiability.workflows.diagnose.real_robot import nearest_dict, real_robot
 from identifiability.workflows.diagnose.words import state, state_remainder
 from identifiability.workflows.predict import Fit, Predicts
 
@@ -214,45 +203,6 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
     }
 
 
-def fit_physical(structure: Structure, samples: Sequence[Samples]) -> Physical:
-    """Return the real robot that explains some logs best under a model.
-
-    Raises
-    ------
-    IdentifiabilityError
-        If the solver finds none.
-    """
-    information = gather_information(structure.regression(samples))
-    rung, fit = full_rung(structure.base), estimate(information)
-    model = FittedModel(structure, rung, information, information, fit)
-    (found,) = assess_feasibility(model, WEAK)
-    if found.nearest is None:
-        raise IdentifiabilityError(found.sentence)
-    return Physical(structure, found.parameters())
-
-
-def real_robot(d: Findings, structure: Structure) -> Physical:
-    """Return the real robot of a diagnosis under the model without or with the named effects.
-
-    With the file's values kept (``fixed``) it is these and what the named effects add.
-
-    Raises
-    ------
-    IdentifiabilityError
-        If the solver finds none.
-    """
-    if not d.fixed:
-        return fit_physical(structure, d.samples)
-    values = dict.fromkeys(structure.columns, 0.0)
-    for p in d.structure.parameters:
-        values[p.name] = d.robot.nominal.get(p.name, 0.0)
-    named = d.effects if structure is d.completed else ()
-    for placement in (p for e in named for p in e.placements):
-        for name, value, *_ in placement.rows:
-            values[name] += value
-    return Physical(structure, values)
-
-
 def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
     """Return the gap in motion of a diagnosis, on the motion that verified it."""
     try:
@@ -260,31 +210,3 @@ def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     return compare_forward(before, after, d.validation, rng)
-
-
-def nearest_dict(d: Findings) -> dict[str, Any]:
-    """Return the real robot with the named effects, with its errors on the fitted logs."""
-    structure = d.completed
-    try:
-        values = dict(real_robot(d, structure).values)
-    except IdentifiabilityError as error:
-        return {**real_robot_dict(d.robot, {}, (np.nan, np.nan), {}), "reason": str(error)}
-    # A named effect may have the columns of one in the model: these stand for both.
-    names = structure.columns
-    first = np.array([names.index(n) == k for k, n in enumerate(names)])
-    phi = np.array([[v[n] for n in names] for v in (values, held_by_file(d.robot, values))]).T
-    regression = Regression(d.robot, d.model, d.samples)
-    errors = predict(regression, phi * first[:, None]).relative_error()
-    held = (float(errors[0]), float(errors[1]))
-    weight = 0.0 if d.fixed else WEAK
-    return real_robot_dict(d.robot, _fold(values), held, structure.shapes, weight)
-
-
-def _fold(values: dict[str, float]) -> dict[str, float]:
-    """Return values in which no joint has a Coulomb level for both directions and one for each."""
-    out = dict(values)
-    for name in [n for n in values if n.endswith(".Fc") and f"{n}+" in values]:
-        level = out.pop(name)
-        for way in (f"{name}+", f"{name}-"):
-            out[way] = out.get(way, 0.0) + level
-    return out

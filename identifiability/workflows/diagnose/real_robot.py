@@ -1,0 +1,102 @@
+"""The real robot nearest to what a diagnosis found, under its model with the named effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from identifiability.effects.holding import held_by_file
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.prediction import predict
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.logs.prepare import Samples
+from identifiability.physical.cad_prior import WEAK
+from identifiability.physical.feasibility import find_nearest
+from identifiability.physical.fitted_model import FittedModel
+from identifiability.physical.mass import real_robot_dict
+from identifiability.regression.gather import gather_information
+from identifiability.regression.reduction import full_rung
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
+from identifiability.workflows.analyze.fit import base_values, settle_prior
+from identifiability.workflows.diagnose.findings import Findings
+from identifiability.workflows.diagnose.forward import Physical
+
+
+def fit_physical(
+    structure: Structure, samples: Sequence[Samples], unseen: Sequence[Samples] = ()
+) -> Physical:
+    """Return the real robot that explains some logs best under a model.
+
+    How strongly it is drawn to the robot file is chosen on logs that it has not seen, as of an
+    analysis (`settle_prior`); without any it is so weakly.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the solver finds none.
+    """
+    information = gather_information(structure.regression(samples))
+    rung, fit = full_rung(structure.base), estimate(information)
+    model = FittedModel(structure, rung, information, information, fit)
+    candidates = find_nearest(model, None if unseen else WEAK)
+    chosen = 0
+    if unseen:
+        values = base_values([model], [candidates])[0]
+        (chosen,) = settle_prior([candidates], predict(structure.regression(unseen), values))
+    found = candidates[chosen]
+    if found.nearest is None:
+        raise IdentifiabilityError(found.sentence.strip())
+    return Physical(structure, found.parameters(), found.cad_weight)
+
+
+def real_robot(d: Findings, structure: Structure) -> Physical:
+    """Return the real robot of a diagnosis under the model without or with the named effects.
+
+    With the file's values kept (``fixed``) it is these and what the named effects add.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the solver finds none.
+    """
+    if not d.fixed:
+        return fit_physical(structure, d.samples, d.validation)
+    values = dict.fromkeys(structure.columns, 0.0)
+    for p in d.structure.parameters:
+        values[p.name] = d.robot.nominal.get(p.name, 0.0)
+    named = d.effects if structure is d.completed else ()
+    for placement in (p for e in named for p in e.placements):
+        for name, value, *_ in placement.rows:
+            values[name] += value
+    return Physical(structure, values)
+
+
+def nearest_dict(d: Findings) -> dict[str, Any]:
+    """Return the real robot with the named effects, with its errors on the fitted logs."""
+    structure = d.completed
+    try:
+        real = real_robot(d, structure)
+    except IdentifiabilityError as error:
+        return {**real_robot_dict(d.robot, {}, (np.nan, np.nan), {}), "reason": str(error)}
+    values = dict(real.values)
+    # A named effect may have the columns of one in the model: these stand for both.
+    names = structure.columns
+    first = np.array([names.index(n) == k for k, n in enumerate(names)])
+    phi = np.array([[v[n] for n in names] for v in (values, held_by_file(d.robot, values))]).T
+    regression = Regression(d.robot, d.model, d.samples)
+    errors = predict(regression, phi * first[:, None]).relative_error()
+    held = (float(errors[0]), float(errors[1]))
+    return real_robot_dict(d.robot, _fold(values), held, structure.shapes, real.cad_weight)
+
+
+def _fold(values: dict[str, float]) -> dict[str, float]:
+    """Return values in which no joint has a Coulomb level for both directions and one for each."""
+    out = dict(values)
+    for name in [n for n in values if n.endswith(".Fc") and f"{n}+" in values]:
+        level = out.pop(name)
+        for way in (f"{name}+", f"{name}-"):
+            out[way] = out.get(way, 0.0) + level
+    return out
