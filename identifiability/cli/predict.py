@@ -39,7 +39,7 @@ def predict(
     result
         JSON that analyze, prune or diagnose wrote.
     logs
-        Logs to predict, with columns as for analyze.
+        Logs to predict, with columns as for analyze; those of torque may be missing.
     out
         File to write: .csv or .parquet.
     """

@@ -32,6 +32,8 @@ class Conventions:
         Read torque columns, and currents in their place, as they are: their gain is looked for.
     degrees : tuple of str
         Joints and motors whose angles and rates are in degrees: ``angles`` and ``--angles``.
+    motion_alone : bool
+        Take a log without any torque: motion is all that is needed of it.
     """
 
     joints: tuple[str, ...] = ()
@@ -41,6 +43,7 @@ class Conventions:
     torque: MeasuredTorque = MeasuredTorque()
     raw_torque: bool = False
     degrees: tuple[str, ...] = ()
+    motion_alone: bool = False
 
     @staticmethod
     def of(robot: Robot) -> Conventions:

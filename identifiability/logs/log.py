@@ -57,6 +57,8 @@ class Log:
         What was read otherwise than literally, half a sentence each.
     q_ref : (N, n) or None
         Commanded positions, where the log has them for every joint.
+    motion_alone : bool
+        Whether it came without torque, for which zeros stand; only a prediction takes that.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Log:
     sha256: str
     notes: tuple[str, ...] = ()
     q_ref: Array | None = None
+    motion_alone: bool = False
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -94,7 +97,8 @@ class Log:
         reading = Reading(str(path), conventions or Conventions())
         digest, _ = scan_file(Path(path), reading.add, reading.known)
         values = reading.finish()
-        return build_log(Path(path).name, reading.naming, values, digest)
+        log = build_log(Path(path).name, reading.naming, values, digest)
+        return replace(log, motion_alone=bool(reading.made))
 
     @staticmethod
     def from_frame(
@@ -124,7 +128,7 @@ class Log:
         values = log.to_frame()
         digest = hashlib.sha256(",".join(values.columns).encode())
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
-        return replace(log, sha256=digest.hexdigest())
+        return replace(log, sha256=digest.hexdigest(), motion_alone=bool(reading.made))
 
     @staticmethod
     @checked

@@ -73,6 +73,11 @@ class LogFile:
     unwrapped: Mapping[str, Wraps] = field(default_factory=dict)
 
     @property
+    def motion_alone(self) -> bool:
+        """Whether it came without torque, as no long log may."""
+        return False
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What was read otherwise than literally, half a sentence each."""
         return self.naming.notes
@@ -109,6 +114,10 @@ class LogFile:
         reading = Reading(str(path), conventions or Conventions(), keep=False)
         digest, table = scan_file(path, reading.add, reading.known)
         reading.finish()
+        if reading.made:
+            raise LogError(
+                f"{path} has no torque and is too long to be held in memory; give stretches of it."
+            )
         assert table is not None  # a bag is no file of rows
         if _stamp(path) != stamp:
             raise LogError(f"{path} changed while it was read; wait until it is complete.")

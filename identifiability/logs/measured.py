@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from identifiability.foundation.errors import LogError, listing
+from identifiability.logs.aliases import CHANNEL_WORDS, COMMANDED, words_of
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.naming import Column, Naming
 
 #: What columns of motor currents are called.
 CURRENT = ".current"
+
+_TORQUES = {*CHANNEL_WORDS["tau"], *CHANNEL_WORDS["current"]}
+_POSITION = re.compile(
+    rf"((?:^|.*[^A-Za-z]))(?:{'|'.join(CHANNEL_WORDS['q'])})(?![A-Za-z])", re.IGNORECASE
+)
 
 #: What is said of a sensor behind the gears.
 BEHIND = (
@@ -33,6 +40,19 @@ def call_currents(found: Sequence[str], known: Conventions) -> list[str]:
 
 def _has_torque(owner: str, names: Sequence[str], known: Conventions) -> bool:
     return bool({f"{owner}.tau", f"{known.columns.apply(owner)}.tau"} & set(names))
+
+
+def missing_torque(columns: Iterable[str]) -> list[str]:
+    """Return what torques of a table would be called that holds none, nor a current; else none.
+
+    They are called as its positions are, so that what is understood of these is so of them.
+    """
+    said = {name: {*words_of(name)} for name in columns}
+    if any(words & _TORQUES for words in said.values()):
+        return []
+    measured = [name for name, words in said.items() if not words & COMMANDED]
+    called = dict.fromkeys(_POSITION.sub(r"\1tau", name, count=1) for name in measured)
+    return [name for name in called if name not in said]
 
 
 def settle_torque(naming: Naming, known: Conventions, source: str) -> Naming:

@@ -89,6 +89,7 @@ def name_columns(
     first: Mapping[str, str] | None = None,
     *,
     currents: Collection[str] = (),
+    made: Collection[str] = (),
     proposed: bool = False,
 ) -> Naming:
     """Return what a log takes from the columns of a table.
@@ -106,6 +107,8 @@ def name_columns(
         Texts in the first row, by column.
     currents : collection of str
         Those of them that are motor currents in the place of torques.
+    made : collection of str
+        Those of which nothing is said, as nobody gave them.
     proposed : bool
         Whether this only tries if a log could be read with a rule that nobody gave.
 
@@ -119,7 +122,9 @@ def name_columns(
     notes = _tell_renamed(names)
     twice = [n for n, count in Counter(c.strip() for c in found).items() if count > 1]
     if known.joints and not twice and not _needed(list(names.values()), known):
-        return _name_otherwise(names, source, known, notes, units or {}, first or {}, proposed)
+        return _name_otherwise(
+            names, source, known, notes, units or {}, first or {}, proposed=proposed, made=made
+        )
     columns = [
         Column(_rename(name.strip(), known), name, current=name in currents) for name in found
     ]
@@ -142,7 +147,9 @@ def _name_otherwise(
     notes: list[str],
     units: Mapping[str, str],
     first: Mapping[str, str],
+    *,
     proposed: bool,
+    made: Collection[str],
 ) -> Naming:
     """Return what columns usually are that are called otherwise than they should be."""
     guesses = []
@@ -183,7 +190,9 @@ def _name_otherwise(
     ordered = sorted(chosen.items(), key=lambda item: order[item[1].source])
     columns = tuple(Column(name, g.source, current=g.current) for name, g in ordered)
     renamed = [
-        c for c in columns if c.name not in (names[c.source], split_unit(names[c.source])[0])
+        c
+        for c in columns
+        if c.source not in made and c.name not in (names[c.source], split_unit(names[c.source])[0])
     ]
     called = [
         f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}" for c in renamed

@@ -15,7 +15,7 @@ from identifiability.logs.angles import settle_angles
 from identifiability.logs.checks import Clock, Numbers
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.measured import call_currents, settle_torque
+from identifiability.logs.measured import call_currents, missing_torque, settle_torque
 from identifiability.logs.naming import Naming, name_columns
 from identifiability.logs.rates import LACKING, unify_rates
 from identifiability.logs.spikes import SpikeFinder
@@ -88,6 +88,8 @@ class Reading:
     clock : Clock
     torque : bool
         Whether any torque is not zero.
+    made : list of str
+        Columns of zeros that stand for the torque of a table that holds motion alone.
     """
 
     def __init__(self, source: str, known: Conventions, *, keep: bool = True) -> None:
@@ -96,7 +98,7 @@ class Reading:
         self.numbers: dict[str, Numbers] = {}
         self.finders: dict[str, SpikeFinder] = {}
         self.turns: dict[str, WrapFinder] = {}
-        self.clock, self.torque = Clock(source), False
+        self.clock, self.torque, self.made = Clock(source), False, list[str]()
         self._kept: dict[str, list[Array]] = {}
 
     def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
@@ -115,6 +117,9 @@ class Reading:
         """
         frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
         self._form = form
+        if self.known.motion_alone:
+            self.made = missing_torque(frame.columns)
+            frame = frame.assign(**dict.fromkeys(self.made, 0.0))
         if not self._naming.columns:
             self._begin(frame)
         self._follow_labels(frame)
@@ -149,7 +154,9 @@ class Reading:
         sources = dict(zip(called, frame.columns, strict=True))
         units = dict(zip(called, self._form.units, strict=False))
         currents = {name for name, column in sources.items() if name != column}
-        naming = name_columns(called, self.source, self.known, units, first, currents=currents)
+        naming = name_columns(
+            called, self.source, self.known, units, first, currents=currents, made=self.made
+        )
         naming = settle_naming(naming, sources, frame, self.source, self.known)
         self._naming = naming
         names = [c.name for c in naming.columns]

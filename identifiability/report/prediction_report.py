@@ -35,7 +35,7 @@ def section_torque(result: TorquePrediction) -> Section:
     """Return measured and predicted torque of every joint along a stretch of the first log."""
     part = choose_stretch(result.t[result.log == 0])
     joints, units = result.robot.joints, result.robot.torque_units
-    errors = result.errors[0].joint_error()[:, 0]
+    errors = result.error_frame()["error"]
     most = int(np.clip(LINE_POINTS // (3 * len(joints)), 200, 1500))
     pictures = []
     for k, joint in enumerate(joints):

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from identifiability import Analysis, Robot, analyze, diagnose, prune
 from identifiability.cli import app
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.errors import IdentifiabilityError, LogError
 from identifiability.logs import Log
 
 
@@ -126,3 +126,40 @@ def test_the_result_of_another_robot_is_refused(analysis, tmp_path):
     path = analysis.to_json(tmp_path / "result.json")
     with pytest.raises(IdentifiabilityError, match="the robot given is"):
         Analysis.from_json(path, Robot.load("five-bar"))
+
+
+def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
+    """Whatever its columns are called; the same prediction, and nothing said of an error."""
+    log = make_log("two-link", "b", 3)
+    joints = analysis.robot.joints
+    bare = log.to_frame()[["t", *(f"{j}.q" for j in joints)]]
+    frame = bare.assign(**{f"{j}.tau": log.tau[:, k] for k, j in enumerate(joints)})
+    whole = analysis.predict(frame)
+    called = bare.rename(columns=lambda c: c.replace(".q", "_position"))
+    numbers = {"time": log.t, "q": log.q}
+    bare.to_csv(tmp_path / "bare.csv", index=False)
+    for given in (bare, called, numbers, tmp_path / "bare.csv"):
+        found = analysis.predict(given)
+        np.testing.assert_allclose(found.predicted, whole.predicted, rtol=1e-12)
+        np.testing.assert_array_equal(found.low, whole.low)
+        assert np.isnan(found.tau).all()
+        assert np.isnan(found.to_frame()["elbow.residual"]).all()
+        assert np.isnan([found.error_ra, found.error_ra_raw, *found.inside]).all()
+        assert "none was measured, so nothing is known of its error" in found.statement
+        assert "tau" not in " ".join(found.hints)
+    assert json.loads(found.to_json(tmp_path / "p.json").read_text())["error_ra"] is None
+    assert "<html" in found.write_report(tmp_path / "p.html").read_text()
+    both = analysis.predict([bare, frame])
+    assert both.error_ra == pytest.approx(whole.error_ra)
+    assert both.inside == pytest.approx(whole.inside)
+    assert [e["error"] for e in both.to_dict()["logs"]] == pytest.approx(
+        [np.nan, whole.error_ra], nan_ok=True
+    )
+    assert "log 1 has no torque: it is predicted alone" in both.statement
+    with pytest.raises(LogError, match=r"no torque column 'shoulder\.tau'"):
+        analyze("two-link", bare)
+    with pytest.raises(LogError, match="no columns for the actuated joint shoulder"):
+        analysis.predict(bare.drop(columns="shoulder.q"))
+    half = frame.drop(columns="shoulder.tau")
+    with pytest.raises(LogError, match=r"no torque column 'shoulder\.tau'"):
+        analysis.predict(half)

@@ -8,7 +8,7 @@ analyses the logs again.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -91,7 +91,7 @@ class Fit:
         Parameters
         ----------
         logs : log, path, DataFrame, or several
-            They are prepared like the fitted ones, with the same cut-off.
+            They are prepared like the fitted ones, with the same cut-off. They need no torque.
         engine : Engine, optional
             Where logs that are too long for memory are surveyed.
 
@@ -101,13 +101,18 @@ class Fit:
             If a log does not fit the robot.
         """
         with one_thread("blas"):
-            known = read_recordings(logs, known=Conventions.of(self.robot))
+            usual = replace(Conventions.of(self.robot), motion_alone=True)
+            known = read_recordings(logs, known=usual)
             how = settle_cutoff(self.robot, known.fitted, self.preparation)
             runner = engine or Serial()
             samples = [prepare_log(self.robot, r, how, engine=runner) for r in known.fitted]
-            return self._along(samples, known.hints)
+            return self._along(
+                samples, tuple(not r.motion_alone for r in known.fitted), known.hints
+            )
 
-    def _along(self, samples: list[Prepared], hints: tuple[str, ...]) -> TorquePrediction:
+    def _along(
+        self, samples: list[Prepared], measured: tuple[bool, ...], hints: tuple[str, ...]
+    ) -> TorquePrediction:
         base = self.structure.base
         regression = Regression(self.robot, self.structure.model, tuple(samples), base.kept)
         found: list[tuple[Array, ...]] = []
@@ -116,14 +121,16 @@ class Fit:
                 predicted = chunk.W @ self.base
                 reach = self.spread.reach(chunk.W @ self.rung.M)
                 log = np.full(len(chunk.t), chunk.log)
-                measured = (chunk.t.copy(), chunk.tau.copy(), chunk.raw.copy())
-                found.append((log, *measured, predicted, *reach))
+                known = 1.0 if measured[chunk.log] else np.nan
+                given = (chunk.t.copy(), known * chunk.tau, known * chunk.raw)
+                found.append((log, *given, predicted, *reach))
         names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new")
         joined = map(np.concatenate, zip(*found, strict=True))
         return TorquePrediction(
             robot=self.robot,
             model=self.rung.name,
             logs=tuple(s.name for s in samples),
+            measured=measured,
             notes={s.name: s.notes for s in samples},
             hints=hints,
             **dict(zip(names, joined, strict=True)),

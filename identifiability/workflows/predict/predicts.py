@@ -24,7 +24,7 @@ class Predicts(ABC):
         Parameters
         ----------
         logs : log, path, DataFrame, or several
-            They are prepared like the fitted ones, with the same cut-off.
+            They are prepared like the fitted ones, with the same cut-off. They need no torque.
         engine : Engine, optional
             Where logs that are too long for memory are surveyed.
 

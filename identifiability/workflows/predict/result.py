@@ -36,9 +36,11 @@ class TorquePrediction(Result):
     logs : tuple of str
     log : (N,) int
         Which log a sample comes from.
+    measured : tuple of bool
+        Which logs have torque; of the others only the prediction is known.
     t : (N,) [s]
     tau, raw : (N, n) [N·m or N]
-        Measured torque, low-passed and as it was measured.
+        Measured torque, low-passed and as it was measured; NaN where it was not.
     predicted : (N, n) [N·m or N]
     mean, low, new : (N, n) [N·m or N]
         Half widths of the 95 % intervals of the mean (the model with its true values), of a new
@@ -55,6 +57,7 @@ class TorquePrediction(Result):
     model: str
     logs: tuple[str, ...]
     log: np.ndarray
+    measured: tuple[bool, ...]
     t: Array
     tau: Array
     raw: Array
@@ -66,29 +69,37 @@ class TorquePrediction(Result):
     hints: tuple[str, ...] = ()
 
     @cached_property
-    def errors(self) -> tuple[Prediction, Prediction]:
-        """Errors of low-passed and of raw torque."""
-        times = [self.t[self.log == k] for k in range(len(self.logs))]
+    def errors(self) -> tuple[Prediction, Prediction] | None:
+        """Errors of low-passed and of raw torque in the logs that have torque; None without."""
+        if not any(self.measured):
+            return None
+        known = np.flatnonzero(self.measured)
+        rows = np.isin(self.log, known)
+        log = np.searchsorted(known, self.log[rows])
+        times = [self.t[self.log == k] for k in known]
         low, raw = (
-            Prediction.of(times, tau, self.predicted[:, :, None], self.log)
+            Prediction.of(times, tau[rows], self.predicted[rows, :, None], log)
             for tau in (self.tau, self.raw)
         )
         return low, raw
 
     @property
     def error_ra(self) -> float:
-        """ε_RA of low-passed torque."""
-        return float(self.errors[0].relative_error()[0])
+        """ε_RA of low-passed torque; nan where none was measured."""
+        return float("nan") if self.errors is None else float(self.errors[0].relative_error()[0])
 
     @property
     def error_ra_raw(self) -> float:
-        """ε_RA of raw torque."""
-        return float(self.errors[1].relative_error()[0])
+        """ε_RA of raw torque; nan where none was measured."""
+        return float("nan") if self.errors is None else float(self.errors[1].relative_error()[0])
 
     @property
     def inside(self) -> Array:
         """Share of low-passed samples inside the interval of a new one, of each joint, (n,)."""
-        share: Array = (np.abs(self.tau - self.predicted) <= self.low).mean(0)
+        rows = np.isin(self.log, np.flatnonzero(self.measured))
+        if not rows.any():
+            return np.full(len(self.robot.joints), np.nan)
+        share: Array = (np.abs(self.tau - self.predicted) <= self.low)[rows].mean(0)
         return share
 
     @property
@@ -100,6 +111,14 @@ class TorquePrediction(Result):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
+        pairs = list(zip(self.logs, self.measured, strict=True))
+        known, silent = ([n for n, m in pairs if m is kind] for kind in (True, False))
+        if not known:
+            text = (
+                f"The torque of {listing(self.logs, 4)} is predicted by the model "
+                f"'{self.model}'; none was measured, so nothing is known of its error."
+            )
+            return " ".join((text, *self._unknown_words, *self.hints))
         raw, share = "", float(self.inside.mean())
         if not np.isclose(self.error_ra, self.error_ra_raw, rtol=1e-6):
             raw = f" ({100 * self.error_ra_raw:.3g} % of the torque as it was measured)"
@@ -107,8 +126,8 @@ class TorquePrediction(Result):
         if not np.isfinite(self.error_ra):
             size = "and does not vary"
         text = (
-            f"The torque of {listing(self.logs, 4)} is predicted by the model '{self.model}' "
-            f"{size}; {100 * share:.3g} % of the samples lie in the 95 % interval of a new one."
+            f"The torque of {listing(known, 4)} is predicted by the model '{self.model}' {size}; "
+            f"{100 * share:.3g} % of the samples lie in the 95 % interval of a new one."
         )
         few = [j for j, s in zip(self.robot.joints, self.inside, strict=True) if s < FEW_INSIDE]
         if few:
@@ -117,21 +136,27 @@ class TorquePrediction(Result):
                 "since the fitted logs, or this motion shows what the model leaves out (diagnose "
                 "looks for it)."
             )
+        if silent:
+            text += f" {listing(silent, 4)} has no torque: it is predicted alone."
+        return " ".join((text, *self._unknown_words, *self.hints))
+
+    @property
+    def _unknown_words(self) -> tuple[str, ...]:
         new = [j for j, s in zip(self.robot.joints, self.unknown, strict=True) if s > 0]
-        if new:
-            text += (
-                f" At {listing(new, 6)} this motion acts on parameters that the fitted motion "
-                "never showed: nothing is known of the torque where the interval is infinite."
-            )
-        return " ".join((text, *self.hints))
+        if not new:
+            return ()
+        return (
+            f"At {listing(new, 6)} this motion acts on parameters that the fitted motion never "
+            "showed: nothing is known of the torque where the interval is infinite.",
+        )
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a sample: ``log``, ``t``, and of each joint nine columns [N·m or N].
 
-        ``<joint>.tau`` and ``.tau_raw`` measured, ``.predicted``, ``.residual`` and
-        ``.residual_raw`` measured less predicted; the 95 % interval of the mean from ``.mean_from``
-        to ``.mean_to`` and those of new samples from ``.from`` to ``.to`` and ``.raw_from`` to
-        ``.raw_to``.
+        ``<joint>.tau`` and ``.tau_raw`` measured (empty where it was not), ``.predicted``,
+        ``.residual`` and ``.residual_raw`` measured less predicted; the 95 % interval of the mean
+        from ``.mean_from`` to ``.mean_to`` and those of new samples from ``.from`` to ``.to`` and
+        ``.raw_from`` to ``.raw_to``.
         """
         columns: dict[str, Any] = {"log": np.array(self.logs)[self.log], "t": self.t}
         for k, joint in enumerate(self.robot.joints):
@@ -145,18 +170,15 @@ class TorquePrediction(Result):
 
     def error_frame(self) -> pd.DataFrame:
         """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
-        low, raw = self.errors
-        columns = {
-            "joint": self.robot.joints,
-            "unit": self.robot.torque_units,
-            "error": low.joint_error()[:, 0],
-            "rms": low.joint_rms()[:, 0],
-            "error_raw": raw.joint_error()[:, 0],
-            "rms_raw": raw.joint_rms()[:, 0],
-            "inside": self.inside,
-            "unknown": self.unknown,
-        }
-        return pd.DataFrame(columns)
+        columns: dict[str, Any] = {"joint": self.robot.joints}
+        columns["unit"] = self.robot.torque_units
+        for name, part in zip(("", "_raw"), self.errors or (None, None), strict=True):
+            nothing = np.full(len(self.robot.joints), np.nan)
+            columns |= {
+                f"error{name}": nothing if part is None else part.joint_error()[:, 0],
+                f"rms{name}": nothing if part is None else part.joint_rms()[:, 0],
+            }
+        return pd.DataFrame({**columns, "inside": self.inside, "unknown": self.unknown})
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return no parameters: a prediction has none of its own."""
@@ -164,7 +186,6 @@ class TorquePrediction(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return errors and shares in the documented JSON schema; samples go to `write`."""
-        low = self.errors[0]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -175,11 +196,21 @@ class TorquePrediction(Result):
             "error_ra_raw": self.error_ra_raw,
             "joints": self.error_frame().to_dict("records"),
             "logs": [
-                {"log": name, "error": float(low.relative_error(k)[0])}
-                for k, name in enumerate(self.logs)
+                {"log": name, "error": error}
+                for name, error in zip(self.logs, self._errors_by_log(), strict=True)
             ],
             "preparation": {name: list(notes) for name, notes in self.notes.items()},
         }
+
+    def _errors_by_log(self) -> list[float]:
+        """Return ε_RA of low-passed torque of each log; nan where none was measured."""
+        places = np.cumsum(self.measured) - 1
+        return [
+            float(self.errors[0].relative_error(int(at))[0])
+            if self.errors is not None and known
+            else float("nan")
+            for at, known in zip(places, self.measured, strict=True)
+        ]
 
     def write(self, path: str | Path) -> Path:
         """Write all samples as CSV or Parquet, whole or not at all.
