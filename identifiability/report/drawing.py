@@ -52,6 +52,9 @@ _VARIABLE = {colour: f"var(--{name})" for name, colour in COLOURS.items()} | {
 #: Settings that act when a figure is saved, not when it is drawn.
 _SAVED = ("axes.unicode_minus", "path.simplify", "svg.fonttype", "svg.hashsalt")
 
+#: What the identifier of a label begins with that the page links to the row of that name.
+MARKED = "row:"
+
 P = ParamSpec("P")
 
 
@@ -173,6 +176,7 @@ def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
 
     Styles that repeat become `classes`, which halves the size of a figure.
     """
+    tag = tag.replace(f'id="{MARKED}', 'data-row="')
     if tag.startswith("<g "):
         tag = re.sub(r'\s+id="[^"]*"', "", tag)
     tag = re.sub(r'\bid="([^"]*)"', rf'id="{key}-\1"', tag)

@@ -12,7 +12,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
 from identifiability.foundation.names import Array
-from identifiability.report.drawing import BLUE, INK, LINE, canvas, label_width, plain, strokes
+from identifiability.report.drawing import (
+    BLUE,
+    INK,
+    LINE,
+    MARKED,
+    canvas,
+    label_width,
+    plain,
+    strokes,
+)
 from identifiability.report.numbers import superscript
 
 WIDTH = 440
@@ -32,6 +41,8 @@ def row_canvas(
     figure, (axes,) = canvas(WIDTH, top + bottom + row * count, (left, right, top, bottom))
     axes.set_ylim(count - 0.5, -0.5)
     axes.set_yticks(range(len(names)), [plain(n) for n in names], color=INK)
+    for label, name in zip(axes.get_yticklabels(), names, strict=True):
+        label.set_gid(f"{MARKED}{name}")
     axes.tick_params(axis="y", pad=6)
     axes.grid(visible=False, axis="y")
     axes.spines["left"].set_visible(False)

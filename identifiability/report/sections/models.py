@@ -200,7 +200,7 @@ def label_note(v: Verdict) -> str:
     return "" if alone else shorten_label(v.label)
 
 
-def shorten_label(label: str, most: int = 110) -> str:
+def shorten_label(label: str, most: int = 64) -> str:
     """Return the first terms of a long combination; the groupings show all."""
     if len(label) <= most:
         return label

@@ -28,7 +28,8 @@ def section_physics(analysis: Analysis) -> Section:
     certificate = f"{physical.sentence} {mass}".rstrip()
     way = None
     if not chosen.feasible:
-        way = Gallery((nearest_picture(analysis), cost_picture(analysis)))
+        pictures = Gallery((nearest_picture(analysis), cost_picture(analysis)))
+        way = Fold("How far the nearest real robot is", (pictures,), detail=True)
     blocks = (way, mass_table(analysis.robot, physical.parameters()), nearest_fold(analysis))
     return section("analysis.physics", *blocks, certificate=certificate)
 
@@ -93,7 +94,7 @@ def nearest_fold(analysis: Analysis) -> Fold:
     rows = [(name, value, known.get(name), units.get(name, "")) for name, value in nearest.items()]
     text = sentence("analysis.one-of-them")
     summary = f"All {len(rows)} parameters of the nearest real robot"
-    return Fold(summary, (Prose((text,)), Table.of("", columns, rows)))
+    return Fold(summary, (Prose((text,)), Table.of("", columns, rows)), detail=True)
 
 
 def section_structure(analysis: Analysis) -> Section:
