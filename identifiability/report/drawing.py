@@ -16,6 +16,7 @@ from functools import wraps
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ParamSpec
+from urllib.parse import unquote
 
 import matplotlib as mpl
 import numpy as np
@@ -176,7 +177,7 @@ def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
 
     Styles that repeat become `classes`, which halves the size of a figure.
     """
-    tag = tag.replace(f'id="{MARKED}', 'data-row="')
+    tag = re.sub(rf'id="{MARKED}([^"]*)"', lambda m: f'data-row="{escape(unquote(m[1]))}"', tag)
     if tag.startswith("<g "):
         tag = re.sub(r'\s+id="[^"]*"', "", tag)
     tag = re.sub(r'\bid="([^"]*)"', rf'id="{key}-\1"', tag)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -42,7 +43,7 @@ def row_canvas(
     axes.set_ylim(count - 0.5, -0.5)
     axes.set_yticks(range(len(names)), [plain(n) for n in names], color=INK)
     for label, name in zip(axes.get_yticklabels(), names, strict=True):
-        label.set_gid(f"{MARKED}{name}")
+        label.set_gid(MARKED + quote(name, safe=""))  # it is not escaped in SVG
     axes.tick_params(axis="y", pad=6)
     axes.grid(visible=False, axis="y")
     axes.spines["left"].set_visible(False)
