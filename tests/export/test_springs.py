@@ -31,6 +31,7 @@ PLANTED = {
     "five-bar": {
         "left_elbow.k": 2.0, "left_elbow.kq0": -3.0, "right_elbow.F0": 1.5, "right_elbow.ks": 0.7,
         "right_shoulder.k": 0.8, "right_shoulder.kq0": 1.1, "right_shoulder.K": 0.5,
+        "right_shoulder.F0": 0.3,
     },
 }  # fmt: skip
 IN_FILE = {"two-link": ("shoulder",), "five-bar": ("left_elbow", "right_shoulder")}

@@ -25,6 +25,7 @@ from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
 
 REFERENCE = Path(__file__).parent.parent / "models_reference" / "base_parameter_counts.toml"
+LONG = pytest.mark.everything
 MECHANISMS = ("delta", "3-rrr", "palletizer", "six-actuators")
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -72,7 +73,9 @@ def test_no_pose_within_the_limits_is_near_singular_or_out_of_reach(name):
         assert (move.q < robot.limits[:, 1]).all()
 
 
-@pytest.mark.parametrize("name", MECHANISMS)
+@pytest.mark.parametrize(
+    "name", [*MECHANISMS[::2], *(pytest.param(m, marks=LONG) for m in MECHANISMS[1::2])]
+)
 def test_the_files_values_come_back_from_torque_without_noise(name):
     robot, model = Robot.load(name), Model.of(*EFFECTS)
     kept = find_base_parameters(robot, model).kept
