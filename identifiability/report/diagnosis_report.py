@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identifiability.effects import find_effect, title_of
-from identifiability.report.blocks import Note, Notes, Prose, Section, Term, Terms, Tile
+from identifiability.report.blocks import Note, Notes, Prose, Section, Term, Terms
 from identifiability.report.figures.diagnosis import draw_against, draw_evidence, draw_gap
 from identifiability.report.numbers import digits, error_text, format_number, percent, rough_percent
 from identifiability.report.page import Page
 from identifiability.report.sections.effects import section_effects, section_forward
 from identifiability.report.sections.facts import torque_units, velocity_units
+from identifiability.report.sections.missing import answer_missing
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import columns, gallery, note, picture, section, sentence
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.words import headline, remarks
+from identifiability.workflows.diagnose.words import remarks
 
 #: Joints whose gap is drawn.
 SHOWN = 6
@@ -27,35 +30,19 @@ def build_diagnosis_page(d: Diagnosis) -> Page:
     names = ", ".join(d.base)
     return Page(
         title=d.robot.title or d.robot.name,
-        statement=headline(d),
         sections=(
             section_effects(d),
             _section_gap(d),
             *(() if d.forward is None else (section_forward(d.forward, d.robot.joints),)),
             _section_where(d),
-            _section_evidence(d),
+            replace(_section_evidence(d), detail=True),
             _section_aliases(d),
             _section_remainder(d),
-            _section_method(d),
+            replace(_section_method(d), detail=True),
         ),
         overline="What the model misses",
         subtitle=f"{d.robot.path.name} · model: {names}{' · values fixed' if d.fixed else ''}",
-        tiles=_tiles(d),
-        summary=(_summary(d),),
-    )
-
-
-def _tiles(d: Diagnosis) -> tuple[Tile, ...]:
-    low, high = (format_number(100 * x, 2) for x in d.interval)
-    return (
-        Tile(str(len(d.effects)), "effects named", ", ".join(e.title for e in d.effects)),
-        Tile(percent(d.held_before), "error before", f"on {d.verified_on}"),
-        Tile(percent(d.held_after), "error after", f"95 %: {low} … {high} points"),
-        Tile(
-            percent(d.remainder.smooth_limit, 2),
-            "of the rest may still be smooth",
-            "upper bound, in position and velocity",
-        ),
+        summary=(answer_missing(d), _summary(d)),
     )
 
 

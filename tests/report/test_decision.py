@@ -16,6 +16,7 @@ from identifiability.report.sections.decision import (
     answer_quality,
     answer_trust,
     grade_of,
+    log_names,
     quote,
     source_name,
 )
@@ -131,3 +132,9 @@ def test_a_body_is_as_good_as_its_best_parameter(paper_analysis):
         assert f'class="tone-blue" data-owner="{owner}"' in sketch.markup
     worse = replace(paper_analysis, selected=0)
     assert build_analysis_page(worse).summary[0].sketch.markup != sketch.markup
+
+
+def test_parts_of_a_log_are_one_file_in_a_command(paper_analysis):
+    (s,) = paper_analysis.samples
+    parts = [replace(s, name=f"run.csv, part {k}") for k in (1, 2)]
+    assert log_names(parts) == "run.csv"

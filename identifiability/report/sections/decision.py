@@ -94,7 +94,8 @@ def source_name(robot: Robot) -> str:
 
 def log_names(samples: Sequence[Prepared]) -> str:
     """Return the logs of a command, by the names of their files."""
-    return " ".join(quote(s.name) for s in samples[:3]) + (" …" if len(samples) > 3 else "")
+    files = list(dict.fromkeys(re.sub(r", part \d+$", "", s.name) for s in samples))
+    return " ".join(map(quote, files[:3])) + (" …" if len(files) > 3 else "")
 
 
 def quote(name: str) -> str:
@@ -113,13 +114,13 @@ def sketch_robot(
     for v in verdicts:
         owners.setdefault(v.name.rpartition(".")[0], []).append(v)
     parts = {owner: _part(each) for owner, each in owners.items()}
-    drawing = draw_skeleton(robot, _widest_pose(robot, samples), parts)
+    drawing = draw_skeleton(robot, widest_pose(robot, samples), parts)
     if drawing is None:
         return None
     return Sketch(drawing, 400, sentence("decision.drawing"))
 
 
-def _widest_pose(robot: Robot, samples: Sequence[Prepared]) -> Array:
+def widest_pose(robot: Robot, samples: Sequence[Prepared]) -> Array:
     """Return the pose of some in the motion, (nq,), in which the robot is least like a line."""
     if not samples or not samples[0].survey.kept:
         return robot.home

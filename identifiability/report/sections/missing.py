@@ -1,0 +1,95 @@
+"""What a diagnosis answers first: what is missing, what it explains, what is left, what next."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.report.blocks import Answer, Answers, Sketch
+from identifiability.report.figures.skeleton import Part, draw_skeleton
+from identifiability.report.numbers import error_text, format_number, join, percent
+from identifiability.report.sections.decision import (
+    answer_next,
+    grade_of,
+    log_names,
+    source_name,
+    widest_pose,
+)
+from identifiability.report.words import sentence
+from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.words import headline
+
+#: Places of an effect that the first line lists.
+PLACES = 3
+
+
+def answer_missing(d: Diagnosis) -> Answers:
+    """Return the first screen of a diagnosis."""
+    return Answers((_what(d), _gap(d), _left(d), answer_next(_next_commands(d))), _sketch(d))
+
+
+def _what(d: Diagnosis) -> Answer:
+    question = "What is missing?"
+    if not d.effects:
+        return Answer(question, "Nothing that can be named.", headline(d), "grey")
+    named = [f"{e.title} in {join([p.place for p in e.placements], PLACES)}" for e in d.effects]
+    return Answer(question, f"{join(named)}.", headline(d), "vermilion")
+
+
+def _gap(d: Diagnosis) -> Answer:
+    question = "How much of the gap does it explain?"
+    if not d.effects:
+        short = f"The error on unseen motion stays at {percent(d.held_before)}."
+        return Answer(question, short, f"Measured on {d.verified_on}.")
+    low, high = (format_number(100 * x, 2) for x in d.interval)
+    falls = d.interval[1] < 0
+    before, after = percent(d.held_before), percent(d.held_after)
+    short = f"The error goes from {before} to {after}."
+    if before == after:
+        short = f"Hardly any: the error over all joints stays at {after}."
+    text = (
+        f"On {d.verified_on}, which took no part in fitting or choosing (95 % of the change: "
+        f"{low} … {high} points)."
+    )
+    return Answer(question, short, text, "green" if falls else "amber")
+
+
+def _left(d: Diagnosis) -> Answer:
+    error = d.held_after if d.effects else d.held_before
+    grade = grade_of(error) if np.isfinite(error) else "useless"
+    tone = {"very-good": "green", "good": "green", "fair": "amber"}.get(grade, "vermilion")
+    short = sentence("decision.grades", grade, error=error_text(error))
+    return Answer("How good is the model then?", short, d.unexplained, tone)
+
+
+def _next_commands(d: Diagnosis) -> list[tuple[str, str]]:
+    robot, logs = source_name(d.robot), log_names(d.samples)
+    if not d.effects:
+        what = "See which parameters these logs determine:"
+        return [(what, f"identifiability analyze {robot} {logs} --report report.html")]
+    return [
+        (
+            "Keep the diagnosed model:",
+            f"identifiability diagnose {robot} {logs} --out model.toml --json result.json",
+        ),
+        (
+            "Judge its parameters:",
+            f"identifiability analyze {robot} {logs} --ladder model.toml --report report.html",
+        ),
+        (
+            "Take it into a simulator:",
+            f"identifiability export {robot} result.json --out fitted.xml",
+        ),
+    ]
+
+
+def _sketch(d: Diagnosis) -> Sketch | None:
+    missing: dict[str, list[str]] = {}
+    for e in d.effects:
+        for p in e.placements:
+            missing.setdefault(p.place, []).append(e.title)
+    parts = {joint: Part("grey", "nothing is missing that has a name") for joint in d.robot.joints}
+    parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
+    drawing = draw_skeleton(d.robot, widest_pose(d.robot, d.samples), parts)
+    if drawing is None:
+        return None
+    return Sketch(drawing, 400, sentence("decision.missing"))
