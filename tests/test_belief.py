@@ -19,7 +19,7 @@ from identifiability.physical.project import project
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Target
 from identifiability.robot import Robot
-from identifiability.robot.files import locate_robot
+from identifiability.robot.locate import locate_robot
 from identifiability.workflows.analyze.belief import (
     START_MARGIN,
     Effort,

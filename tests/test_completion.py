@@ -10,7 +10,7 @@ import typer
 from typer.testing import CliRunner
 
 from identifiability.cli import app
-from identifiability.robot.files import shipped_robots
+from identifiability.robot.locate import shipped_robots
 
 COMMANDS = vars(typer.main.get_command(app))["commands"]
 START = "import sys; sys.argv[0] = 'identifiability'; from identifiability.cli import main; main()"

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from identifiability import Log, Robot, new_study
 from identifiability.cli import app
 from identifiability.foundation.errors import OutputError, RobotError
-from identifiability.robot.files import shipped_folder, shipped_robots
+from identifiability.robot.locate import shipped_folder, shipped_robots
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLED = ("six-dof-arm", "3-rps")

@@ -44,6 +44,7 @@ def arguments_of(verb, monkeypatch, *words):
         raise StoppedError
 
     monkeypatch.setattr(options.Machine, "load", lambda *_: SimpleNamespace())
+    monkeypatch.setattr("identifiability.logs.there.check_there", lambda _path: None)
     module, name = {
         "analyze": ("identifiability.workflows.analyze", "analyze"),
         "diagnose": ("identifiability.workflows.diagnose", "diagnose"),
@@ -54,7 +55,7 @@ def arguments_of(verb, monkeypatch, *words):
         monkeypatch.setattr(first, "analyze", lambda *_a, **o: seen.update(analysis=o))
     monkeypatch.setattr(importlib.import_module(module), name, called)
     with pytest.raises(StoppedError):
-        typer.main.get_command(app)([verb, "two-link", "run.csv", *words], standalone_mode=False)
+        typer.main.get_command(app)([verb, "two-link", "run.pq", *words], standalone_mode=False)
     return seen
 
 

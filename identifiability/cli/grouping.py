@@ -29,8 +29,12 @@ def estimators(typed: str = "") -> list[str]:
     return [name for name in ESTIMATORS if name.startswith(typed)]
 
 
-def command(function: Callable[..., None]) -> Callable[..., None]:
+def command(
+    function: Callable[..., None], first: Callable[[dict[str, Any]], None] = lambda _options: None
+) -> Callable[..., None]:
     """Return the function as a command: groups become their options, with help from docstrings.
+
+    `first` is called before it, with what was typed: groups and options by name.
 
     An option of the command itself stands before one of a group with its name. What a docstring
     says of its parameters or attributes is the help of these options, and the rest of the
@@ -52,6 +56,7 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
             name: kind(**{f.name: options.pop(f.name) for f in fields(kind) if f.name not in own})
             for name, kind in groups.items()
         }
+        first({**whole, **options})
         function(**whole, **options)
 
     called.__doc__ = _HELP.split(getdoc(function) or "")[0]

@@ -5,7 +5,7 @@ A command names a group as one parameter, ``place: Place``, and is made by `comm
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from identifiability.foundation.engines.local import Engine
     from identifiability.logs.prepare import Preparation
     from identifiability.robot import Robot
-
-#: Makes a function a command: groups become their options.
-command = grouping.command
 
 _derived = partial(Option, rich_help_panel="Velocity and acceleration")
 _placed = partial(Option, rich_help_panel="Where it runs")
@@ -277,6 +274,42 @@ class Place:
         from identifiability.foundation.engines.local import choose_engine  # noqa: PLC0415
 
         return choose_engine(*astuple(self))
+
+
+#: Options that are logs to read.
+_LOGS = ("logs", "validate", "loaded", "start_from")
+
+
+def _look(given: Mapping[str, Any]) -> None:
+    """Refuse robots and logs that are not there, and logs with other columns, in no time.
+
+    What takes a second to import is imported later.
+    """
+    machine, recorded = given.get("machine"), given.get("recorded")
+    if machine is None:
+        return
+    logs = [path for name in _LOGS for path in given.get(name) or ()]
+    with sentences():
+        from identifiability.logs.there import check_there  # noqa: PLC0415
+        from identifiability.robot.locate import locate_robot  # noqa: PLC0415
+
+        if "outputs" in given:
+            given["outputs"].check(inputs=[*machine.files, *logs])
+        locate_robot(machine.robot)
+        for path in logs:
+            check_there(Path(path))
+        tables = [Path(path) for path in logs if path.lower().endswith(".csv")]
+        if tables and recorded is not None:
+            from identifiability.logs.conventions import Conventions  # noqa: PLC0415
+            from identifiability.logs.header import check_header  # noqa: PLC0415
+
+            known = Conventions.of(machine.load(recorded))
+            for path in tables:
+                check_header(path, known)
+
+
+#: Makes a function a command: groups become their options, and files are looked at first.
+command = partial(grouping.command, first=_look)
 
 
 def split_names(text: str | None) -> list[str] | None:

@@ -1,5 +1,19 @@
 """From files to `Log`: CSV, Parquet, bags of ROS, DataFrames, short and long."""
 
-from identifiability.logs.log import Log
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from identifiability.logs.log import Log
 
 __all__ = ["Log"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import `Log` when it is first used: who only looks at columns does not wait for it."""
+    if name != "Log":
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    from identifiability.logs.log import Log  # noqa: PLC0415
+
+    return Log

@@ -63,7 +63,7 @@ def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
             return more
 
         start = read()
-        table, rest = _begin(path, start)
+        table, rest = begin_csv(path, start)
         lines = table.form.plain_text(rest).decode(errors="replace").splitlines()[:-1][:LOOKED_AT]
         row, byte, ended = 0, len(start) - len(rest), False
         pieces = [(row, byte)]
@@ -82,7 +82,7 @@ def _scan_csv(path: Path, each: Callable[[pd.DataFrame, Form], None]) -> tuple[s
     return digest.hexdigest(), replace(table, pieces=tuple(pieces))
 
 
-def _begin(path: Path, start: bytes) -> tuple[Table, bytes]:
+def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
     """Return a CSV without its rows, and what follows its header."""
     if not start.strip(b"\xef\xbb\xbf\0 \t\r\n"):
         raise LogError(f"{path} is empty; nothing was written to it.")

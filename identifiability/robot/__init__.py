@@ -2,10 +2,28 @@
 
 What to use when: `Robot.load` reads a file; `complete_motion` turns the motion of the actuated
 joints into that of all joints, closing loops where there are any.
+
+Names are imported when they are first used: who only looks for a file does not wait for Pinocchio.
 """
 
-from identifiability.robot.closure import Motion, complete_motion
-from identifiability.robot.parts import Axis
-from identifiability.robot.robot import KnownRobot, Robot, RobotLike
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from identifiability.robot.closure import Motion, complete_motion
+    from identifiability.robot.parts import Axis
+    from identifiability.robot.robot import KnownRobot, Robot, RobotLike
 
 __all__ = ["Axis", "KnownRobot", "Motion", "Robot", "RobotLike", "complete_motion"]
+
+_HOMES = {"Axis": "parts", "Motion": "closure", "complete_motion": "closure"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    value = getattr(import_module(f"{__name__}.{_HOMES.get(name, 'robot')}"), name)
+    globals()[name] = value
+    return value

@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from identifiability.foundation.errors import RobotError
@@ -21,16 +20,16 @@ from identifiability.robot.description import Description
 from identifiability.robot.kinematics import WORLD, Frames, Joint, Point, Tree
 from identifiability.robot.parts import Cable, Segment
 
-_WRAP = mujoco.mjtWrap
-_ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
+#: How a compiled model (mjtWrap, mjtTrn) numbers what a tendon runs through and what motors drive.
+_PULLEY, _SITE, _ON_TENDON = 2, 3, 3
 
 
 def straight(m: Any, t: int) -> bool:
     """Whether a tendon of a compiled model runs straight between sites."""
     kinds = {int(m.wrap_type[w]) for w in _parts(m, t)}
-    return int(_WRAP.mjWRAP_SITE) in kinds and kinds <= {
-        int(_WRAP.mjWRAP_SITE),
-        int(_WRAP.mjWRAP_PULLEY),
+    return _SITE in kinds and kinds <= {
+        _SITE,
+        _PULLEY,
     }
 
 
@@ -95,7 +94,7 @@ def _segments(m: Any, t: int, point: Callable[[int, Array], Point]) -> tuple[Seg
     out: list[Segment] = []
     part, before = 1.0, None
     for w in _parts(m, t):
-        if int(m.wrap_type[w]) == int(_WRAP.mjWRAP_PULLEY):
+        if int(m.wrap_type[w]) == _PULLEY:
             part, before = 1.0 / float(m.wrap_prm[w]), None
             continue
         site = int(m.wrap_objid[w])

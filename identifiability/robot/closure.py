@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import field, replace
 
 import numpy as np
-from scipy.linalg import qr
+import scipy
 
 from identifiability.foundation.errors import ClosureError, listing
 from identifiability.foundation.names import Array
@@ -164,7 +164,7 @@ def count_independent(robot: Description) -> int:
         home = closed.q if closed.error[0] < ACCEPTED else home
     A = loop_jacobian(robot, home)[0]
     scale = np.abs(A).max() or 1.0
-    r, _ = qr(A.T / scale, mode="r", pivoting=True)
+    r, _ = scipy.linalg.qr(A.T / scale, mode="r", pivoting=True)
     return int((np.abs(np.diag(r)) > 1e-9).sum())
 
 

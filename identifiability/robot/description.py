@@ -19,7 +19,6 @@ from identifiability.robot.kinematics import Tree
 from identifiability.robot.known_torque import KnownTorque
 from identifiability.robot.markup import included_files
 from identifiability.robot.measured_torque import MeasuredTorque
-from identifiability.robot.mjcf import weighing_files
 from identifiability.robot.parts import Axis, Cable, Coupling, Loop, Transmission
 
 
@@ -144,6 +143,8 @@ class Description:
     @cached_property
     def sha256(self) -> str:
         """Hash of the robot file, what it includes, meshes that weigh, and its sidecar."""
+        from identifiability.robot.mjcf import weighing_files  # noqa: PLC0415 - MuJoCo is large
+
         files = (self.path, *included_files(self.path), *weighing_files(self.path))
         digest = hashlib.sha256()
         for file in (*files, self.sidecar) if self.sidecar is not None else files:

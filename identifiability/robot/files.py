@@ -10,18 +10,16 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.output import kept_aside
 from identifiability.robot.assembly import assemble
-from identifiability.robot.compiled import state_robot
 from identifiability.robot.description import Description
 from identifiability.robot.joints import read_tree
+from identifiability.robot.locate import locate_robot
 from identifiability.robot.locking import (
     LockOption,
     add_couplings,
@@ -31,51 +29,8 @@ from identifiability.robot.locking import (
 )
 from identifiability.robot.markup import read_markup
 from identifiability.robot.massless import merge_axes
-from identifiability.robot.mjcf import compile_mjcf
 from identifiability.robot.parts import Coupling, Stated
 from identifiability.robot.sidecar import Sidecar, read_sidecar
-
-
-def shipped_folder() -> Path:
-    """Return the folder of the shipped robots (inside a wheel, or beside a checkout)."""
-    inside = Path(str(resources.files("identifiability"))) / "models"
-    return inside if inside.is_dir() else inside.parent.parent / "models"
-
-
-def shipped_robots() -> list[str]:
-    """Return the names of the shipped robots."""
-    return sorted(p.parent.name for p in shipped_folder().glob("*/robot.[xu]*"))
-
-
-def locate_robot(source: str | Path) -> Path:
-    """Return the robot file that a path or a shipped name stands for.
-
-    Raises
-    ------
-    RobotError
-    """
-    path = Path(source)
-    try:
-        if path.is_file():
-            return path
-    except OSError as error:
-        raise RobotError(f"'{source}' cannot be a robot file: {error.strerror}.") from None
-    folder = shipped_folder() / str(source)
-    for name in ("robot.xml", "robot.urdf"):
-        if str(source) in shipped_robots() and (folder / name).is_file():
-            return folder / name
-    if path.is_dir():
-        raise RobotError(f"{path} is a folder; give the robot file (MJCF or URDF) in it.")
-    left = kept_aside(path)
-    if left is not None:
-        raise RobotError(
-            f"There is no robot file '{source}': a write of it was interrupted. Its old content is "
-            f"'{left}'; write it again, or rename that."
-        )
-    raise RobotError(
-        f"There is no robot file '{source}'{near_match(str(source), shipped_robots())} Give an "
-        f"MJCF or URDF file, or one of the shipped robots: {', '.join(shipped_robots())}."
-    )
 
 
 def read_robot(
@@ -88,7 +43,10 @@ def read_robot(
     extra = read_sidecar(chosen)
     extra = extra.model_copy(update={"locked": read_locks(extra.locked) | read_locks(lock)})
     root = read_markup(path)
-    if root.tag == "mujoco":
+    if root.tag == "mujoco":  # who has a URDF does not wait for MuJoCo
+        from identifiability.robot.compiled import state_robot  # noqa: PLC0415
+        from identifiability.robot.mjcf import compile_mjcf  # noqa: PLC0415
+
         stated = state_robot(path, compile_mjcf(path, root), extra)
     else:
         stated = _read_urdf(path, root, extra)

@@ -12,7 +12,6 @@ from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
-from identifiability.robot.dh import convert_dh
 from identifiability.robot.files import read_robot
 from identifiability.robot.locking import LockOption
 
@@ -101,6 +100,8 @@ class Robot(Description):
         OutputError
             If the files cannot be written, or the sidecar would replace one of the user's own.
         """
+        from identifiability.robot.dh import convert_dh  # noqa: PLC0415 - most robots are files
+
         return Robot.load(convert_dh(table, out).robot)
 
 

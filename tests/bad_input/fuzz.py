@@ -59,7 +59,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.robot.files import locate_robot
+from identifiability.robot.locate import locate_robot
 from identifiability.simulation import (
     PrescribedMotion,
     read_trajectories,

@@ -7,7 +7,7 @@ import pytest
 
 from identifiability.logs import Log
 from identifiability.robot import Robot
-from identifiability.robot.files import locate_robot
+from identifiability.robot.locate import locate_robot
 from identifiability.simulation import random_trajectory, simulate
 
 NAMES = [

@@ -9,7 +9,7 @@ import pytest
 
 from identifiability.foundation.errors import RobotError
 from identifiability.robot import Robot
-from identifiability.robot.files import locate_robot
+from identifiability.robot.locate import locate_robot
 
 TWO, FIVE, ARM = (locate_robot(n).read_text() for n in ("two-link", "five-bar", "six-dof-arm"))
 GROUND = '<body name="ground"><geom type="sphere" size="0.1"/></body>'

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.robot.files import locate_robot
+from identifiability.robot.locate import locate_robot
 
 JOINTS = ("slider1", "slider2", "slider3")
 

@@ -15,7 +15,7 @@ import pytest
 
 from identifiability.cli.demo import run_demo
 from identifiability.robot import Robot
-from identifiability.robot.files import locate_robot
+from identifiability.robot.locate import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.calibrate.calibration import calibrate

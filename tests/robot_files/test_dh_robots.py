@@ -27,7 +27,7 @@ from identifiability.foundation.toml_text import toml_text
 from identifiability.regression.reduction.file import ladder_path, read_ladder
 from identifiability.robot import complete_motion
 from identifiability.robot.dh import convert_dh
-from identifiability.robot.files import shipped_folder
+from identifiability.robot.locate import shipped_folder
 from identifiability.simulation import Campaign, Noise, PrescribedMotion, shipped_trajectory
 
 REFERENCE = Path(__file__).parent.parent / "models_reference" / "base_parameter_counts.toml"

@@ -16,7 +16,7 @@ from identifiability.report.marks import mark_of
 from identifiability.report.numbers import error_text, format_count, join
 from identifiability.report.words import sentence
 from identifiability.robot import Robot
-from identifiability.robot.files import shipped_folder
+from identifiability.robot.locate import shipped_folder
 
 #: Error on unseen motion, of how much torque varies, up to which it is called so; a rule of thumb.
 GRADES = ((0.03, "very-good"), (0.08, "good"), (0.15, "fair"), (0.5, "poor"), (np.inf, "useless"))

@@ -14,7 +14,7 @@ from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_writable, write_text
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
-from identifiability.robot.files import locate_robot, shipped_robots
+from identifiability.robot.locate import locate_robot, shipped_robots
 from identifiability.workflows.inspect.machine import template_frame
 
 #: What a study begins with where nothing is said: the arm whose logs are shipped.

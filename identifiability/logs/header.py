@@ -1,0 +1,41 @@
+"""Refuse a log by its first lines, before anything else of it, or any number, is looked at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.measured import call_currents
+from identifiability.logs.naming import name_columns
+from identifiability.logs.scan import BEGINNING, begin_csv
+
+#: Bytes in which there is no quoted name in most logs.
+QUOTED = 4096
+
+
+def check_header(path: Path, known: Conventions) -> None:
+    """Refuse a CSV whose columns are none of a robot's log; other files are left to their reader.
+
+    Parameters
+    ----------
+    path : Path
+    known : Conventions
+
+    Raises
+    ------
+    LogError
+        What `Log.read` would say of the columns.
+    """
+    with path.open("rb") as file:
+        start = file.read(BEGINNING)
+    if b'"' in start[:QUOTED]:  # a name may go over several lines
+        return
+    table, rest = begin_csv(path, start)
+    line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]
+    row = dict(zip(table.columns, table.form.split(line), strict=False))
+    texts = {name: text for name, text in row.items() if not table.form.is_number(text)}
+    called = call_currents(list(table.columns), known)
+    sources = dict(zip(called, table.columns, strict=True))
+    units = dict(zip(called, table.form.units, strict=False))
+    currents = {name for name, column in sources.items() if name != column}
+    name_columns(called, str(path), known, units, texts, currents=currents)
