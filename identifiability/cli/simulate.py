@@ -51,10 +51,12 @@ def simulate(
         import numpy as np  # noqa: PLC0415
 
         from identifiability.effects import effect_laws  # noqa: PLC0415
+        from identifiability.foundation.errors import listing  # noqa: PLC0415
         from identifiability.foundation.output import check_ending  # noqa: PLC0415
         from identifiability.logs.tables import PARQUET  # noqa: PLC0415
         from identifiability.simulation import Noise  # noqa: PLC0415
         from identifiability.simulation import simulate as run  # noqa: PLC0415
+        from identifiability.simulation.forces import left_out  # noqa: PLC0415
         from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
         common.check_outputs(out, inputs=[*machine.files, motion])
@@ -66,4 +68,10 @@ def simulate(
             robot, move, noise=levels, hide=hidden, laws=laws, rng=rng, derivatives=derivatives
         )
         log.write(out)
+        missing = left_out(robot)
+    if missing:
+        typer.echo(
+            f"The robot's sidecar states {listing(missing, 6)}, which are not simulated: give such "
+            "effects by --hide."
+        )
     typer.echo(f"{len(log)} samples of {robot.name} along {log.name}: {out}")

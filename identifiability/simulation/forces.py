@@ -9,11 +9,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.simulation.motion import PrescribedMotion
 from identifiability.simulation.mujoco_robot import RigidTorque
+
+#: Springs of which no robot file states a rest, and where `JointTerms` has them.
+_SPRINGS = {"k": "slope", "kq0": "pull", "ks": "sine", "kc": "cosine", "F0": "constant"}
 
 
 def both_directions(parameters: Mapping[str, float]) -> dict[str, float]:
@@ -39,6 +42,12 @@ class JointTerms:
         Of the rotor.
     stiffness : float [N·m/rad or N/m]
     offset : float [N·m or N]
+    slope, pull : float [N·m/rad or N/m, N·m or N]
+        Of a spring with an unknown rest, ``slope · position − pull``.
+    sine, cosine : float [N·m]
+        Of a gravity spring or counterweight.
+    constant : float [N·m or N]
+        Of a constant-force spring.
     """
 
     viscous: float
@@ -47,6 +56,11 @@ class JointTerms:
     inertia: float
     stiffness: float
     offset: float
+    slope: float = 0.0
+    pull: float = 0.0
+    sine: float = 0.0
+    cosine: float = 0.0
+    constant: float = 0.0
 
     @staticmethod
     def of(values: Mapping[str, float], name: str, inertia_parts: tuple[str, ...]) -> JointTerms:
@@ -59,6 +73,7 @@ class JointTerms:
             inertia=sum(values.get(f"{name}.{part}", 0.0) for part in inertia_parts),
             stiffness=values.get(f"{name}.K", 0.0),
             offset=values.get(f"{name}.off", 0.0),
+            **{field: values.get(f"{name}.{kind}", 0.0) for kind, field in _SPRINGS.items()},
         )
 
     def friction(self, speed: Array) -> Array:
@@ -70,6 +85,17 @@ class JointTerms:
         """Return friction, inertia and spring (N,) of a motion (N,) about the spring's rest."""
         moving = self.friction(speed) + self.inertia * acceleration
         return moving + self.stiffness * stretch
+
+    def springs(self, position: Array) -> Array:
+        """Return springs of which no file states a rest, at positions (N,) as the file counts."""
+        swing = self.sine * np.sin(position) + self.cosine * np.cos(position)
+        return self.slope * position - self.pull + swing + self.constant
+
+
+def left_out(robot: Robot) -> tuple[str, ...]:
+    """Return nominal values of joints, motors, axes and loads that no simulation here has."""
+    known = {"Fv", "Fc", "Fc+", "Fc-", "K", "off", *robot.inertia_parts, *INERTIAL_KINDS, *_SPRINGS}
+    return tuple(n for n, x in robot.nominal.items() if x and n.rpartition(".")[2] not in known)
 
 
 def stribeck(speed: Array, excess: float, velocity: float, shape: float = 1.0) -> Array:
@@ -102,12 +128,14 @@ def joint_torque(
             continue
         assert axis.row is not None
         motion = (x @ axis.row for x in (move.q - rest, move.dq, move.ddq))
-        tau += terms.force(*motion)[:, None] * axis.row
+        force = terms.force(*motion) + terms.springs(move.q @ axis.row)
+        tau += force[:, None] * axis.row
     for axis in robot.passive_axes:
         terms = JointTerms.of(values, axis.name, robot.inertia_parts)
         k = int(np.flatnonzero(robot.dependent == axis.dof)[0])
         stretch = rigid.passive_q[:, k] - robot.rest.get(axis.name, 0.0)
         force = terms.force(stretch, rigid.passive_v[:, k], rigid.passive_a[:, k])
+        force += terms.springs(rigid.passive_q[:, k])
         tau -= force[:, None] * rigid.X[:, k]
     for known in robot.known_torque:
         for axis in (a for a in robot.axes if a.name == known.along):
@@ -137,4 +165,5 @@ def _stated_axis(
             passive = (rigid.passive_q, rigid.passive_v, rigid.passive_a)
             motion += c * np.array([x[:, k] for x in passive])
     force = terms.force(motion[0] - robot.rest.get(name, home), motion[1], motion[2])
+    force += terms.springs(motion[0])
     return force[:, None] * arms

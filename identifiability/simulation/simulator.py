@@ -44,7 +44,8 @@ def simulate(
     Parameters
     ----------
     robot : Robot, path or shipped name
-        Its file states the inertias; friction and rotor inertia come from its nominal values.
+        Its file states the inertias; friction, rotor inertia and springs come from its nominal
+        values, other effects among those (`left_out`) are not simulated.
     motion : PrescribedMotion or Trajectory
     noise : Noise or str, optional
         Also ``paper``, ``none`` or levels such as ``motion=0.04,torque=0.05``.

@@ -1,12 +1,15 @@
 """Springs, curves over position and known torque in exported files: the torque that was fitted."""
 
 import json
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from identifiability import Robot, analyze, simulate
+from identifiability.cli import app
 from identifiability.effects import FAMILIES
 from identifiability.effects.holding import held_by_file
 from identifiability.foundation.errors import RobotError
@@ -20,6 +23,7 @@ from identifiability.simulation import (
     random_trajectory,
     shipped_trajectory,
 )
+from identifiability.simulation.forces import left_out
 from identifiability.workflows.export import export, write_parameters
 
 #: A spring that pulls back, one that pushes on, a counterweight, a cable; and at a passive joint.
@@ -38,7 +42,7 @@ IN_FILE = {"two-link": ("shoulder",), "five-bar": ("left_elbow", "right_shoulder
 KNOWN = '[[known_torque]]\nalong = "{}"\ntable = [[-9, 1], [0, 0.2], [9, -2]]\n'
 
 
-def states(robot, count=30):
+def states(robot, count=30):  # as many as a log needs
     rng = np.random.default_rng(0)
     q = rng.uniform(*robot.limits.T, (count, len(robot.joints)))
     v, a = rng.normal(size=(2, *q.shape))
@@ -82,10 +86,29 @@ def test_file_and_sidecar_are_what_was_fitted(name, given, tmp_path):
         k, stated = PLANTED[name][f"{joint}.k"], PLANTED[name].get(f"{joint}.K", 0.0)
         assert copy.nominal[f"{joint}.K"] == pytest.approx(k + stated)
         assert f"{joint}.k" not in copy.nominal
+    # The simulator, which shares nothing with the effects, has them but for the curve.
+    motion = states(copy)
+    move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
+    bare = {n: 0.0 for n in copy.nominal if ".B" in n}
+    simulated = simulate(replace(copy, nominal=copy.nominal | bare), move).tau
+    np.testing.assert_allclose(
+        simulated, torque_of(copy, copy.nominal | bare), rtol=1e-7, atol=1e-9
+    )
+    assert set(left_out(copy)) == {n for n in PLANTED[name] if ".B" in n}
     # Among what is beside the file are the spring that pushes on, and what goes with a sine.
     held = held_by_file(robot, values)
     assert {n for n in PLANTED[name] if held[n] == 0} == set(written.beside)
     assert copy.known_torque[0].torques.tolist() == [1.0, 0.2, -2.0]
+
+
+def test_what_is_stated_and_not_simulated_is_said(given, tmp_path):
+    robot = given("two-link")
+    values = {**robot.nominal, **PLANTED["two-link"]}
+    fitted = write_parameters(robot, values, tmp_path / "fitted.xml").robot
+    told = CliRunner().invoke(app, ["simulate", str(fitted), "random", "--out", f"{fitted}.csv"])
+    assert told.exit_code == 0
+    said = " ".join(told.output.split())
+    assert "states shoulder.B3 and shoulder.B4, which are not simulated" in said
 
 
 def test_mujoco_has_the_springs_of_the_file_and_its_error_is_the_stated_one(replayed, tmp_path):
