@@ -108,7 +108,7 @@ def test_what_is_stated_and_not_simulated_is_said(given, tmp_path):
     told = CliRunner().invoke(app, ["simulate", str(fitted), "random", "--out", f"{fitted}.csv"])
     assert told.exit_code == 0
     said = " ".join(told.output.split())
-    assert "states shoulder.B3 and shoulder.B4, which are not simulated" in said
+    assert "states shoulder.B3, shoulder.B4, which are not simulated" in said
 
 
 def test_mujoco_has_the_springs_of_the_file_and_its_error_is_the_stated_one(replayed, tmp_path):
