@@ -150,6 +150,8 @@ def compare_motions(
         if part.rows <= len(fit.kept):  # it determines nothing, and rounding would say what
             continue
         alone = forget_noise(fit.estimator).fit(part)
+        if (np.diag(alone.covariance)[alone.determined] < 0.0).any():  # rounding is all there is
+            continue
         scores = scatter_scores(part, alone, max(time, part.samples / MEMORIES / MOST_STRETCHES))
         if scores is None:
             continue

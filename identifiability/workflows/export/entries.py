@@ -14,6 +14,9 @@ from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot
 from identifiability.workflows.predict.about import Entry, RobotEntry
 
+#: A body with less than this share of the robot's mass weighs nothing: some formats want a number.
+NOTHING = 1e-9
+
 
 class PhysicalEntry(Entry):
     """The nearest real robot."""
@@ -56,11 +59,13 @@ def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> 
         entry = content.physical
         why = entry.reason or entry.certificate or entry.sentence
         raise IdentifiabilityError(f"{path} holds no real robot to export. {why}".rstrip())
-    missing = [body for body in robot.bodies if f"{body}.m" not in given]
+    weigh = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
+    heavy = [body for body, mass in weigh.items() if mass > NOTHING * sum(weigh.values())]
+    missing = [body for body in heavy if f"{body}.m" not in given]
     if missing:
         raise IdentifiabilityError(
             f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
-            "make a result whose model has the effect rigid_body."
+            "make a result whose model has the effect rigid_body, at each of them."
         )
     whole = complete_values(robot, given, keep=False)
     for body in robot.bodies:
