@@ -30,6 +30,17 @@ from identifiability.simulation.mujoco_file import bare_urdf, reason_of
 #: Parts of an MJCF file that have no share in the free motion of the bodies.
 _IDLE = ("asset", "actuator", "sensor", "contact", "visual", "statistic", "custom")
 
+#: A motor of unit gain, whatever the defaults of a file are.
+_MOTOR = {
+    "gear": [1, 0, 0, 0, 0, 0],
+    "gaintype": mujoco.mjtGain.mjGAIN_FIXED,
+    "gainprm": [1, *[0] * 9],
+    "biastype": mujoco.mjtBias.mjBIAS_NONE,
+    "dyntype": mujoco.mjtDyn.mjDYN_NONE,
+    "ctrllimited": False,
+    "forcelimited": False,
+}
+
 #: Highest power in a coupling of MuJoCo.
 _DEGREE = 4
 
@@ -82,7 +93,7 @@ def compile_forward(
             _add_tendon(spec, name, weights)
         for cable in robot.cables:
             spec.add_actuator(
-                name=cable.name, target=cable.name, trntype=mujoco.mjtTrn.mjTRN_TENDON
+                name=cable.name, target=cable.name, trntype=mujoco.mjtTrn.mjTRN_TENDON, **_MOTOR
             )
         couplings = {c.joint: _add_coupling(spec, c) for c in robot.couplings if c.more}
         model = spec.compile()
@@ -165,7 +176,8 @@ def _whole_closure(robot: Robot, index: int) -> list[tuple[str, Array]]:
 
 
 def _equate(spec: Any, kind: Any, of: Any, names: list[str], **options: Any) -> None:
-    spec.add_equality(type=kind, objtype=of, name1=names[0], name2=names[1], **options)
+    ends = {"name1": names[0], "name2": names[1]}
+    spec.add_equality(type=kind, objtype=of, active=True, **ends, **options)
 
 
 def _add_tendon(spec: Any, name: str, weights: Mapping[str, float]) -> None:
