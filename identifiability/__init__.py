@@ -9,6 +9,7 @@ What to use when:
 - `predict` of a result gives torque along other logs, and `from_json` reads a result back for it;
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
+- `plot` draws the figures of a report one by one;
 - every stage in between (`prepare_samples`, `find_base_parameters`, `gather_information`,
   `estimate`, …) can be called by itself.
 
@@ -21,9 +22,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from identifiability.effects.effect import Effect
     from identifiability.estimation.estimate import estimate
     from identifiability.estimation.estimator import Estimate
-    from identifiability.estimation.verdict import Verdict
+    from identifiability.estimation.verdict import Thresholds, Verdict
     from identifiability.foundation.errors import IdentifiabilityError
     from identifiability.logs import Log
     from identifiability.logs.prepare import Preparation, Samples, prepare_samples
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from identifiability.regression.gather import gather_information
     from identifiability.regression.information import Information
     from identifiability.regression.regression import Model, Regression
+    from identifiability.report import plot
     from identifiability.robot import Motion, Robot
     from identifiability.simulation import Noise, Trajectory, simulate
     from identifiability.workflows.analyze import Analysis, analyze
@@ -50,9 +53,10 @@ __version__ = "0.1.0"
 _HOMES = {
     name: home
     for home, names in {
+        "effects.effect": ("Effect",),
         "estimation.estimate": ("estimate",),
         "estimation.estimator": ("Estimate",),
-        "estimation.verdict": ("Verdict",),
+        "estimation.verdict": ("Thresholds", "Verdict"),
         "foundation.errors": ("IdentifiabilityError",),
         "logs": ("Log",),
         "logs.prepare": ("Preparation", "Samples", "prepare_samples"),
@@ -60,6 +64,7 @@ _HOMES = {
         "regression.gather": ("gather_information",),
         "regression.information": ("Information",),
         "regression.regression": ("Model", "Regression"),
+        "report": ("plot",),
         "robot": ("Motion", "Robot"),
         "simulation": ("Noise", "Trajectory", "simulate"),
         "workflows.analyze": ("Analysis", "analyze"),
@@ -81,6 +86,7 @@ __all__ = [
     "BaseParameters",
     "Calibration",
     "Diagnosis",
+    "Effect",
     "Estimate",
     "Excitation",
     "Exported",
@@ -99,6 +105,7 @@ __all__ = [
     "Robot",
     "Samples",
     "Study",
+    "Thresholds",
     "TorquePrediction",
     "Trajectory",
     "Verdict",
@@ -114,6 +121,7 @@ __all__ = [
     "identify_gains",
     "inspect",
     "new_study",
+    "plot",
     "prepare_samples",
     "prune",
     "simulate",

@@ -105,3 +105,8 @@ def test_make_in_a_study_makes_what_it_says(robot, tmp_path):
     assert (made.folder / "missing.html").is_file()
     subprocess.run([sys.executable, "study.py"], cwd=made.folder, check=True, capture_output=True)
     assert (made.folder / "fitted.xml").is_file()
+
+
+def test_a_robot_in_the_folder_where_one_works_has_the_folders_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(new_study(tmp_path / "study").folder)
+    assert Robot.load("robot.urdf").name == "study"

@@ -72,6 +72,10 @@ class Model:
         """The effects as a ladder file writes them, and `of` reads them."""
         return tuple(text for e in self.effects for text in e.texts)
 
+    def __repr__(self) -> str:
+        """Return its effects, in one line."""
+        return f"<Model: {' + '.join(self.texts)}>"
+
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the standard parameters of all effects, in column order."""
         return tuple(p for e in self.effects for p in e.parameters(robot))

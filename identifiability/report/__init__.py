@@ -14,6 +14,7 @@ Example
 True
 """
 
+from identifiability.report import plot
 from identifiability.report.analysis_report import build_analysis_page, write_analysis_report
 from identifiability.report.blocks import (
     Block,
@@ -55,6 +56,7 @@ __all__ = [
     "drawn",
     "frame_table",
     "plain",
+    "plot",
     "render_page",
     "svg",
     "write_analysis_report",

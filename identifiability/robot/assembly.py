@@ -58,7 +58,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     if extra.loops is not None:
         loops = [_sidecar_loop(path, entry, stated) for entry in extra.loops]
     named = tuple(body for body in extra.base_parameters.bodies if body in bodies)
-    name = path.parent.name if path.stem == "robot" else path.stem
+    name = path.resolve().parent.name if path.stem == "robot" else path.stem
     robot = Description(
         name=name,
         title=extra.name or model.name or name,

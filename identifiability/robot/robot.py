@@ -104,6 +104,11 @@ class Robot(Description):
 
         return Robot.load(convert_dh(table, out).robot)
 
+    def __repr__(self) -> str:
+        """Return what it is, in one line."""
+        moving = f"{len(self.joints)} of {len(self.dofs)} joints have motors"
+        return f"<Robot {self.title or self.name}: {moving}, {self.path.name}>"
+
 
 #: A robot, or where it is read from.
 RobotLike = Annotated[

@@ -11,7 +11,7 @@ from identifiability.report import build_analysis_page, render_page
 from identifiability.report.blocks import Note, Trace
 from identifiability.report.figures.confusion import order_confused
 from identifiability.report.figures.skeleton import Part, draw_skeleton, trace_limbs
-from identifiability.report.sections.connections import correlation_of, section_confused
+from identifiability.report.sections.connections import section_confused
 from identifiability.report.sections.decision import (
     answer_quality,
     answer_trust,
@@ -21,6 +21,7 @@ from identifiability.report.sections.decision import (
     source_name,
 )
 from identifiability.robot import Robot
+from identifiability.workflows.predict.frames import correlation_of
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from identifiability.report.tables import Column, Table
 from identifiability.report.words import picture, section
 from identifiability.workflows.predict.budget import PARTS, torque_budget
 from identifiability.workflows.predict.fit import Fit
+from identifiability.workflows.predict.frames import correlation_of
 
 #: Pairs that are named in words.
 PAIRS = 3
@@ -70,10 +71,3 @@ def _words(names: Sequence[str], correlation: Array) -> str:
         f"confused: {join(pairs)}. Where the correlation is near −1 their sum, near 1 their "
         "difference is known better than either of them; a motion that moves them apart helps."
     )
-
-
-def correlation_of(covariance: Array) -> Array:
-    """Return the correlation matrix of a covariance; NaN where a variance is zero or unknown."""
-    sd = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), np.nan))
-    out: Array = covariance / np.outer(sd, sd)
-    return out

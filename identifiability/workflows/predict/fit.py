@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -40,11 +40,15 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.opening import Logs, read_recordings
 from identifiability.workflows.predict.about import Entry, RobotEntry
+from identifiability.workflows.predict.frames import Covaries, square_frame
 from identifiability.workflows.predict.result import TorquePrediction
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @frozen(kw_only=True)
-class Fit:
+class Fit(Covaries):
     """A fitted model as its result keeps it.
 
     Attributes
@@ -79,6 +83,22 @@ class Fit:
     def covariance(self) -> Array:
         """Covariance of the values, with what the noise remembers, (k, k)."""
         return self.spread.covariance
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter: name, value, standard deviation, unit."""
+        import pandas as pd  # noqa: PLC0415 - only who wants a table pays for it
+
+        sigma = np.sqrt(np.diag(self.covariance))
+        columns = {"name": self.names, "value": self.values, "sigma": sigma}
+        return pd.DataFrame({**columns, "unit": self.rung.units})
+
+    def covariance_frame(self) -> pd.DataFrame:
+        """Return `covariance` with the names of the parameters at its rows and columns."""
+        return square_frame(self.covariance, self.names)
+
+    def __repr__(self) -> str:
+        """Return what it is, in one line."""
+        return f"<Fit: {len(self.names)} values of '{self.rung.name}' for {self.robot.name}>"
 
     @property
     def base(self) -> Array:

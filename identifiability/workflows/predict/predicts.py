@@ -1,22 +1,31 @@
 """`Predicts`: what results that hold one fitted model have in common."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.robot import RobotLike
 from identifiability.workflows.opening import Logs
 from identifiability.workflows.predict.fit import Fit, read_fit
+from identifiability.workflows.predict.frames import Covaries
 from identifiability.workflows.predict.result import TorquePrediction
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-class Predicts(ABC):
+
+class Predicts(Covaries):
     """A result with a fitted model: it predicts torque, and is read back from JSON as a `Fit`."""
 
     @property
     @abstractmethod
     def fit(self) -> Fit:
         """The model to use: values, covariance, and how torque scatters about it."""
+
+    def covariance_frame(self) -> "pd.DataFrame":
+        """Return the covariance of the values of the model to use, by name, (k, k)."""
+        return self.fit.covariance_frame()
 
     def predict(self, logs: Logs, *, engine: Engine | None = None) -> TorquePrediction:
         """Return the torque of the model to use along logs, with its intervals.

@@ -1,0 +1,124 @@
+"""The figures of a report one by one, for notebooks and papers.
+
+What to use when: `precision` for how well each parameter is known, `models` for the models of a
+ladder, `way_down` for a pruning, `confused` for parameters that hang together, `torque` for
+measured and predicted torque, `missing` for what a diagnosis found. Each takes a result and
+returns a Matplotlib figure, which nobody else holds: change it, or ``figure.savefig("a.pdf")``.
+
+Example
+-------
+>>> from identifiability import analyze, plot  # doctest: +SKIP
+>>> result = analyze("arm.urdf", "run.csv")  # doctest: +SKIP
+>>> plot.precision(result).savefig("precision.pdf")  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from identifiability.estimation.estimator import PAPER_FACTOR
+from identifiability.foundation.errors import near_match
+from identifiability.foundation.options import OptionError
+from identifiability.report.figures.confusion import draw_confusion, order_confused
+from identifiability.report.figures.diagnosis import draw_shrink
+from identifiability.report.figures.models import draw_errors, draw_ladder
+from identifiability.report.figures.motion import draw_torque
+from identifiability.report.figures.parameters import draw_precision
+from identifiability.report.sections.facts import sigma_percents
+from identifiability.workflows.analyze import Analysis
+from identifiability.workflows.diagnose import Diagnosis
+from identifiability.workflows.predict import TorquePrediction
+from identifiability.workflows.predict.frames import Covaries
+from identifiability.workflows.prune import Ladder
+
+__all__ = ["confused", "missing", "models", "precision", "torque", "way_down"]
+
+
+def precision(result: Analysis, model: str | None = None) -> Figure:
+    """Draw the spread of each parameter of a model against its value, by verdict.
+
+    Parameters
+    ----------
+    result : Analysis
+    model : str, optional
+        Name of the model; by default the one to use.
+    """
+    drawn = result.chosen if model is None else result.models[result.find_model(model)]
+    white, known = sigma_percents(drawn)
+    names = [v.name for v in drawn.verdicts]
+    kinds = [v.verdict.value for v in drawn.verdicts]
+    limit = PAPER_FACTOR * float(np.min(white, initial=np.inf))
+    return draw_precision(names, white, known, kinds, result.thresholds.sigma_percent, limit)
+
+
+def models(result: Analysis) -> Figure:
+    """Draw the error of each model of a ladder on fitted and on unseen motion."""
+    errors = [(m.error_ra, m.error_ra_validation, m.error_se) for m in result.models]
+    fitted, unseen, spread = np.array(errors).T
+    return draw_errors([m.name for m in result.models], fitted, unseen, spread, result.selected)
+
+
+def way_down(result: Ladder) -> Figure:
+    """Draw the error of each model of a pruning against its number of parameters."""
+    rungs = [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in result.rungs]
+    sizes, fitted, unseen, spread = np.array(rungs).T
+    return draw_ladder(sizes, fitted, unseen, spread, result.selected, result.least)
+
+
+def confused(result: Covaries, most: int = 20) -> Figure:
+    """Draw the correlation of the parameters that are confused with others.
+
+    Parameters
+    ----------
+    result : Analysis, Ladder, Diagnosis or Fit
+    most : int
+        At most so many of them.
+
+    Raises
+    ------
+    OptionError
+        If none is.
+    """
+    table = result.correlation_frame()
+    at = order_confused(table.to_numpy(), most)
+    if not len(at):
+        raise OptionError("No two parameters are confused; there is nothing to draw.")
+    names = [str(table.columns[k]) for k in at]
+    return draw_confusion(names, table.to_numpy()[np.ix_(at, at)])
+
+
+def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:
+    """Draw measured and predicted torque of a joint along a log.
+
+    Parameters
+    ----------
+    result : TorquePrediction
+        What `predict` of a result gives.
+    joint : str
+    log : int
+        Which of the predicted logs.
+
+    Raises
+    ------
+    OptionError
+        If there is no such joint or log.
+    """
+    joints = list(result.robot.joints)
+    if joint not in joints:
+        raise OptionError(
+            f"The prediction has no joint '{joint}'{near_match(joint, joints)} It has "
+            f"{', '.join(joints)}."
+        )
+    if not 0 <= log < len(result.logs):
+        raise OptionError(f"log must be from 0 to {len(result.logs) - 1}, not {log}.")
+    k, rows = joints.index(joint), result.log == log
+    measured, predicted = result.tau[rows, k], result.predicted[rows, k]
+    title = f"{joint}, {result.logs[log]}"
+    return draw_torque(result.t[rows], measured, predicted, title, result.robot.torque_units[k])
+
+
+def missing(result: Diagnosis) -> Figure:
+    """Draw how the error on unseen motion falls with each effect that was found."""
+    labels = ["model as it was", *(f"+ {e.title}" for e in result.effects)]
+    return draw_shrink(labels, np.array([result.held_before, *(e.after for e in result.effects)]))

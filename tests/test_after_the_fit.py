@@ -1,0 +1,89 @@
+"""After the fit: labelled covariance, figures one by one, and words that fit on a line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import identifiability
+from identifiability import Analysis, Model, Robot, analyze, plot
+from identifiability.foundation.options import OptionError
+from identifiability.robot.locate import shipped_folder
+
+LOGS = [shipped_folder() / f"3-rps/logs/run{k}.csv" for k in (1, 2, 3)]
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return Robot.load("3-rps")
+
+
+@pytest.fixture(scope="module")
+def result(robot):
+    return analyze(robot, LOGS[:1], LOGS[2:], replicates=50)
+
+
+@pytest.fixture(scope="module")
+def prediction(result):
+    return result.predict(LOGS[2])
+
+
+def test_covariance_and_correlation_bear_names(result):
+    covariance, correlation = result.covariance_frame(), result.correlation_frame()
+    names = list(result.to_frame()["name"])
+    for frame in (covariance, correlation):
+        assert list(frame.columns) == list(frame.index) == names
+    np.testing.assert_array_equal(covariance, result.fit.covariance)
+    sd = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(correlation * np.outer(sd, sd), covariance, rtol=1e-12, atol=0)
+    np.testing.assert_allclose(np.diag(correlation), 1)
+
+
+def test_a_fit_read_back_has_the_same_tables_and_a_short_name(result, robot, tmp_path):
+    back = Analysis.from_json(result.to_json(tmp_path / "result.json"), robot)
+    np.testing.assert_allclose(back.covariance_frame(), result.covariance_frame(), rtol=1e-12)
+    table = back.to_frame().set_index("name")
+    np.testing.assert_allclose(table["value"], result.to_frame()["value"], rtol=1e-12)
+    np.testing.assert_allclose(table["sigma"], np.sqrt(np.diag(result.covariance_frame())))
+    assert table.loc["slider1.Fc", "unit"] == "N"
+    assert repr(back) == f"<Fit: {len(table)} values of '{result.chosen.name}' for 3-rps>"
+    assert repr(robot) == "<Robot 3-RPS parallel robot: 3 of 9 joints have motors, robot.xml>"
+    assert repr(Model.of("rigid_body", "time_delay")) == "<Model: rigid_body + time_delay>"
+
+
+def test_each_figure_is_drawn_by_itself(result, prediction, tmp_path):
+    figures = [plot.precision(result), plot.models(result), plot.torque(prediction, "slider2")]
+    figures.append(plot.precision(result, "Model 2"))
+    for k, figure in enumerate(figures):
+        assert isinstance(figure, Figure)
+        figure.savefig(tmp_path / f"{k}.png")
+        assert (tmp_path / f"{k}.png").stat().st_size > 3000
+    rows = {label.get_text() for label in plot.models(result).axes[0].get_yticklabels()}
+    assert {"Model 1", "Model 4"} <= rows
+
+
+def test_confused_parameters_are_those_that_hang_together(result, robot):
+    class Two(type(result.fit).__mro__[1]):
+        def covariance_frame(self):
+            from identifiability.workflows.predict.frames import square_frame
+
+            return square_frame(np.array([[1, 0.99, 0], [0.99, 1, 0], [0, 0, 1.0]]), "abc")
+
+    texts = {label.get_text() for label in plot.confused(Two()).axes[0].get_yticklabels()}
+    assert {"a", "b"} <= texts
+    assert "c" not in texts
+
+
+def test_what_is_not_there_is_refused_in_a_sentence(result, prediction):
+    with pytest.raises(OptionError, match="no joint 'slider9'"):
+        plot.torque(prediction, "slider9")
+    with pytest.raises(OptionError, match="log must be from 0 to 0, not 1"):
+        plot.torque(prediction, "slider1", log=1)
+
+
+def test_what_tools_need_is_public():
+    for name in ("Effect", "Thresholds", "Preparation", "calibrate", "export", "plot"):
+        assert name in identifiability.__all__
+        assert getattr(identifiability, name) is not None
+    assert identifiability.Thresholds().sigma_percent == 20
