@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from real_data.study import FOLDER, read_arguments, write_study
 
-from identifiability.estimation.estimate import Method, estimate
+from identifiability.estimation.estimate import Method, find_estimator, settle_noise
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
@@ -149,7 +149,8 @@ def fit(data: Path, robot: Robot, train: int, processing: str, method: Method) -
     structure = Structure.of(robot, ladder_model(entry))
     rungs = build_ladder(entry, structure)
     information = gather_information(structure.regression([fitted]))
-    found = [estimate(rung.reduce(information), method) for rung in rungs]
+    estimator = settle_noise(find_estimator(method), information)
+    found = [estimator.fit(rung.reduce(information)) for rung in rungs]
     values = np.stack([r.expand(e.value) for r, e in zip(rungs, found, strict=True)], 1)
     held_out = predict(structure.regression(others), values)
     return Fit(rungs, held_out, tuple(bool(e.determined.all()) for e in found))

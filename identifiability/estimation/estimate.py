@@ -10,7 +10,7 @@ import numpy as np
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
-from identifiability.estimation.memory import Noise
+from identifiability.estimation.memory import LogNoise, Noise
 from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.foundation.options import OptionError, check_choice, checked
 from identifiability.regression.information import Information
@@ -85,8 +85,10 @@ def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
 
     A model that leaves something out leaves it in the residual, where it looks like noise, slow
     noise above all: a constant torque remembers for ever. Noise is a property of the logs, so it is
-    measured once, beside all columns. Where too few outputs are independent to fit these, and for
-    other estimators, each model measures its own.
+    measured once, beside all columns. To its variance comes what a model leaves more than the whole
+    one (`Noise.beside`): an actuator whose torque the model cannot explain must not decide what
+    others need. Where too few outputs are independent to fit all columns, and for other estimators,
+    each model measures its own.
 
     Parameters
     ----------
@@ -96,8 +98,14 @@ def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
     """
     fresh = forget_noise(estimator)
     plain = fresh.base if isinstance(fresh, CORRECTED) else fresh
-    fit = fit_whole(plain, whole) if isinstance(plain, OrdinaryLeastSquares) else None
-    return fresh if fit is None else _with_noise(fresh, Noise(fit.variance, fit.times))
+    if not isinstance(plain, OrdinaryLeastSquares):
+        return fresh
+    fit = fit_whole(plain, whole)
+    if fit is None:
+        return fresh
+    noise, fits = Noise(fit.variance, fit.times), (OrdinaryLeastSquares().fit(whole), fit)
+    left = np.stack([noise.count_left(whole, f) for f in fits])
+    return _with_noise(fresh, LogNoise(noise.variance, noise.times, left))
 
 
 def forget_noise(estimator: Estimator) -> Estimator:
@@ -105,7 +113,7 @@ def forget_noise(estimator: Estimator) -> Estimator:
     return _with_noise(estimator, None)
 
 
-def _with_noise(estimator: Estimator, noise: Noise | None) -> Estimator:
+def _with_noise(estimator: Estimator, noise: LogNoise | None) -> Estimator:
     if isinstance(estimator, CORRECTED):
         return replace(estimator, base=replace(estimator.base, noise=noise))
     if isinstance(estimator, OrdinaryLeastSquares):

@@ -5,13 +5,6 @@ values towards zero, and more data do not help. Instruments V, the same columns 
 record of the motion whose noise is another one, are correlated with the motion and not with the
 noise: ``(Vᵀ W)⁻¹ Vᵀ τ`` converges to what noise-free columns would give [Janot, Vandanjon, Gautier
 2014]. The difference to least squares is the bias that would have been believed [Hausman 1978].
-
-Instruments are worth as much as they are correlated with W. The canonical correlations r say that
-direction by direction: where they are weak the column itself stays, which is least squares. How
-much is enough depends on the record. One that was measured again is the motion: what W has beside
-it is noise, least squares keeps r² of a value, and a first-stage ``F = N r²/(1 - r²)`` of 104.7 is
-enough for intervals of ± 1.96 σ to hold [Lee, McCrary, Moreira, Porter 2022]. One that shares some
-noise, or a command, which the robot did not follow to the letter, errs by what 1/r multiplies.
 """
 
 from __future__ import annotations
@@ -19,8 +12,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
+from identifiability.estimation.combined import Combined, combine
 from identifiability.estimation.estimator import Correction, Estimate, correct
 from identifiability.estimation.least_squares import (
     OrdinaryLeastSquares,
@@ -33,54 +26,6 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.samples import Record
 from identifiability.regression.information import Information
-
-#: A direction follows its instrument from this canonical correlation on, and one that was measured
-#: again from this first-stage F on, samples for N: one actuator alone may know of the direction.
-STRONG, ENOUGH = 0.9, 104.7
-
-#: Instruments are told apart down to this share of their columns' length.
-APART = 1e-8
-
-
-@frozen
-class _Solution:
-    """Instruments combined so that each stands for one direction of W.
-
-    Attributes
-    ----------
-    left : (2k, k)
-        Coefficients T of the instruments ``[V W] T``, with ``([V W] T)ᵀ W B = I``.
-    B : (k, k)
-        Directions of the parameters, one a column.
-    length : (k,)
-        Lengths of the instruments, which are at right angles: 1 over the canonical correlation,
-        or 1 where the direction stays with least squares.
-    value : (k,)
-    weak : (k,) bool
-        Directions that stay with least squares.
-    lost : (2, k)
-        What instruments would change in these, and its variance under noise of variance 1.
-    """
-
-    left: Array
-    B: Array
-    length: Array
-    value: Array
-    weak: np.ndarray
-    lost: Array
-
-    def residual(self) -> Array:
-        """Return z with ``τ - W x = [V W τ] z``, (2k + 1,)."""
-        return np.concatenate([np.zeros(len(self.value)), -self.value, [1.0]])
-
-    def bias(self, scale: float) -> Array:
-        """Return the mean square bias that least squares may have in each direction, (k,).
-
-        It is what instruments would change, as far as noise of that variance lets it be known.
-        """
-        moved, variance = self.lost
-        square: Array = moved**2 + scale * variance
-        return square
 
 
 @frozen
@@ -113,7 +58,7 @@ class InstrumentalVariables:
         if not information.instrumented or not kept:
             return plain
         part = information.select(kept)
-        found = _solve(part, plain.weights, self.record, plain.value[kept])
+        found = combine(part, plain.weights, self.record, plain.value[kept])
         S = part.basis
         rss = np.maximum(part.squares(S @ np.append(-found.value, 1.0)), 0.0)
         scale = noise_scale(part, plain.weights, plain.times, rss)
@@ -155,11 +100,10 @@ class InstrumentalVariables:
         if not information.instrumented or not kept:
             return self.base.loss(information, fit)
         part = information.select(kept)
-        found = _solve(part, fit.weights, self.record)
+        found = combine(part, fit.weights, self.record)
         scale, k = noise_scale(part, fit.weights, fit.times, fit.rss), information.size
-        wider = found.bias(scale) / scale if scale > 0 else 0.0
         F = np.zeros((len(kept) + 1, k + 1))
-        F[:-1, kept] = np.linalg.inv(found.B * np.sqrt(found.length**2 + wider))
+        F[:-1, kept] = found.root(scale)
         F[:-1, k] = F[:-1, kept] @ fit.value[kept]
         F[-1, k] = np.sqrt(fit.weights @ fit.rss)
         return triangular_factor(np.vstack([F, np.zeros((k - len(kept), k + 1))]))
@@ -180,14 +124,16 @@ class InstrumentalVariables:
         if not information.instrumented:
             return P
         b, k = M.shape
-        found = _solve(information.reduce(M, [""] * k), fit.weights, self.record)
+        found = combine(information.reduce(M, [""] * k), fit.weights, self.record)
         R = information.joint.factor(fit.weights)
         V, W = R[:, :b], R[:, b : 2 * b]
         Z = V @ M @ found.left[:k] + W @ M @ found.left[k:]
         seen: Array = P + found.B @ (Z.T @ (W - W @ M @ P))
         return seen
 
-    def moments(self, information: Information, fit: Estimate, R: Array) -> Array:
+    def moments(
+        self, information: Information, fit: Estimate, R: Array, counts: Array | None = None
+    ) -> Array:
         """Return the normal equations of each block, for refits without some, (B, k + 1, k + 1).
 
         Parameters
@@ -198,64 +144,43 @@ class InstrumentalVariables:
         R : (k + 1, k + 1)
             The loss; equations are in ``R x``, less those of the fit, in units of ``R[k, k]``.
             They are made symmetric, as their sum is.
+        counts : (B,), optional
+            How often each block is drawn, once each without. Instruments are combined anew: those
+            of all blocks would leave weak directions of a resampled log less than no information.
         """
         k = information.size
-        found, A, c = self._moments(information, fit)
-        to_y = R[:k, :k] @ found.B  # of directions into coordinates of the loss
+        own, root = fit.value[list(fit.kept)], R[:k, :k]
+        if counts is None:
+            found = replace(combine(information, fit.weights, self.record), value=own)
+        else:
+            drawn = information.weigh(counts)
+            found = combine(drawn, fit.weights, self.record)
+            rss = np.maximum(drawn.squares(drawn.basis @ found.residual()[k:]), 0.0)
+            root = found.root(noise_scale(drawn, fit.weights, fit.times, rss))
+        A, c = found.moments(information, fit.weights)
+        to_y = root @ found.B  # of directions into coordinates of the loss
         turned = to_y @ A @ np.linalg.inv(to_y)
         out = np.zeros((len(A), k + 1, k + 1))
         out[:, :k, :k] = 0.5 * (turned + turned.swapaxes(1, 2))
-        out[:, :k, k] = out[:, k, :k] = c @ to_y.T / R[k, k]
+        out[:, :k, k] = c @ to_y.T
+        if counts is not None:  # from its own coordinates and values to those of all blocks
+            change = root @ np.linalg.inv(R[:k, :k])
+            out[:, :k] = change.T @ out[:, :k]
+            out[:, :k, :k] = out[:, :k, :k] @ change
+            out[:, :k, k] += out[:, :k, :k] @ (R[:k, :k] @ (found.value - own))
+        out[:, :k, k] /= R[k, k]
+        out[:, k, :k] = out[:, :k, k]
         return out
 
-    def _moments(self, information: Information, fit: Estimate) -> tuple[_Solution, Array, Array]:
+    def _moments(self, information: Information, fit: Estimate) -> tuple[Combined, Array, Array]:
         """Return the instruments, and each block's ``Ẑᵀ W B`` (B, k, k) and ``Ẑᵀ e`` (B, k)."""
-        found, k = _solve(information, fit.weights, self.record), information.size
+        found = combine(information, fit.weights, self.record)
         found = replace(found, value=fit.value[list(fit.kept)])
-        left = np.vstack([found.left, np.zeros((1, k))])
-        right = np.zeros((2 * k + 1, k + 1))
-        right[k : 2 * k, :k] = found.B
-        right[:, k] = found.residual()
-        both = information.joint.products(fit.weights, left, right)
-        return found, both[:, :, :k], both[:, :, k]
-
-
-def _solve(
-    information: Information, weights: Array, record: Record, plain: Array | None = None
-) -> _Solution:
-    """Return the instruments of independent columns and their values (of `plain`, if given)."""
-    k, N = information.size, max(information.samples, 1)
-    R = information.joint.factor(weights)
-    V, (Q, root) = R[:, :k], np.linalg.qr(R[:, k : 2 * k])
-    size = np.linalg.norm(V, axis=0)
-    size[size == 0] = 1.0
-    U, s, Yt = np.linalg.svd(V / size, full_matrices=False)
-    own = s > APART * s[0] if len(s) else np.zeros(0, bool)
-    U, to_U = U[:, own], (Yt[own].T / s[own]) / size[:, None]  # U = V to_U
-    left, strength, Yt = np.linalg.svd(U.T @ Q)  # min(rank, k) correlations
-    strength = np.append(strength, np.zeros(k - len(strength)))
-    least = np.sqrt(ENOUGH / (N + ENOUGH)) if record == "measured" else STRONG
-    weak = strength < least
-    good = np.flatnonzero(~weak)
-    B = solve_triangular(root, Yt.T)
-    T = np.zeros((2 * k, k))
-    T[:k, good] = to_U @ left[:, good] / strength[good]
-    T[k:, weak] = B[:, weak]
-    x = solve_triangular(root, Q.T @ R[:, 2 * k]) if plain is None else plain
-    e = R[:, 2 * k] - R[:, k : 2 * k] @ x  # what least squares leaves has digits of its own
-    x = x + B[:, good] @ ((U @ left[:, good]).T @ e / strength[good])
-    length = np.where(weak, 1.0, 1.0 / np.where(weak, 1.0, strength))
-    lost = np.zeros((2, k))
-    if record != "command":  # it is another motion, so what it would change is no bias
-        # Noise alone correlates by 1/√N.
-        lean, seen = np.maximum(strength, 1.0 / np.sqrt(N)), np.zeros(k)
-        seen[: left.shape[1]] = (U @ left).T @ e
-        lost = np.where(weak, [seen / lean, 1.0 / lean**2 - 1.0], 0.0)
-    return _Solution(T, B, length, x, weak, lost)
+        return found, *found.moments(information, fit.weights)
 
 
 def _white_covariance(
-    information: Information, found: _Solution, plain: Estimate, scale: float
+    information: Information, found: Combined, plain: Estimate, scale: float
 ) -> Array:
     """Return the covariance under independent residuals, whatever the weights know, (k, k)."""
     k, joint = information.size, information.joint

@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.leverage import correct_leverage
-from identifiability.estimation.memory import FEWEST, Noise, measure_memory
+from identifiability.estimation.memory import FEWEST, LogNoise, Noise, measure_memory
 from identifiability.foundation.linalg import RANK_TOLERANCE, scan_columns, unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -42,19 +42,19 @@ class OrdinaryLeastSquares:
     Attributes
     ----------
     name, description : str
-    noise : Noise or None
+    noise : LogNoise or None
         That of the logs, where it is known (`estimate.settle_noise`); else it is measured in what
         each fit leaves.
     """
 
     name: str = "ols"
     description: str = "ordinary least squares"
-    noise: Noise | None = None
+    noise: LogNoise | None = None
 
     def fit(self, information: Information) -> Estimate:
         """Return the estimate with the smallest sum of squares."""
         plain = _solve(information, np.ones(information.actuators), self)
-        noise = self.noise or measure_noise(information, plain)
+        noise = measure_noise(information, plain, self.noise)
         return replace(plain, variance=noise.variance, times=noise.times)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
@@ -102,21 +102,30 @@ class WeightedLeastSquares(OrdinaryLeastSquares):
     def fit(self, information: Information) -> Estimate:
         """Return the estimate with weights from what the ordinary one leaves."""
         plain = _solve(information, np.ones(information.actuators), self)
-        noise = self.noise or measure_noise(information, plain)
+        noise = measure_noise(information, plain, self.noise)
         fit = _solve(information, weigh(information, noise), self, noise.times)
         return replace(fit, variance=noise.variance)
 
 
-def measure_noise(information: Information, plain: Estimate) -> Noise:
+def measure_noise(
+    information: Information, plain: Estimate, known: LogNoise | None = None
+) -> Noise:
     """Return the noise in what a fit of equal weights leaves.
 
     What is large or slow at one actuator leaks into what a fit leaves of the others, so it is
-    measured beside weights by variance, and once more beside those by both.
+    measured beside weights by variance, and once more beside those by both. `known` is the logs'.
     """
-    noise = Noise(plain.variance, plain.times)
-    for _ in range(ROUNDS if len(information.counts) >= FEWEST and noise.variance.any() else 0):
+    if known is None:
+        noise = Noise(plain.variance, plain.times)
+    else:  # not from its own weights: an actuator that they favour hides what is left out there
+        noise = known.beside(information, plain, known.left[0])
+    enough = known is not None or len(information.counts) >= FEWEST
+    for _ in range(ROUNDS if enough and noise.variance.any() else 0):
         fit = _solve(information, weigh(information, noise), plain.estimator)
-        noise = Noise(*measure_memory(information, fit))
+        if known is None:
+            noise = Noise(*measure_memory(information, fit))
+        else:
+            noise = known.beside(information, fit, known.left[1])
     return noise
 
 

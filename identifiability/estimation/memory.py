@@ -55,6 +55,50 @@ class Noise:
     variance: Array
     times: Array
 
+    def count_left(self, information: Information, fit: Estimate) -> Array:
+        """Return the mean square of what a fit leaves, with what its columns took of noise, (n,).
+
+        Parameters
+        ----------
+        information : Information
+        fit : Estimate
+            By least squares.
+        """
+        _, taken = _take(information.select(fit.kept), fit.weights)
+        left: Array = (fit.rss + self.variance * self.times * taken) / information.samples
+        return left
+
+
+@frozen
+class LogNoise(Noise):
+    """The noise of logs, measured beside a whole model of them.
+
+    Attributes
+    ----------
+    left : (2, n)
+        What the whole model leaves (`count_left`), fitted with equal weights and with its own
+        [torque²].
+    """
+
+    left: Array
+
+    def beside(self, information: Information, fit: Estimate, whole: Array) -> Noise:
+        """Return the noise with what a smaller model leaves more than the whole one.
+
+        What is left out is no noise, but an error of the model's equations all the same, which
+        is as large at an actuator whatever the logs' noise is there.
+
+        Parameters
+        ----------
+        information : Information
+        fit : Estimate
+            Of the smaller model, by least squares.
+        whole : (n,) [torque²]
+            What the whole one leaves.
+        """
+        more = np.maximum(self.count_left(information, fit) - whole, 0.0)
+        return Noise(self.variance + more, self.times)
+
 
 def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Array]:
     """Return variance [torque²] and autocorrelation time [samples, at least 1] of noise, (n,) each.
@@ -69,8 +113,7 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
     part = information.select(fit.kept)
     S = part.basis
     z = np.append(S[:k, k] - S[:k, :k] @ fit.value[list(fit.kept)], S[k, k])  # τ - W x = Z z
-    turn = unit_coordinates(part.total(fit.weights)[:k, :k])
-    taken = fit.weights * part.squares(np.vstack([turn, np.zeros((1, k))])).sum(1)
+    turn, taken = _take(part, fit.weights)
     rounding = ROUNDING**2 * part.squares(S[:, k])
     slow, known = fit.rss / N, np.full(information.actuators, np.inf)
     for a, (sums, rss) in enumerate(zip(part.sums, fit.rss, strict=True)):
@@ -88,6 +131,13 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
     variance = (fit.rss + slow * taken) / N
     raw = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
     return variance, np.maximum(_share(raw, known, B, N / B), 1.0)
+
+
+def _take(part: Information, weights: Array) -> tuple[Array, Array]:
+    """Return unit coordinates (k, k), and what the columns take of noise of variance 1, (n,)."""
+    k = part.size
+    turn = unit_coordinates(part.total(weights)[:k, :k])
+    return turn, weights * part.squares(np.vstack([turn, np.zeros((1, k))])).sum(1)
 
 
 def _share(times: Array, known: Array, blocks: int, block: float) -> Array:

@@ -20,8 +20,9 @@ import numpy as np
 
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.layout import divide_blocks
-from identifiability.estimation.refits import Asked, Refits, UpdatedRefits, normal_equations
+from identifiability.estimation.refits import Asked, Equations, Refits
 from identifiability.estimation.torque_errors import joint_weights
+from identifiability.estimation.updated_refits import UpdatedRefits
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -61,11 +62,9 @@ class Folds:
     nonnegative : (k,) bool
     samples : int
         Of the logs.
-    asked : Asked or None
-        What refits; None where updates of `moments` do.
-    moments : (B, k + 1, k + 1)
-        Normal equations by block; of least squares the Gram matrix of ``Z`` where the residual is
-        ``Z (centre - y, scale)``.
+    equations : Equations or Asked
+        What refits: updates of normal equations by block, those of least squares being the Gram
+        matrix of ``Z`` where the residual is ``Z (centre - y, scale)``; or the estimator.
     """
 
     columns: tuple[str, ...]
@@ -78,8 +77,7 @@ class Folds:
     unseen: Array
     nonnegative: np.ndarray
     samples: int
-    asked: Asked | None
-    moments: Array
+    equations: Equations | Asked
 
     @property
     def size(self) -> int:
@@ -109,17 +107,16 @@ class Folds:
         S, F = len(self.fold), self.count
         member = np.zeros((S, len(self.stretch)))
         member[self.stretch, np.arange(len(self.stretch))] = weights
-        shape = (-1, self.size + 1, self.size + 1)
-        moments = (member @ self.moments.reshape(len(self.moments), -1)).reshape(shape)
         of_joint = [part.merge_weighted(self.stretch, weights) for part, _ in self.scored]
         of_fold = (np.arange(F)[:, None] == self.fold).astype(float)
         refits: Refits
-        if self.asked is None:
-            held = (of_fold @ moments.reshape(S, -1)).reshape(shape)
+        if isinstance(self.equations, Equations):
+            every = self.equations.blocks if counts is None else self.equations.drawn(counts)
+            held = np.tensordot(of_fold @ member, every, 1)
             refits = UpdatedRefits.of(held, self.centre, self.scale)
         else:
             left_out = np.vstack([np.zeros(S), of_fold])[:, self.stretch]
-            refits = self.asked.start(weights, 1.0 - left_out)
+            refits = self.equations.start(weights, 1.0 - left_out)
         return Fit(self, Partition.of(self.columns), tuple(of_joint), refits)
 
 
@@ -254,20 +251,19 @@ def gather_folds(
     stretch, fold = divide_blocks(information.log, information.counts)
     centre, turned = R[:k, k].copy(), inverse[:k, :k]
     blocks = change.T @ information.blocks(full.weights) @ change
-    moments = normal_equations(information, full, R, blocks)
+    equations = Equations.of(information, full, R, blocks)
     return Folds(
         columns=information.columns,
         inverse=turned,
         centre=centre,
         scale=float(R[k, k]),
         scored=tuple((part, root * Q @ change) for (part, Q), root in seen),
-        moments=blocks if moments is None else moments,
         stretch=stretch,
         fold=fold,
         unseen=_unseen_factor(unseen, turned, scale, information.samples),
         nonnegative=np.asarray(nonnegative, bool),
         samples=information.samples,
-        asked=Asked(full.estimator, information, turned, centre) if moments is None else None,
+        equations=equations or Asked(full.estimator, information, turned, centre),
     )
 
 

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate
-from identifiability.estimation.refits import RIDGE
+from identifiability.estimation.estimate import estimate, find_estimator
+from identifiability.estimation.instrumental import InstrumentalVariables
+from identifiability.estimation.updated_refits import RIDGE
+from identifiability.regression.information import Information
 from identifiability.workflows.prune.errors import Errors
 from identifiability.workflows.prune.folds import gather_folds
 from identifiability.workflows.prune.moves import Kind, Move
@@ -115,6 +117,31 @@ def test_a_replicate_counts_blocks_as_often_as_they_are_drawn(rows):
     np.testing.assert_allclose(fit.values[0], solve(W[at], tau[at]), rtol=1e-6)
     mine = at // 20 == 3
     np.testing.assert_allclose(fit.values[4], solve(W[at][~mine], tau[at][~mine]), rtol=1e-6)
+
+
+def test_a_replicate_by_instruments_combines_them_anew():
+    """With those of the log, directions of a replicate would have less than no information."""
+    rng = np.random.default_rng(3)
+    V = rng.normal(size=(200, 2, 20))
+    W = V + 1.5 * rng.normal(size=V.shape)
+    tau = V @ np.linspace(-2.0, 2.0, 20) + 0.3 * rng.normal(size=V.shape[:2])
+    names, log = tuple(f"p{j}" for j in range(20)), np.zeros(200, int)
+    estimator = InstrumentalVariables(find_estimator("ols"))
+    information = Information.of_rows(names, W, tau, log, 4, V)
+    full = estimator.fit(information)
+    folds = gather_folds(information, full, np.zeros(20, bool))
+    lowest = []
+    for counts in rng.multinomial(50, np.full(50, 0.02), 5).astype(float):
+        at = np.repeat(np.arange(200), np.repeat(counts.astype(int), 4))
+        direct = estimator.fit(Information.of_rows(names, W[at], tau[at], log, 4, V[at]))
+        fit = folds.fit(counts)
+        np.testing.assert_allclose(fit.values[0], direct.value, rtol=1e-6)
+        assert np.linalg.eigvalsh(fit.refits.C).min() > 0
+        old = np.tensordot(counts, folds.equations.blocks, 1)[:-1, :-1]
+        lowest.append(np.linalg.eigvalsh(old).min())
+        dropped = fit.after(Move(Kind.DROP, ("p0",)))
+        np.testing.assert_allclose(dropped.values[0][0], 0.0, atol=1e-9)
+    assert np.min(lowest) < 0
 
 
 @pytest.mark.parametrize(
