@@ -15,6 +15,9 @@ from identifiability.logs.spikes import Spike, find_spikes, mend_column
 #: Wrong values that a hint lists.
 LISTED = 3
 
+#: What a hint says of wrong samples.
+REPLACED = "replaced by what they say"
+
 
 def mend_logs(logs: Sequence[Log | LogFile]) -> tuple[list[Log | LogFile], tuple[str, ...]]:
     """Return logs with their wrong samples replaced, and a hint for each log that has any.
@@ -65,6 +68,6 @@ def _state(log: Log | LogFile, wrong: dict[str, tuple[Spike, ...]]) -> str:
     one = len(found) == 1
     return (
         f"{log.name}: {'one value lies' if one else f'{len(found)} values lie'} far from those "
-        f"before and after, as no motion or torque does, and {'was' if one else 'were'} replaced "
-        f"by what they say ({'; '.join(shown)}{more}): check the log."
+        f"before and after, as no motion or torque does, and {'was' if one else 'were'} {REPLACED} "
+        f"({'; '.join(shown)}{more}): check the log."
     )

@@ -1,12 +1,14 @@
 """Results of every verb are exported, or refused with one sentence that can be followed."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, diagnose, simulate
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.logs.prepare.instruments import STANDS
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import export
 
@@ -65,6 +67,24 @@ def test_a_result_without_a_real_robot_says_why(tmp_path):
     path.write_text(json.dumps({"robot": {"name": "two-link"}, "physical": physical}))
     with pytest.raises(IdentifiabilityError, match=r"no real robot to export\. So it is\."):
         export(Robot.load("two-link"), path, tmp_path / "x.xml")
+
+
+@pytest.mark.parametrize("mended", [False, True])
+def test_errors_of_mended_samples_are_said_to_be_that(mended, tmp_path):
+    log = make_log("two-link", "a", [])
+    if mended:
+        tau = log.tau.copy()
+        tau[200, 0] *= 1000
+        log = replace(log, tau=tau)
+    path = analyze("two-link", log, replicates=0).to_json(tmp_path / "result.json")
+    robot, said = (
+        Robot.load("two-link"),
+        "Where samples were mended, these errors are of the mended",
+    )
+    assert (said in export(robot, path, tmp_path / "a.xml").statement) == mended
+    content = json.loads(path.read_text()) | {"hints": [], "preparation": {"a": ["b", STANDS]}}
+    path.write_text(json.dumps(content))
+    assert said in export(robot, path, tmp_path / "b.xml").statement
 
 
 def test_friction_of_a_motor_that_mixes_joints_is_named_once(tmp_path):

@@ -21,6 +21,9 @@ from identifiability.robot import Motion, Robot
 #: usual: noise makes them so where it brings a mechanism near a singular configuration.
 THROWN = 30.0
 
+#: What a note says of samples at which the record stands for the measured motion.
+STANDS = "there the instruments' motion stands for it"
+
 
 def add_instrument(
     robot: Robot,
@@ -64,7 +67,7 @@ def attach_record(robot: Robot, samples: Samples, record: SecondRecord) -> Sampl
         return replace(samples, instrument=motion, notes=notes)
     text = (
         f"at {len(far)} of {len(motion)} samples noise throws the measured motion far off, as it "
-        "does near a singular configuration: there the instruments' motion stands for it"
+        f"does near a singular configuration: {STANDS}"
     )
     mended = put(samples.motion, far, motion[far])
     return replace(samples, motion=mended, instrument=motion, notes=(*notes, text))

@@ -10,6 +10,8 @@ from pydantic import Field
 from identifiability.effects.holding import complete_values
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 from identifiability.foundation.names import INERTIAL
+from identifiability.logs.mend import REPLACED
+from identifiability.logs.prepare.instruments import STANDS
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.robot import Robot
 from identifiability.workflows.predict.about import Entry, RobotEntry
@@ -37,6 +39,14 @@ class Result(Entry):
     robot: RobotEntry
     physical: PhysicalEntry
     nothing: str | None = None
+    hints: list[str] = []
+    preparation: dict[str, list[str]] = {}
+
+    @property
+    def mended(self) -> bool:
+        """Whether samples of the logs were replaced: errors are of the logs as they are then."""
+        notes = [note for said in self.preparation.values() for note in said]
+        return any(STANDS in note for note in notes) or any(REPLACED in h for h in self.hints)
 
 
 def check_result(robot: Robot, path: Path, content: Result, known: set[str]) -> None:

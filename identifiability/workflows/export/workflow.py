@@ -51,6 +51,8 @@ class Exported:
         Whether it is another format than the robot's own file, and so without geometry.
     known : tuple of str
         Torque that is known beforehand, which was taken off and stands in the sidecar alone.
+    mended : bool
+        Whether samples of the logs were replaced: the errors are of the logs after that.
     """
 
     robot: Path
@@ -61,6 +63,7 @@ class Exported:
     mass: str
     anew: bool = False
     known: tuple[str, ...] = ()
+    mended: bool = False
 
     @property
     def statement(self) -> str:
@@ -83,6 +86,8 @@ class Exported:
                 f"On the fitted logs the real robot errs by {100 * self.error_ra:.3g} %, and what "
                 f"{self.robot.name} alone holds by {100 * self.error_ra_file:.3g} %."
             )
+            if self.mended:
+                parts.append("Where samples were mended, these errors are of the mended ones.")
         if self.anew:
             parts.append(
                 f"{self.robot.name} is of another format than the robot's own file: it has no "
@@ -144,6 +149,7 @@ def export(
             error_ra=physical.error_ra,
             error_ra_file=physical.error_ra,
             mass=state_mass(robot, given, physical.cad_prior),
+            mended=content.mended,
         )
     written = write_parameters(robot, given, out, keep=False, shapes=shapes, reference=reference)
     beside: dict[str, list[str]] = {}
@@ -162,6 +168,7 @@ def export(
         error_ra=physical.error_ra,
         error_ra_file=_error_of_file(written, physical) if anew else physical.error_ra_file,
         mass=state_mass(robot, given, physical.cad_prior),
+        mended=content.mended,
     )
 
 

@@ -62,7 +62,7 @@ class Folds:
     nonnegative : (k,) bool
     samples : int
         Of the logs.
-    equations : Equations or Asked
+    refitter : Equations or Asked
         What refits: updates of normal equations by block, those of least squares being the Gram
         matrix of ``Z`` where the residual is ``Z (centre - y, scale)``; or the estimator.
     """
@@ -77,7 +77,7 @@ class Folds:
     unseen: Array
     nonnegative: np.ndarray
     samples: int
-    equations: Equations | Asked
+    refitter: Equations | Asked
 
     @property
     def size(self) -> int:
@@ -110,13 +110,13 @@ class Folds:
         of_joint = [part.merge_weighted(self.stretch, weights) for part, _ in self.scored]
         of_fold = (np.arange(F)[:, None] == self.fold).astype(float)
         refits: Refits
-        if isinstance(self.equations, Equations):
-            every = self.equations.blocks if counts is None else self.equations.drawn(counts)
+        if isinstance(self.refitter, Equations):
+            every = self.refitter.blocks if counts is None else self.refitter.drawn(counts)
             held = np.tensordot(of_fold @ member, every, 1)
             refits = UpdatedRefits.of(held, self.centre, self.scale)
         else:
             left_out = np.vstack([np.zeros(S), of_fold])[:, self.stretch]
-            refits = self.equations.start(weights, 1.0 - left_out)
+            refits = self.refitter.start(weights, 1.0 - left_out)
         return Fit(self, Partition.of(self.columns), tuple(of_joint), refits)
 
 
@@ -263,7 +263,7 @@ def gather_folds(
         unseen=_unseen_factor(unseen, turned, scale, information.samples),
         nonnegative=np.asarray(nonnegative, bool),
         samples=information.samples,
-        equations=equations or Asked(full.estimator, information, turned, centre),
+        refitter=equations or Asked(full.estimator, information, turned, centre),
     )
 
 

@@ -159,6 +159,7 @@ class Ladder(Result, Opening, Measured, Predicts):
             "samples": self.information.samples,
             "statement": self.statement,
             "hints": list(self.hints),
+            "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
             "nothing": self.nothing or None,
             "models": [r.row() for r in self.rungs],
             "selected": self.chosen.name,

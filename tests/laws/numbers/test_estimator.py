@@ -13,6 +13,7 @@ from identifiability.estimation.bootstrap import bootstrap, merge_blocks
 from identifiability.estimation.estimate import estimate, find_estimator, register_estimator
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.least_squares import OrdinaryLeastSquares, refit
+from identifiability.estimation.refits import Asked, Equations
 from identifiability.estimation.scores import scatter_scores
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.linalg import triangular_factor
@@ -155,8 +156,8 @@ def pruned(method):
 def test_refits_that_are_asked_for_prune_as_updates_do():
     """The estimator's own refits, one by one, and the updates of least squares: one path."""
     (quick, first), (asked, second) = pruned("ols"), pruned(Plain())
-    assert quick.folds.asked is None
-    assert asked.folds.asked is not None
+    assert isinstance(quick.folds.refitter, Equations)
+    assert isinstance(asked.folds.refitter, Asked)
     assert len(quick.path.steps) == len(asked.path.steps) == 7
     for a, b in zip(quick.path.steps, asked.path.steps, strict=True):
         assert a.move == b.move
@@ -174,7 +175,7 @@ def test_refits_that_are_asked_for_prune_as_updates_do():
 
 def test_every_model_of_a_path_is_refitted_by_the_estimator_without_each_fold():
     search, _ = pruned(method := Ridge(1.0))
-    information = search.folds.asked.information
+    information = search.folds.refitter.information
     fold = search.folds.fold[search.folds.stretch]
     counts = (fold != np.arange(-1, 16)[:, None]).astype(float)
     for step in search.path.steps[1:]:

@@ -137,7 +137,7 @@ def test_a_replicate_by_instruments_combines_them_anew():
         fit = folds.fit(counts)
         np.testing.assert_allclose(fit.values[0], direct.value, rtol=1e-6)
         assert np.linalg.eigvalsh(fit.refits.C).min() > 0
-        old = np.tensordot(counts, folds.equations.blocks, 1)[:-1, :-1]
+        old = np.tensordot(counts, folds.refitter.blocks, 1)[:-1, :-1]
         lowest.append(np.linalg.eigvalsh(old).min())
         dropped = fit.after(Move(Kind.DROP, ("p0",)))
         np.testing.assert_allclose(dropped.values[0][0], 0.0, atol=1e-9)
