@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -39,8 +40,8 @@ class Result(Entry):
     robot: RobotEntry
     physical: PhysicalEntry
     nothing: str | None = None
-    hints: list[str] = []
-    preparation: dict[str, list[str]] = {}
+    hints: tuple[str, ...] = ()
+    preparation: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
 
     @property
     def mended(self) -> bool:
