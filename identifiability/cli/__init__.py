@@ -4,8 +4,9 @@ One file a command; heavy imports stand inside the functions, so that ``--help``
 """
 
 import io
+import signal
 import sys
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -65,4 +66,12 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # terminals that lack a sign print another
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):  # not on every system
+            signal.signal(getattr(signal, name), _end)
     app()
+
+
+def _end(number: int, _frame: object) -> NoReturn:
+    """End as after Ctrl-C: what was begun is put away."""
+    raise SystemExit(128 + number)

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Literal, NoReturn
+from unicodedata import category
 
 from identifiability.foundation.errors import IdentifiabilityError
 
@@ -48,10 +49,18 @@ def _fail(sentence: str) -> NoReturn:
 
 
 def escaped(text: str) -> str:
-    """Return text in which rich finds no markup."""
+    """Return text in which rich finds no markup, and a terminal no command."""
     from rich.markup import escape  # noqa: PLC0415
 
-    return escape(text)
+    return escape(harmless(text))
+
+
+def harmless(text: str) -> str:
+    """Return text whose control characters are shown instead of obeyed; lines stay lines."""
+    return "".join(
+        repr(c)[1:-1] if category(c) in ("Cc", "Cf", "Zl", "Zp") and c not in "\n\t" else c
+        for c in text
+    )
 
 
 def percent(share: float, digits: int = 2) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
 import typer
@@ -182,12 +183,33 @@ class Outputs:
                 check_ending(path, *endings)
 
     def write(self, result: Result, say: Callable[[str, float], None]) -> list[Path]:
-        """Write what was asked for and return the paths, the report last."""
-        written = [result.to_json(self.json)] if self.json else []
+        """Write what was asked for and return the paths, the report last.
+
+        Raises
+        ------
+        OutputError
+            If something cannot be written where it should; it is then elsewhere, and that is said.
+        """
+        written = [_write(result.to_json, self.json)] if self.json else []
         if self.report is not None:
             say("drawing the report", 0.95)
-            written.append(result.write_report(self.report))
+            written.append(_write(result.write_report, self.report))
         return written
+
+
+def _write(write: Callable[[Path], Path], path: Path) -> Path:
+    """Write a result; where that fails, as on a full disk, write it elsewhere and say where."""
+    from identifiability.foundation.errors import OutputError  # noqa: PLC0415
+
+    try:
+        return write(path)
+    except OutputError as error:
+        elsewhere = Path(mkdtemp(prefix="identifiability-")) / path.name
+        try:
+            write(elsewhere)
+        except OutputError:
+            raise error from None
+        raise OutputError(f"{error} What was found is not lost: it is in '{elsewhere}'.") from None
 
 
 @dataclass(frozen=True)
@@ -262,12 +284,15 @@ class Place:
         Address of a running Dask scheduler, such as tcp://host:8786.
     resume
         Folder that keeps finished work; the same command takes it from there when it runs again.
+    patience
+        A scheduler that is asked and does not answer for so long is given up [s].
     """
 
     engine: Annotated[Literal["serial", "processes", "dask"] | None, _placed()] = None
     workers: Annotated[int | None, _placed(min=1)] = None
     scheduler: Annotated[str | None, _placed()] = None
     resume: Annotated[Path | None, _placed()] = None
+    patience: Annotated[float, _placed(min=1)] = 60.0
 
     def running(self) -> Engine:
         """Return the engine; its processes end with it."""

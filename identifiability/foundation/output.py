@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
+import platform
+import re
 import secrets
 import shutil
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from glob import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.options import FilePath, checked
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @checked
@@ -161,7 +167,24 @@ def kept_aside(path: Path) -> Path | None:
 
 
 def _beside(target: Path) -> Path:
-    return target.with_name(f".{secrets.token_hex(8)}.tmp")
+    """Return where a file is filled before it is put in its place; sweep what the killed left."""
+    host = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+    _remove(p for p in target.parent.glob(f".{host}-*.tmp") if _is_orphan(p))
+    return target.with_name(f".{host}-{os.getpid()}-{secrets.token_hex(6)}.tmp")
+
+
+def _is_orphan(path: Path) -> bool:
+    """Return whether a file was begun by a program of this machine that is no more."""
+    program = re.fullmatch(r"\.[0-9a-f]{8}-(\d+)-[0-9a-f]{12}\.tmp", path.name)
+    if program is None or os.name != "posix":
+        return False
+    try:
+        os.kill(int(program[1]), 0)
+    except ProcessLookupError:
+        return True
+    except OSError:  # somebody else's
+        return False
+    return False
 
 
 def _fill(temporary: Path, content: bytes, target: Path) -> None:
@@ -178,6 +201,24 @@ def _remove(paths: Iterable[Path]) -> None:
     for path in paths:
         with suppress(OSError):
             path.unlink(missing_ok=True)
+
+
+def csv_text(frame: DataFrame) -> str:
+    """Return a table as CSV.
+
+    Raises
+    ------
+    OutputError
+        If a spreadsheet would run the name of a column as a formula; names come from robot files.
+    """
+    for name in map(str, frame.columns):
+        if name.startswith(("=", "+", "-", "@", "\t", "\r")):
+            raise OutputError(
+                f"The column '{name}' would be run as a formula by a spreadsheet that opens the "
+                "CSV; give the joint another name, or write Parquet."
+            )
+    text: str = frame.to_csv(index=False)
+    return text
 
 
 def plain(value: Any) -> Any:

@@ -16,7 +16,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
-from identifiability.foundation.output import check_ending, write_bytes, write_text
+from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
 from identifiability.logs.containers import CONTAINERS
@@ -53,7 +53,7 @@ def write_table(path: str | Path, frame: pd.DataFrame) -> Path:
     check_ending(path, ".csv", *PARQUET)
     if is_parquet(path):
         return write_bytes(path, frame.to_parquet(index=False))
-    return write_text(path, frame.to_csv(index=False))
+    return write_text(path, csv_text(frame))
 
 
 @contextmanager

@@ -1,7 +1,10 @@
 """A cluster gives the bits that one process gives, whoever dies on it; what is wrong is said."""
 
+import contextlib
 import os
+import signal
 import socket
+import subprocess
 import sys
 import time
 from functools import partial
@@ -9,6 +12,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from identifiability.foundation.engines import cluster as clusters
 from identifiability.foundation.engines.local import Resumed, Serial, choose_engine
 from identifiability.foundation.errors import EngineError, LogError
 
@@ -123,3 +127,91 @@ def test_without_dask_one_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(EngineError, match=r"install it with pip install 'identifiability\[dist"):
         choose_engine("dask")
+
+
+def test_a_worker_that_joins_late_with_another_program_is_refused(monkeypatch):
+    monkeypatch.setattr(clusters, "source_digest", lambda _: "mine")
+    with pytest.raises(clusters.OtherProgramError):
+        clusters.run_checked("theirs", abs, -1)
+    assert clusters.run_checked("mine", abs, -1) == 1
+
+
+@needs_dask
+def test_the_word_of_such_a_worker_is_one_sentence(cluster, monkeypatch):
+    def foreign(_item):
+        raise clusters.OtherProgramError
+
+    with pytest.raises(EngineError, match="had another version of identifiability"):
+        list(cluster.map(foreign, range(3)))
+
+
+@needs_dask
+def test_an_attribute_that_the_work_lacks_is_the_works_own_error(cluster):
+    def broken(item):
+        return item.nothing_of_the_kind
+
+    with pytest.raises(AttributeError, match="nothing_of_the_kind"):
+        list(cluster.map(broken, range(3)))
+
+
+class Late:
+    """A future whose result comes with the third question."""
+
+    asked = 0
+
+    def done(self):
+        return self.asked > 2
+
+    def result(self, timeout):
+        self.asked += 1
+        if self.done():
+            return "late"
+        raise TimeoutError
+
+
+def test_while_one_waits_the_scheduler_is_asked_whether_it_is_there():
+    asked = []
+    watched = clusters._Watched(Late(), lambda: asked.append(1))
+    assert watched.result() == "late"
+    assert len(asked) == 2
+
+
+def silent():
+    raise EngineError("The scheduler has not answered.")
+
+
+def test_a_scheduler_that_is_not_there_any_more_ends_the_waiting():
+    with pytest.raises(EngineError, match="has not answered"):
+        clusters._Watched(Late(), silent).result()
+
+
+@needs_dask
+@pytest.mark.everything
+def test_a_scheduler_that_is_stopped_is_one_sentence(monkeypatch):
+    """Its connections stay open and nothing answers."""
+    monkeypatch.setattr(clusters, "SILENCE", 0.2)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    address, quiet = f"tcp://127.0.0.1:{port}", {"stderr": subprocess.DEVNULL}
+    program = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    place = ["--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
+    helper = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1"]
+    scheduler = subprocess.Popen([*program, *place], **quiet)
+    worker = subprocess.Popen([*helper, "--no-nanny", "--no-dashboard"], **quiet)
+    try:
+        for _ in range(60):
+            with contextlib.suppress(EngineError):
+                engine = choose_engine(scheduler=address, patience=1.0)
+                break
+        results = engine.map(time.sleep, [0.1, 30.0])
+        next(results)
+        scheduler.send_signal(signal.SIGSTOP)
+        start = time.monotonic()
+        with pytest.raises(EngineError, match="has not answered for 1 s"):
+            next(results)
+        assert time.monotonic() - start < 10
+    finally:
+        for process in (scheduler, worker):
+            process.kill()
+            process.wait()

@@ -115,7 +115,10 @@ def test_users_that_cannot_be_told_apart_are_no_error(folder, monkeypatch):
 
 def test_the_command_says_it_in_one_sentence(folder):
     folder.chmod(0o777)
-    done = CliRunner().invoke(app, ["analyze", "3-rps", "run.csv", "--resume", str(folder)])
+    log = folder.parent / "run.csv"
+    columns = [f"slider{k}.{what}" for k in (1, 2, 3) for what in ("q", "tau")]
+    log.write_text(f"t,{','.join(columns)}\n{'0,' * 6}0\n")
+    done = CliRunner().invoke(app, ["analyze", "3-rps", str(log), "--resume", str(folder)])
     assert done.exit_code == 2
     assert "chmod 700" in done.stderr
     assert "Traceback" not in done.output

@@ -37,6 +37,9 @@ from identifiability.foundation.errors import EngineError
 #: Seconds to wait for a scheduler, and for its first worker.
 PATIENCE = 5.0
 
+#: Seconds without a result after which the scheduler is asked whether it is still there.
+SILENCE = 10.0
+
 #: Seconds in which workers that were started here may end by themselves.
 GRACE = 0.5
 
@@ -59,15 +62,21 @@ class Dask(Engine):
         ended with this object.
     workers : int, optional
         Of the cluster that is started; by default one for each core.
+    patience : float
+        A scheduler that is asked and does not answer for so long is given up [s].
 
     Raises
     ------
     EngineError
         If Dask is not installed, no scheduler answers, it has no workers, or they run another
-        version of this package.
+        version of this package; while it works, if the scheduler falls silent or a worker of
+        another version has joined.
     """
 
-    def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
+    def __init__(
+        self, scheduler: str | None = None, workers: int | None = None, patience: float = 60.0
+    ) -> None:
+        self.patience = patience
         try:
             import distributed  # noqa: PLC0415 - an extra
         except ImportError:
@@ -97,6 +106,16 @@ class Dask(Engine):
         try:
             with self._reached(CancelledError, CommClosedError, RPCClosed):
                 yield from in_order(submit, items, window, self._abandon)
+        except (OtherProgramError, ImportError, AttributeError) as error:
+            with self._reached(OSError):
+                self._check()  # a worker of another version has joined, or the work itself fails
+            if not isinstance(error, OtherProgramError):
+                raise
+            raise EngineError(
+                f"A worker of the cluster at {self.scheduler} had another version of "
+                "identifiability and has left again; run again. Work that a resume folder holds is "
+                "not done again."
+            ) from None
         except KilledWorker:
             raise EngineError(
                 f"The workers of the cluster at {self.scheduler} died again and again on the same "
@@ -111,7 +130,19 @@ class Dask(Engine):
             with warnings.catch_warnings():
                 warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
                 sent = self.client.submit(_keep, function, pure=False)
-        return partial(self.client.submit, run_limited, sent, pure=False)
+        task = partial(run_checked, source_digest("identifiability"))
+        return lambda item: _Watched(self.client.submit(task, sent, item, pure=False), self._ask)
+
+    def _ask(self) -> None:
+        """Say in a sentence that the scheduler is silent, if it is."""
+        try:
+            self.client.sync(self.client.scheduler.identity, callback_timeout=self.patience)
+        except TimeoutError:
+            raise EngineError(
+                f"The scheduler at {self.scheduler} has not answered for {self.patience:g} s; look "
+                "whether it is stopped, or give it longer (--patience). Work that a resume folder "
+                "holds is not done again."
+            ) from None
 
     @contextlib.contextmanager
     def _reached(self, *lost: type[Exception]) -> Iterator[None]:
@@ -124,9 +155,9 @@ class Dask(Engine):
                 "is back. Work that a resume folder holds is not done again."
             ) from None
 
-    def _abandon(self, waiting: object) -> None:
+    def _abandon(self, waiting: Sequence[_Watched]) -> None:
         with contextlib.suppress(CancelledError, OSError):
-            self.client.cancel(waiting)
+            self.client.cancel([w.future for w in waiting])
 
     def _check(self) -> None:
         """Refuse a cluster without workers, or whose workers would compute something else."""
@@ -166,6 +197,40 @@ class Dask(Engine):
         """Leave the cluster; end it if it was started here."""
         with contextlib.suppress(CancelledError, OSError):
             self._stack.close()
+
+
+class OtherProgramError(Exception):
+    """A worker would compute something else."""
+
+
+def run_checked(digest: str, function: Callable[[Item], Result], item: Item) -> Result:
+    """Call a function with one BLAS thread, if this package is the one that sent it.
+
+    Workers may join at any time: each piece of work is checked where it is done.
+    """
+    if source_digest("identifiability") != digest:
+        raise OtherProgramError
+    return run_limited(function, item)
+
+
+class _Watched:
+    """A future whose scheduler is asked whether it is there while one waits for the result."""
+
+    def __init__(self, future: Any, ask: Callable[[], None]) -> None:
+        self.future = future
+        self._ask = ask
+
+    def done(self) -> bool:
+        return bool(self.future.done())
+
+    def result(self) -> Any:
+        while True:
+            try:
+                return self.future.result(timeout=SILENCE)
+            except TimeoutError:
+                if self.future.done():  # it is the work's own
+                    raise
+                self._ask()
 
 
 def _keep(value: Any) -> Any:

@@ -162,6 +162,7 @@ def choose_engine(
     workers: Annotated[int, at_least(1)] | None = None,
     scheduler: str | None = None,
     resume: FilePath | None = None,
+    patience: Annotated[float, at_least(1)] = 60.0,
 ) -> Engine:
     """Return the engine that some options ask for.
 
@@ -175,6 +176,8 @@ def choose_engine(
         Address of a Dask scheduler, such as ``tcp://host:8786``.
     resume : path, optional
         Folder where finished items are kept, so that a second run need not do them again.
+    patience : float
+        A scheduler that does not answer for so long is given up [s].
 
     Raises
     ------
@@ -193,5 +196,5 @@ def choose_engine(
     if name == "dask":
         from identifiability.foundation.engines.cluster import Dask  # noqa: PLC0415 - an extra
 
-        engine = Dask(scheduler, workers)
+        engine = Dask(scheduler, workers, patience)
     return engine if resume is None else Resumed(engine, resume)

@@ -7,6 +7,7 @@ item, and the program text. A changed input or program is therefore new work, ne
 from __future__ import annotations
 
 import hashlib
+import hmac
 import os
 import pickle
 import shlex
@@ -19,21 +20,22 @@ from typing import Any
 import joblib
 
 from identifiability.foundation.engines.fingerprint import fingerprint
+from identifiability.foundation.engines.key import user_key
 from identifiability.foundation.engines.mapping import Engine, Item, Result
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.output import write_bytes
 
-_MAGIC = b"identifiability result 1\n"
+_MAGIC = b"identifiability result 2\n"
 _DIGEST = hashlib.sha256().digest_size
 
 
 class Resumed(Engine):
     """An engine that keeps the results of finished items and does not do them again.
 
-    Results are pickled, and a pickle can run any program: the folder must be the user's own, and
-    what others wrote there is not read. Each file has a checksum and is written whole or not at
-    all; a damaged one is done again. After an interruption at most the items that were under way
-    are lost.
+    Results are pickled, and a pickle can run any program: so each is signed with the user's own key
+    (`user_key`), and a folder from somebody else, or from another machine, is work that was not
+    done. The folder must be the user's own as well. Files are written whole or not at all; one that
+    is damaged is done again. After an interruption at most the items that were under way are lost.
 
     What an item stands for must be part of it: of a file, not only its name but a digest of its
     content.
@@ -59,16 +61,17 @@ class Resumed(Engine):
     def __init__(self, engine: Engine, folder: str | Path) -> None:
         self.engine = engine
         self.folder = _open_private(folder)
+        self._key = user_key()
         self.found = self.done = 0
 
     def _run(self, function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         program = fingerprint(function)
         paths = [self._path(program, item) for item in items]
-        there = [_read(path) is not None for path in paths]
+        there = [self._read(path) is not None for path in paths]
         missing = [item for item, old in zip(items, there, strict=True) if not old]
         fresh = self.engine.map(function, missing)
         for item, path, old in zip(items, paths, there, strict=True):
-            content = _read(path) if old else None
+            content = self._read(path) if old else None
             if content is not None:
                 self.found += 1
                 result: Result = pickle.loads(content)
@@ -88,22 +91,25 @@ class Resumed(Engine):
     def _keep(self, path: Path, result: Any) -> None:
         content = pickle.dumps(result, protocol=5)
         path.parent.mkdir(mode=0o700, exist_ok=True)
-        write_bytes(path, _MAGIC + hashlib.sha256(content).digest() + content).chmod(0o600)
+        write_bytes(path, self._sign(path, content) + content).chmod(0o600)
         self.done += 1
 
+    def _sign(self, path: Path, content: bytes) -> bytes:
+        """Return what stands before a content: it is believed under the name of its work only."""
+        signed = hmac.digest(self._key, path.name.encode() + content, "sha256")
+        return _MAGIC + signed
 
-def _read(path: Path) -> bytes | None:
-    """Return the pickled result, or None if there is none that can be believed."""
-    try:
-        if not (_is_private(path.parent) and _is_private(path)):
+    def _read(self, path: Path) -> bytes | None:
+        """Return the pickled result, or None if there is none that can be believed."""
+        try:
+            if not (_is_private(path.parent) and _is_private(path)):
+                return None
+            whole = path.read_bytes()
+        except OSError:
             return None
-        whole = path.read_bytes()
-    except OSError:
-        return None
-    start = len(_MAGIC) + _DIGEST
-    content = whole[start:]
-    good = whole[:start] == _MAGIC + hashlib.sha256(content).digest()
-    return content if good else None
+        start = len(_MAGIC) + _DIGEST
+        content = whole[start:]
+        return content if hmac.compare_digest(whole[:start], self._sign(path, content)) else None
 
 
 def _open_private(folder: str | Path) -> Path:

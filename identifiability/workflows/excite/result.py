@@ -13,7 +13,7 @@ import pandas as pd
 
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.output import write_text
+from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
@@ -198,7 +198,7 @@ class Excitation(Result):
 
     def write_motion(self, path: str | Path) -> Path:
         """Write one period of the motion as CSV."""
-        return write_text(path, self.to_log_frame().to_csv(index=False))
+        return write_text(path, csv_text(self.to_log_frame()))
 
     @property
     def statement(self) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.errors import listing
-from identifiability.foundation.output import check_ending, write_text
+from identifiability.foundation.output import check_ending, csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.regression.structure import OfStructure, Structure
@@ -203,7 +203,7 @@ class Inspection(OfStructure, Result):
             If it cannot be written, or is no .csv.
         """
         check_ending(path, ".csv")
-        return write_text(path, template_frame(self.robot).to_csv(index=False))
+        return write_text(path, csv_text(template_frame(self.robot)))
 
 
 def _record(record: Record) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Annotated
 
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.options import Expected, FilePath, checked
-from identifiability.foundation.output import check_writable, write_text
+from identifiability.foundation.output import check_writable, csv_text, write_text
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot, shipped_robots
@@ -106,7 +106,7 @@ def new_study(
     }
     if not has_logs:
         known = Robot.load(source)
-        texts["template.csv"] = template_frame(known).to_csv(index=False)
+        texts["template.csv"] = csv_text(template_frame(known))
         if sidecar.name not in files:
             texts[sidecar.name] = _filled("sidecar.toml", {**told, **_facts(known)})
     folder.mkdir(parents=True, exist_ok=True)

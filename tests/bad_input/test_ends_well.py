@@ -1,0 +1,79 @@
+"""However a command ends: nothing half or lost, nothing that a terminal or sheet would run."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from identifiability.cli.common import harmless
+from identifiability.cli.options import Outputs
+from identifiability.foundation import output
+from identifiability.foundation.errors import OutputError
+from identifiability.foundation.output import csv_text, write_text
+
+
+def test_control_characters_are_shown_and_not_obeyed():
+    assert harmless("a\x1b[2Jb\nc\td\u202ee\x9b") == "a\\x1b[2Jb\nc\td\\u202ee\\x9b"
+    assert harmless("Gelenk_ä 控制 é") == "Gelenk_ä 控制 é"
+
+
+@pytest.mark.parametrize("name", ["=cmd|'/C calc'!A0.q", "+1.q", "-x.q", "@sum.q", "\tx.q"])
+def test_a_name_that_a_sheet_would_run_is_no_header(name):
+    with pytest.raises(OutputError, match="would be run as a formula"):
+        csv_text(pd.DataFrame({"t": [0.0], name: [1.0]}))
+    assert csv_text(pd.DataFrame({"t": [0.0], f"j{name[1:]}": [1.0]})).startswith("t,j")
+
+
+def test_what_a_killed_program_left_is_swept_and_what_a_living_one_fills_is_not(tmp_path):
+    mine = output._beside(tmp_path / "a.json")
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    left = mine.with_name(mine.name.replace(f"-{os.getpid()}-", f"-{ended.pid}-"))
+    for path in (mine, left, tmp_path / ".other.tmp"):
+        path.write_text("half")
+    write_text(tmp_path / "a.json", "whole")
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([mine.name, ".other.tmp", "a.json"])
+
+
+class Found:
+    """A result whose folder is gone when it is written."""
+
+    def __init__(self, gone):
+        self.gone = gone
+
+    def to_json(self, path):
+        if path.parent == self.gone:
+            raise OutputError(f"'{path}' cannot be written: No space left on device.")
+        return write_text(path, "{}")
+
+
+def test_a_result_that_cannot_be_written_is_written_elsewhere(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    gone = tmp_path / "gone"
+    with pytest.raises(OutputError, match=r"No space left.*is not lost: it is in '") as said:
+        Outputs(json=gone / "result.json").write(Found(gone), lambda *_: None)
+    place = str(said.value).split("'")[-2]
+    assert Path(place).read_text() == "{}"
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tmp_path):
+    out = tmp_path / "work"
+    out.mkdir()
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    command = [sys.executable, "-m", "identifiability", "excite", "3-rps", "--out"]
+    process = subprocess.Popen(
+        [*command, str(out / "m.json")], stderr=subprocess.PIPE, text=True, env=environment
+    )
+    time.sleep(2.5)
+    process.send_signal(getattr(signal, name))
+    _, said = process.communicate(timeout=60)
+    assert process.returncode in (130, 128 + getattr(signal, name))
+    assert "Traceback" not in said
+    assert list(out.iterdir()) == []
+    assert [p.name for p in tmp_path.iterdir()] == ["work"]
