@@ -29,7 +29,7 @@ from identifiability.foundation.output import plain, write_json, write_text
 
 ROBOTS = ("3-rps", "five-bar", "six-dof-arm")
 SIZES = ("0.5", "1", "realistic")
-OUTSIDE = ("torque_leak", "thermal_drift")
+OUTSIDE = ("thermal_drift",)
 PAIRS = (
     ("stribeck_friction", "position_ripple"),
     ("joint_stiffness", "time_delay"),

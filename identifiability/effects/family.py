@@ -32,6 +32,12 @@ class Span:
     rms_speed : float [rad/s or m/s]
     low, high : float [rad or m]
         Ends of that range, as the robot file counts positions.
+    largest_speed, farthest : float
+        Largest speed, and largest distance from home [rad/s or m/s, rad or m].
+    robot : Robot, optional
+        Whose axis it is.
+    motions : tuple of Motion
+        Of the logs.
     """
 
     joint: str
@@ -39,6 +45,10 @@ class Span:
     rms_speed: float
     low: float = 0.0
     high: float = 1.0
+    largest_speed: float = 1.0
+    farthest: float = 1.0
+    robot: Robot | None = None
+    motions: tuple[Motion, ...] = ()
 
 
 #: Motions that tell effects from what they resemble.
@@ -115,10 +125,14 @@ class Family:
         Whether joints stick by it, as by Coulomb friction.
     late : bool
         Whether a diagnosis asks for it only in a second pass, where something depends on position.
+    unnamed : bool
+        Whether it is a function without an equation, for what no name explains.
     flexible : bool
         Whether its shape is how many columns it has: motion that was not fitted chooses it.
     reached : callable(Effect, Robot, Span) -> kinds, optional
         Of which of its parameters a motion says anything; of all by default.
+    origin : callable(Effect, Robot) -> int, optional
+        Index of the joint whose motion its curve is drawn over, where it is not its own.
     law : callable(speed, position, load) -> force, optional
         By which `simulate` hides it in a joint, up to a factor.
     told_by : str
@@ -144,8 +158,10 @@ class Family:
     native: bool = False
     dry: bool = False
     late: bool = False
+    unnamed: bool = False
     flexible: bool = False
     reached: Callable[[Effect, Robot, Span], tuple[str, ...]] | None = None
+    origin: Callable[[Effect, Robot], int] | None = None
     law: Law | None = None
     told_by: str = ""
     rank: int = 100
@@ -161,6 +177,10 @@ class Family:
             return self.effect
         return self.build(shape, place)
 
+    def drawn_over(self, effect: Effect, robot: Robot, joint: int) -> int:
+        """Return the joint whose motion its curve at a joint is drawn over."""
+        return joint if self.origin is None else self.origin(effect, robot)
+
     def grid(self, span: Span) -> tuple[float, ...]:
         """Return the shapes to try at a place; one nan where there is no shape."""
         if self.shapes is None:
@@ -170,15 +190,20 @@ class Family:
 
 def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:
     """Return the span of every joint, motor and stated axis that effects are at by themselves."""
-    motions, spans = list(motions), {}
+    motions, spans = tuple(motions), {}
     for axis in robot.axes:
         q = np.concatenate([robot.travel(axis, m.q) for m in motions])
         v = np.concatenate([robot.along(axis, m.v) for m in motions])
-        spans[axis.name] = _span(axis.name, q, v)
+        home = float(robot.travel(axis, robot.home[None])[0])
+        spans[axis.name] = Span(
+            joint=axis.name,
+            position_range=float(np.ptp(q)) or 1.0,
+            rms_speed=float(np.sqrt(np.mean(v**2))) or 1.0,
+            low=float(q.min()),
+            high=float(q.max()),
+            largest_speed=float(np.abs(v).max()) or 1.0,
+            farthest=float(np.abs(q - home).max()) or 1.0,
+            robot=robot,
+            motions=motions,
+        )
     return spans
-
-
-def _span(name: str, q: Array, v: Array) -> Span:
-    reach = float(np.ptp(q)) or 1.0
-    rms = float(np.sqrt(np.mean(v**2))) or 1.0
-    return Span(name, reach, rms, float(q.min()), float(q.max()))

@@ -12,6 +12,13 @@ from identifiability.robot import Motion, Robot
 SMALLEST = 1e-30
 
 
+def carried_load(load: Array, at: Along) -> Array:
+    """Return what an axis alone would carry of the torque of the joints (N, n), (N,)."""
+    row = at.load
+    carried: Array = (load * row).sum(1) / np.maximum((row * row).sum(-1), SMALLEST)
+    return carried
+
+
 @declare(
     "load-dependent friction",
     needs="coulomb_friction",
@@ -38,6 +45,4 @@ class LoadDependentFriction(AlongAxes):
         load = rigid_torque(robot, motion)
         for k, axis in enumerate(robot.axes):
             at = Along(robot, motion, axis)
-            row = at.load
-            carried = np.abs((load * row).sum(1)) / np.maximum((row * row).sum(-1), SMALLEST)
-            put(out, k, row, carried * np.sign(at.speed))
+            put(out, k, at.load, np.abs(carried_load(load, at)) * np.sign(at.speed))

@@ -24,7 +24,7 @@ def _spacings(span: Span) -> tuple[float, ...]:
     return tuple(span.position_range / k for k in PIECES)
 
 
-def _reached(effect: Effect, robot: Robot, span: Span) -> tuple[str, ...]:
+def reached_pieces(effect: Effect, robot: Robot, span: Span) -> tuple[str, ...]:
     """Return the pieces that a motion gets to; of the others it says nothing."""
     assert isinstance(effect, PositionTorque)
     axis = next(a for a in robot.axes if a.name == span.joint)
@@ -37,7 +37,7 @@ def _reached(effect: Effect, robot: Robot, span: Span) -> tuple[str, ...]:
 @declare(
     "torque along the position",
     shapes=_spacings,
-    reached=_reached,
+    reached=reached_pieces,
     against="position",
     told_by=POSTURES,
     rank=23,
@@ -62,7 +62,8 @@ class PositionTorque(Shaped):
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every spline, counted from the lower end."""
         first, last = self.grid(robot, axis)
-        return tuple(f"B{k + 1}" for k in range(last - first + DEGREE))
+        letter = self.units[0][0]
+        return tuple(f"{letter}{k + 1}" for k in range(last - first + DEGREE))
 
     def home(self, robot: Robot, axis: Axis) -> float:
         """Return the position of an axis at home, from which knots are counted [rad or m]."""

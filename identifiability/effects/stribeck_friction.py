@@ -18,13 +18,14 @@ TYPICAL_SPEED = (2.0, 0.3)
 STRIBECK_SHARES = tuple(float(x) for x in np.geomspace(0.04, 1.6, 16))
 
 
-def _velocities(span: Span) -> tuple[float, ...]:
+def stribeck_velocities(span: Span) -> tuple[float, ...]:
+    """Return the velocities that are tried [rad/s or m/s]."""
     return tuple(s * span.rms_speed for s in STRIBECK_SHARES)
 
 
 @declare(
     "Stribeck friction",
-    shapes=_velocities,
+    shapes=stribeck_velocities,
     needs="coulomb_friction",
     dry=True,
     told_by=SPEEDS,

@@ -50,7 +50,8 @@ class TimeDelay(Effect):
 
     Linearised in the delay, which must be small beside the fastest motion. The torque that is
     differentiated is a model's, never the measured one, whose noise would enter the column.
-    It looks like actuator inertia and viscous friction at one frequency of motion.
+    It looks like actuator inertia and viscous friction at one frequency of motion. A delay is never
+    negative: torque that comes before its motion is a `clock_error`.
 
     Attributes
     ----------
@@ -66,7 +67,7 @@ class TimeDelay(Effect):
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the delay of every actuated joint."""
         return tuple(
-            Parameter(a.name, "delay", "s", self.name, a.symbol)
+            Parameter(a.name, "delay", "s", self.name, a.symbol, nonnegative=True)
             for a in robot.axes[: len(robot.actuated)]
         )
 

@@ -25,7 +25,7 @@ class TorqueOffset(AlongAxes):
 
     name = "torque_offset"
     equation = "τ = off"
-    units = (("off", "N·m", "N"),)
+    units: tuple[tuple[str, str, str], ...] = (("off", "N·m", "N"),)
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return those of joints, without the motors that mix them."""

@@ -38,11 +38,44 @@ def _cable(_speed: Array, position: Array, _load: Array) -> Array:
     return force
 
 
+def _dahl(_speed: Array, position: Array, _load: Array) -> Array:
+    """Return friction that builds up over a fiftieth of the range after a reversal [Dahl 1968]."""
+    way = max(float(np.ptp(position)) / 50, 1e-12)
+    z, out = 0.0, [0.0]
+    for step in np.diff(position).tolist():
+        z += (1.0 - z * np.sign(step)) * step / way
+        out.append(min(max(z, -1.0), 1.0))
+    return np.array(out)
+
+
+def _uneven(speed: Array, position: Array, _load: Array) -> Array:
+    """Return dry friction that is high at one end and low at the other, with a bump between."""
+    along = 2 * (position - position.min()) / max(np.ptp(position), 1e-12) - 1
+    force: Array = np.sign(speed) * (1.0 + along + np.exp(-8 * (along - 0.2) ** 2))
+    return force
+
+
+def _play(speed: Array, position: Array, load: Array) -> Array:
+    """Return the load that is not carried within a fiftieth of the range after each reversal."""
+    since, way = np.zeros(len(position)), 0.0
+    steps = np.abs(np.diff(position, prepend=position[0]))
+    for k, (step, turned) in enumerate(zip(steps, np.diff(np.sign(speed), prepend=0), strict=True)):
+        way = 0.0 if turned else way + step
+        since[k] = way
+    lost: Array = -load * (since < np.ptp(position) / 50)
+    return lost
+
+
 #: Effects that can be hidden at actuated joints.
 HIDDEN: dict[str, Law] = {
     "stribeck_friction": lambda speed, _at, _load: stribeck(speed, 1.0, 0.3 * _typical(speed)),
     "coulomb_asymmetry": lambda speed, _at, _load: np.abs(np.sign(speed)),
     "torque_offset": lambda speed, _at, _load: np.ones_like(speed),
+    "rising_friction": lambda speed, _at, _load: -stribeck(speed, 1.0, 0.3 * _typical(speed)),
+    "sigmoid_friction": lambda speed, _at, _load: np.tanh(speed / (0.4 * _typical(speed))),
+    "hysteresis": _dahl,
+    "position_friction": _uneven,
+    "backlash": _play,
     "quadratic_friction": lambda speed, _at, _load: np.abs(speed) * speed,
     "joint_stiffness": lambda _speed, position, _load: position,
     "load_dependent_friction": lambda speed, _at, load: np.abs(load) * np.sign(speed),
@@ -55,9 +88,19 @@ HIDDEN: dict[str, Law] = {
 #: Effects that are hidden at passive joints.
 HIDDEN_PASSIVE = "passive_joint_friction"
 
-#: Effects of the whole robot: a delay of the torque, torque that leaks from joint to joint, a
-#: thermal drift. The last two are in no dictionary.
-HIDDEN_WHOLE = ("time_delay", "torque_leak", "thermal_drift", "gravity_tilt", "payload")
+#: Effects of records and of the whole robot; a thermal drift is in no dictionary.
+HIDDEN_WHOLE = (
+    "time_delay",
+    "clock_error",
+    "torque_leak",
+    "velocity_leak",
+    "torque_scale",
+    "torque_drift",
+    "friction_drift",
+    "thermal_drift",
+    "gravity_tilt",
+    "payload",
+)
 
 #: Root mean square of a hidden effect relative to that of the torque of its joint.
 DEFAULT_SHARE = 0.05
@@ -165,14 +208,20 @@ def _chosen(names: Sequence[str], hidden: Hidden, robot: Robot) -> list[int]:
 
 
 def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
-    """Return what a late, leaking or drifting torque sensor adds to joint k, (N,)."""
-    if name == "time_delay":
-        step = np.median(np.diff(move.t))
-        seams = np.flatnonzero(np.diff(move.t) > 3 * step) + 1
-        parts = [np.gradient(part) for part in np.split(tau[:, k], seams)]
-        return -np.concatenate(parts)
-    if name == "torque_leak":
-        return tau[:, (k + 1) % tau.shape[1]]
+    """Return what a late, leaking or drifting record adds to joint k, (N,)."""
+    step = np.median(np.diff(move.t))
+    seams = np.flatnonzero(np.diff(move.t) > 3 * step) + 1
+    if name in ("time_delay", "clock_error"):
+        slope = np.concatenate([np.gradient(part) for part in np.split(tau[:, k], seams)])
+        return slope if name == "clock_error" else -slope
+    if name == "torque_scale":
+        return tau[:, k]
+    if name in ("torque_leak", "velocity_leak"):
+        source = tau if name == "torque_leak" else move.dq
+        return source[:, (k + 1) % tau.shape[1]]
+    if name in ("torque_drift", "friction_drift"):
+        since = np.concatenate([t - t[0] for t in np.split(move.t, seams)])
+        return since - 0.4 * since.max() if name == "torque_drift" else since * move.dq[:, k]
     # Warming up after a calibration in the middle: a drift about zero, or it were an offset.
     drift = 1.0 - np.exp(-(move.t - move.t[0]) / (0.5 * np.ptp(move.t) or 1.0))
     centred: Array = drift - drift.mean()

@@ -72,7 +72,8 @@ def _curves(d: Diagnosis) -> Gallery:
     units = torque_units(d.robot)
     pictures = []
     for c in d.curves[:SHOWN]:
-        labels = (f"{c.against} [{_unit(d, c)}]", f"torque [{units[c.joint]}]")
+        other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
+        labels = (f"{c.against}{other} [{_unit(d, c)}]", f"torque [{units[c.joint]}]")
         title = f"{c.title}, {d.robot.joints[c.joint]}"
         figure = draw_curve(c.x, c.learned, c.spread, c.data, title, labels)
         pictures.append(picture("curve", figure, title=title))
@@ -80,7 +81,7 @@ def _curves(d: Diagnosis) -> Gallery:
 
 
 def _unit(d: Diagnosis, c: Curve) -> str:
-    speed, torque = velocity_units(d.robot)[c.joint], torque_units(d.robot)[c.joint]
+    speed, torque = velocity_units(d.robot)[c.of], torque_units(d.robot)[c.of]
     position = speed.removesuffix("/s")
     return {"velocity": speed, "position": position, "time": "s", "load": torque}[c.against]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,13 @@ from identifiability.foundation.names import Array
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.evidence import solve_chosen
-from identifiability.workflows.diagnose.findings import Curve, NamedEffect, Placement, Verified
+from identifiability.workflows.diagnose.findings import (
+    Curve,
+    NamedEffect,
+    Placement,
+    Shown,
+    Verified,
+)
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
 from identifiability.workflows.diagnose.held_out import Gap
 from identifiability.workflows.diagnose.lookalikes import find_rivals, leave_to_model
@@ -37,7 +44,7 @@ def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis
     structure, refuted = m.setting.structure, []
     (apart,) = rng.spawn(1)
     while True:
-        found = _verify(m, naming, rng)
+        found = _verify(m, naming, rng, apart)
         against = [e for e in (*found.effects, *_each_place(m, naming, found, apart)) if e.refuted]
         if not against:
             break
@@ -71,7 +78,9 @@ def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis
     )
 
 
-def _verify(m: Material, naming: Naming, rng: np.random.Generator) -> Verified:
+def _verify(
+    m: Material, naming: Naming, rng: np.random.Generator, apart: np.random.Generator
+) -> Verified:
     """Return every named family with its errors on the motion that verifies."""
     order = list(dict.fromkeys(c.family.name for c in naming.chosen))
     rungs = [
@@ -98,8 +107,10 @@ def _verify(m: Material, naming: Naming, rng: np.random.Generator) -> Verified:
             joints_before=joints[k],
             joints_after=joints[k + 1],
             joints_interval=gap.interval_over_joints(k, k + 1, rng),
-            joints_expected=gap.expected_change(k, k + 1),
+            shown=_show(gap, m, [naming.chosen[at].place for at in own], k, k + 1, apart),
             real=(real[k], real[k + 1]),
+            unnamed=naming.chosen[own[0]].family.unnamed,
+            nearest=tuple(n for at in own for n in naming.nearest.get(naming.chosen[at].group, ())),
         )
         effects.append(effect)
     return Verified(
@@ -135,11 +146,30 @@ def _each_place(
             joints_before=joints[k],
             joints_after=joints[last],
             joints_interval=gap.interval_over_joints(k, last, rng),
-            joints_expected=gap.expected_change(k, last),
+            shown=_show(gap, m, [place], k, last, rng),
             real=(float("nan"), float("nan")),
         )
         for k, (e, place) in enumerate(units)
     ]
+
+
+def _show(
+    gap: Gap, m: Material, places: Sequence[str], first: int, second: int, rng: np.random.Generator
+) -> Shown:
+    """Return what a gap shows from one model to another at the joints of some places.
+
+    Of what is at no single joint it is all joints.
+    """
+    joints = m.setting.structure.robot.joints
+    at = [k for k, joint in enumerate(joints) if joint in places]
+    own = gap.at(at if set(places) <= set(joints) else range(len(joints)))
+    errors = own.error_over_joints().tolist()
+    return Shown(
+        before=errors[first],
+        after=errors[second],
+        interval=own.interval_over_joints(first, second, rng),
+        expected=own.expected_change(first, second),
+    )
 
 
 def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement, Curve]]:
@@ -161,7 +191,9 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
             value, error = leave_to_model(m.white, rest, c, value, m.setting.rules.alias)
         added, spread = D @ value, np.sqrt((D**2) @ error**2)
         parameters = Placed.part_parameters(m.setting.structure.robot, c.part)
-        rivals = find_rivals(m.white, c, rest, m.candidates, m.setting.rules.confusable)
+        rivals = []
+        if not c.family.unnamed:
+            rivals = find_rivals(m.white, c, rest, m.candidates, m.setting.rules.confusable)
         placement = Placement(
             place=c.place,
             shape=c.shape,
@@ -175,11 +207,13 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
             stress=naming.stress.get(c.slot, ()),
         )
         j = int(np.argmax(np.abs(added).sum(0)))
+        of = c.family.drawn_over(c.effect, m.setting.structure.robot, j)
         curve = Curve(
             title=c.family.title,
             joint=j,
+            of=of,
             against=c.family.against,
-            x=m.train.along(j)[c.family.against],
+            x=m.train.along(of)[c.family.against],
             learned=added[:, j],
             spread=spread[:, j],
             data=residual[:, j] + added[:, j],

@@ -96,6 +96,28 @@ class Dictionary:
             out[:, j, here] = block.values[:, np.searchsorted(block.columns, at[here])]
         return out
 
+    def entries(self, columns: Sequence[int], numbers: Sequence[int]) -> Entries:
+        """Return some columns where they act, under other numbers."""
+        self._require(columns)
+        number = dict(zip(columns, numbers, strict=True))
+        return {
+            (j, number[k]): block.values[:, at]
+            for j, block in enumerate(self._blocks)
+            for at, k in enumerate(block.columns.tolist())
+            if k in number
+        }
+
+    def extend(self, other: Dictionary, columns: Sequence[int]) -> Dictionary:
+        """Return the columns of both: some of another dictionary follow its own."""
+        width = self.width
+
+        def ask(asked: Sequence[int]) -> Entries:
+            own, new = [k for k in asked if k < width], [k for k in asked if k >= width]
+            theirs = [columns[k - width] for k in new]
+            return {**self.entries(own, own), **other.entries(theirs, new)}
+
+        return Dictionary.later(self.rows, self.joints, width + len(columns), ask)
+
     def rms(self) -> Array:
         """Return the root mean square of each column in each joint, (n, c)."""
         out = np.zeros((self.joints, self.width))

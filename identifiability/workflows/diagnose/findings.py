@@ -11,7 +11,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.gates import Step, Survival
+from identifiability.workflows.diagnose.gates import Nearest, Step, Survival
 from identifiability.workflows.diagnose.held_out import Gap
 from identifiability.workflows.diagnose.lookalikes import Alias, Rival
 from identifiability.workflows.diagnose.material import Setting
@@ -69,8 +69,8 @@ class Curve:
     Attributes
     ----------
     title : str
-    joint : int
-        Actuated joint where it is largest.
+    joint, of : int
+        Actuated joint where it is largest, and joint whose motion it is drawn over.
     against : {"velocity", "position", "load", "time"}
     x, learned, spread, data : (N,)
         Motion, torque of the effect, its standard error, and the residual without the effect.
@@ -78,11 +78,38 @@ class Curve:
 
     title: str
     joint: int
+    of: int
     against: str
     x: Array
     learned: Array
     spread: Array
     data: Array
+
+
+@frozen
+class Shown:
+    """What the motion that verifies shows of an effect at the joints where it is.
+
+    Attributes
+    ----------
+    before, after : float
+        Error over each of these joints' own scale, without and with the effect.
+    interval : (float, float)
+        95 % of the change.
+    expected : float
+        The change that an effect of the fitted size would bring; zero or less.
+    """
+
+    before: float
+    after: float
+    interval: tuple[float, float]
+    expected: float
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the error surely rises, or does not fall where it surely should fall further."""
+        low, high = self.interval
+        return low > 0 or (high >= 0 and low > self.expected)
 
 
 @frozen
@@ -98,12 +125,17 @@ class NamedEffect:
     interval : (float, float)
         95 % of the change.
     joints_before, joints_after, joints_interval
-        The same of the error over each joint's own scale, by which it is confirmed or refuted.
-    joints_expected : float
-        The change that an effect of the fitted size would bring there; zero or less.
+        The same of the error over each joint's own scale.
+    shown : Shown
+        The same at the joints where it is, by which it is confirmed or refuted: elsewhere other
+        errors may hide it.
     real : (float, float)
         The same errors where every fit is a real robot; nan where the model has no bodies or
         keeps its values.
+    unnamed : bool
+        Whether it is a function without a name.
+    nearest : tuple of Nearest
+        Names that were refused in its stead.
     """
 
     name: str
@@ -115,23 +147,27 @@ class NamedEffect:
     joints_before: float
     joints_after: float
     joints_interval: tuple[float, float]
-    joints_expected: float = float("nan")
+    shown: Shown
     real: tuple[float, float] = (float("nan"), float("nan"))
+    unnamed: bool = False
+    nearest: tuple[Nearest, ...] = ()
 
     @property
     def confirmed(self) -> bool:
-        """Whether the motion that verifies surely has less error with it."""
-        return self.joints_interval[1] < 0
+        """Whether the motion that verifies surely has less error with it, where it is or in all."""
+        worse = self.joints_interval[0] > 0 or self.shown.interval[0] > 0
+        return not worse and min(self.joints_interval[1], self.shown.interval[1]) < 0
 
     @property
     def refuted(self) -> bool:
         """Whether the motion that verifies contradicts it.
 
-        It surely has more error with it; or not surely less, although an effect of the fitted size
-        would surely lower it further than it went.
+        It surely has more error with it, or what is shown where it is contradicts it. A function
+        without a name must be confirmed.
         """
-        low, high = self.joints_interval
-        return low > 0 or (high >= 0 and low > self.joints_expected)
+        if self.confirmed:
+            return False
+        return self.unnamed or self.joints_interval[0] > 0 or self.shown.contradicts
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -81,6 +81,22 @@ class Step:
 
 
 @frozen
+class Nearest:
+    """A name that was refused beside a function without one.
+
+    Attributes
+    ----------
+    title : str
+    worse : float
+        By how much the motion that chooses is predicted worse with it in the function's stead, as
+        a share.
+    """
+
+    title: str
+    worse: float
+
+
+@frozen
 class Naming:
     """What was named.
 
@@ -92,6 +108,8 @@ class Naming:
     steps : tuple of Step
     stress : mapping of (family, place, kinds) to tuple of Survival
         How each fares when the motion is made anew.
+    nearest : mapping of (family, place) to tuple of Nearest
+        The names nearest to each function that has none.
     """
 
     chosen: tuple[Candidate, ...]
@@ -100,6 +118,7 @@ class Naming:
     stress: Mapping[tuple[str, str, tuple[str, ...]], tuple[Survival, ...]] = field(
         default_factory=dict
     )
+    nearest: Mapping[tuple[str, str], tuple[Nearest, ...]] = field(default_factory=dict)
 
 
 def list_units(chosen: Sequence[Candidate]) -> list[Chosen]:
@@ -112,6 +131,17 @@ def list_units(chosen: Sequence[Candidate]) -> list[Chosen]:
 def keep_useful(held: HeldOut, chosen: Sequence[Candidate], rules: Rules) -> Chosen:
     """Return the choices without what does not predict motion that did not fit it better."""
     return _take_out(list(chosen), lambda rest, whole: held.gain(rest, whole).share - rules.gain)
+
+
+def keep_where(
+    held: HeldOut, beside: Sequence[Candidate], new: Sequence[Candidate], rules: Rules
+) -> list[Candidate]:
+    """Return those of some candidates that predict better beside others, one by one or together."""
+
+    def margin(rest: Chosen, whole: Chosen) -> float:
+        return held.gain([*beside, *rest], [*beside, *whole]).share - rules.gain
+
+    return _take_out(list(new), margin)
 
 
 def keep_possible(

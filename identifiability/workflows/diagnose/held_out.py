@@ -67,6 +67,12 @@ class Gap:
         """Return the error of each model over each joint's own scale, (m,)."""
         return error_over_joints(self.residual**2, self._variation)
 
+    def at(self, joints: Sequence[int]) -> Gap:
+        """Return the same at some joints only."""
+        some = list(joints)
+        rows = replace(self.rows, measured=self.rows.measured[:, some])
+        return Gap(rows, self.residual[:, some])
+
     def joint_error(self, *, raw: bool = False) -> Array:
         """Return the error of each joint over its own scale (n, m), `raw` of measured torque."""
         left, own = self.residual, self._variation

@@ -1,8 +1,9 @@
-"""Springs and curves over position: asked for where all else has said what it can.
+"""Springs, curves, memory and drifts: asked for where all else has said what it can.
 
 They are many columns, and whatever is smooth looks a little like them. So they are searched in a
 second pass, with a stricter level and noise that is fitted beside them, and only where something
-depends on the position: the first pass named such an effect, or what it leaves does.
+is left to say: the first pass named an effect of the position, or what it leaves depends on one
+of what they depend on.
 """
 
 from __future__ import annotations
@@ -25,15 +26,17 @@ from identifiability.workflows.diagnose.rows import Candidate
 #: The second pass has this share of the level of the first: together they keep to the level but
 #: for a fifth.
 SHARE = 0.2
-#: Share of a joint's residual by position from which on there is something to ask for.
+#: Share of a joint's residual by one of these from which on there is something to ask for.
 NOTABLE = 0.03
+CAUSES = ("position", "velocity", "load", "time")
 #: What one spring is, where both are named in one joint.
 SPRING, PARTS = "free_spring", ("joint_stiffness", "torque_offset")
 
 
 def early(families: Sequence[Family]) -> tuple[Family, ...]:
     """Return the families of the first pass: all but the late ones, unless there are no others."""
-    return tuple(f for f in families if not f.late) or tuple(families)
+    named = [f for f in families if not f.unnamed]
+    return tuple(f for f in named if not f.late) or tuple(named)
 
 
 def name_late(
@@ -45,7 +48,7 @@ def name_late(
     draws: int = DRAWS,
     say: Say | None = None,
 ) -> tuple[Material, Naming]:
-    """Return what is named once springs and curves over position may be, else what was named.
+    """Return what is named once late families may be, else what was named.
 
     Parameters
     ----------
@@ -56,7 +59,7 @@ def name_late(
     rng : numpy.random.Generator
     say : callable, optional
     """
-    families = find_families(effects)
+    families = [f for f in find_families(effects) if not f.unnamed]
     first = early(families)
     alone = len(first) == len(families)
     if alone:
@@ -75,7 +78,7 @@ def name_late(
     )
     again = _settle_knots(wider.held, again, wider.candidates)
     named = any(c.family.late for c in again.chosen)
-    if named and _better(material.held, naming, wider.held, again, rules.gain):
+    if named and predicts_better(material.held, naming, wider.held, again, rules.gain):
         return wider, again
     merged = merge_springs(naming, wider.candidates)
     return (material, naming) if merged is naming else (wider, merged)
@@ -86,16 +89,21 @@ def _late(families: Sequence[Family]) -> tuple[Family, ...]:
 
 
 def _asks(material: Material, naming: Naming) -> bool:
-    """Whether anything depends on a position, named or not."""
-    if any(_is_curve(c) for c in naming.chosen):
-        return True
+    """Whether an effect of a position was named, or what is left depends on anything."""
+    return any(_is_curve(c) for c in naming.chosen) or what_is_left(material, naming)
+
+
+def what_is_left(material: Material, naming: Naming) -> bool:
+    """Whether the residual of any joint depends on anything beside what was named."""
     left = material.held.fitted_residual(naming.chosen)
     joints = material.setting.structure.robot.joints
     found = find_discrepancies(material.train, left, joints)
-    return any(d.explained["position"] > NOTABLE for d in found)
+    return any(d.explained[cause] > NOTABLE for d in found for cause in CAUSES)
 
 
-def _better(held: HeldOut, naming: Naming, wider: HeldOut, again: Naming, least: float) -> bool:
+def predicts_better(
+    held: HeldOut, naming: Naming, wider: HeldOut, again: Naming, least: float
+) -> bool:
     """Whether the second naming surely predicts better than the first, as real robots."""
     before, after = held.errors(naming.chosen, real=True), wider.errors(again.chosen, real=True)
     level = float(before.mean()) or 1.0
@@ -132,7 +140,7 @@ def _gather_curves(
     chosen, p_values = list(naming.chosen), dict(naming.p_values)
     for place in dict.fromkeys(c.place for c in naming.chosen):
         parts = [c for c in chosen if c.place == place and _is_curve(c)]
-        curves = [c for c in candidates if c.place == place and c.family.flexible]
+        curves = [c for c in candidates if c.place == place and c.family.flexible and _is_curve(c)]
         if len(parts) < 2 or not curves:
             continue
         rest = [c for c in chosen if c not in parts]
@@ -147,7 +155,9 @@ def _gather_curves(
 
 
 def _is_curve(c: Candidate) -> bool:
-    return c.family.against == "position" or c.family.name in PARTS
+    """Whether a candidate is torque by the position alone."""
+    alone = c.family.against == "position" and not c.family.dry
+    return alone or c.family.name in PARTS
 
 
 def _settle_knots(held: HeldOut, naming: Naming, candidates: Sequence[Candidate]) -> Naming:

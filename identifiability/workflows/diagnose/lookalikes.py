@@ -144,12 +144,31 @@ def find_rivals(
         directions = _directions(Q, white, c)
         if not directions.shape[1] or not own.shape[1]:
             continue
+        if _opposite(own, directions, white, (named, c)):
+            continue
         similarity = float(np.linalg.norm(own.T @ directions, 2))
         undecided = similarity > similar and s > score - DECISIVE
         before = out.get(c.group, Rival(*c.group, 0.0, False))
         similarity = min(max(similarity, before.similarity), 1.0)
         out[c.group] = Rival(*c.group, similarity, bool(undecided or before.undecided))
     return sorted(out.values(), key=lambda r: -r.similarity)
+
+
+def _opposite(own: Array, other: Array, white: Whitened, both: Sequence[Candidate]) -> bool:
+    """Whether two levels that may not be negative act against each other: neither says the other.
+
+    Parameters
+    ----------
+    own, other : (R, k)
+        Orthonormal bases of what each of `both` adds.
+    """
+    if not all(c.positive and len(c.columns) == 1 for c in both):
+        return False
+    first, second = (
+        float(basis[:, 0] @ white.D[:, c.columns[0]])
+        for basis, c in zip((own, other), both, strict=True)
+    )
+    return first * second * float(own[:, 0] @ other[:, 0]) < 0
 
 
 def leave_to_model(

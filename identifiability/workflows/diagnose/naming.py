@@ -21,6 +21,7 @@ from identifiability.workflows.diagnose.gates import (
     has_place,
     keep_possible,
     keep_useful,
+    keep_where,
 )
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.material import Rules
@@ -54,7 +55,7 @@ def list_options(candidates: Sequence[Candidate]) -> list[Candidate]:
         at = count[c.slot] = count.get(c.slot, -1) + 1
         shared.setdefault((c.family.name, c.kinds, at), []).append(c)
     for same in shared.values():
-        if len(same) > 1:
+        if len(same) > 1 and not same[0].family.unnamed:
             columns = tuple(k for c in same for k in c.columns)
             out.append(replace(same[0], place=EVERYWHERE, columns=columns, members=tuple(same)))
     return out
@@ -69,6 +70,7 @@ class _Search:
     present: frozenset[str]
     white: Whitened = field(init=False)
     chosen: list[Candidate] = field(default_factory=list)
+    barred: set[tuple[str, str]] = field(default_factory=set)
     needed: dict[tuple[str, str], float] = field(default_factory=dict)
     p_values: dict[tuple[str, str], float] = field(default_factory=dict)
     steps: list[Step] = field(default_factory=list)
@@ -86,7 +88,9 @@ class _Search:
 
     def step(self) -> bool:
         """Try to add one effect; return whether one was added."""
-        options = list_options(self.eligible(self.chosen))
+        options = [
+            o for o in list_options(self.eligible(self.chosen)) if o.group not in self.barred
+        ]
         if not options:
             return False
         self.whiten(self.chosen)
@@ -119,11 +123,27 @@ class _Search:
         for c in trial:
             self.p_values.setdefault(c.group, p)
         before, after = self.held.error(self.chosen), self.held.error(trial)
+        useful = True
+        if best.members and after > before:
+            trial = self.keep_where_useful(trial, members)
+            after = self.held.error(trial)
+            useful = any(c.family is best.family for c in trial)
         new = signature(trial) != signature(self.chosen)
         reason = "" if new else "what it adds is explained better by what is there"
+        if not useful:
+            reason = "it does not predict unseen motion better"
         self.steps.append(replace(step, gain=(before - after) / before, reason=reason))
         self.chosen = trial
-        return new
+        return new or not useful
+
+    def keep_where_useful(
+        self, trial: Sequence[Candidate], members: Sequence[Candidate]
+    ) -> list[Candidate]:
+        """Take a family that was added everywhere away again where it predicts no better."""
+        groups = {c.group for c in members}
+        new = [c for c in trial if c.group in groups]
+        old = [c for c in trial if c.group not in groups]
+        return [*old, *keep_where(self.held, old, new, self.rules)]
 
     def whiten(self, chosen: Sequence[Candidate]) -> None:
         """Weigh the rows by the noise and by what the model with some choices leaves."""
@@ -148,6 +168,12 @@ class _Search:
             if [id(c) for c in chosen] == [id(c) for c in before]:
                 break
         return chosen
+
+    def leave_circle(self) -> bool:
+        """Bar the last addition that predicted worse and led back; return whether there is one."""
+        worse = [s.best for s in self.steps if s.gain <= 0 and s.best not in self.barred]
+        self.barred.update(worse[-1:])
+        return bool(worse)
 
     def tidy(self) -> None:
         """Drop what no longer stands out beside the rest, or has a sign that cannot be."""
@@ -178,6 +204,7 @@ def name_effects(
     rules: Rules,
     present: Iterable[str] = (),
     say: Say | None = None,
+    start: Sequence[Candidate] = (),
 ) -> Naming:
     """Return the effects that the data name.
 
@@ -192,9 +219,11 @@ def name_effects(
     present : iterable of str
         Families that the base model has at every place.
     say : callable, optional
+    start : sequence of Candidate
+        What is named already; what is added may make it needless.
     """
-    search = _Search(bench, candidates, held, rules, frozenset(present))
-    best, least, waited = list(search.chosen), held.error((), real=True), 0
+    search = _Search(bench, candidates, held, rules, frozenset(present), chosen=list(start))
+    best, least, waited = list(search.chosen), held.error(start, real=True), 0
     seen = [signature(search.chosen)]
     for k in range(rules.most):
         if say is not None:
@@ -205,7 +234,7 @@ def name_effects(
         if error < least:
             best, least = list(search.chosen), error
         now = signature(search.chosen)
-        if not go_on or waited >= rules.patience or now in seen:
+        if not go_on or waited >= rules.patience or (now in seen and not search.leave_circle()):
             break
         seen.append(now)
     search.chosen = best

@@ -181,12 +181,14 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "error_joints_validation_before": "joints_before",
         "error_joints_validation_after": "joints_after",
         "joints_change_interval95": "joints_interval",
-        "joints_change_expected": "joints_expected",
     }
     return {
         **pick(e, "joints", "p_value", "confirmed", effect="name", **verified),
         "error_ra_real_before": e.real[0],
         "error_ra_real_after": e.real[1],
+        "shown": pick(e.shown, "before", "after", "expected", change_interval95="interval"),
+        "unnamed": e.unnamed,
+        "nearest": [pick(n, "worse", effect="title") for n in e.nearest],
         "or": list(e.alternatives),
         "confusable_with": [
             {"effect": name, "similarity": similarity}

@@ -201,7 +201,7 @@ def list_candidates(
                 refused.append(Refusal(family.name, place, reason))
             else:
                 start = out[-1].columns[-1] + 1 if out else 0
-                span = spans.get(place, Span(place, 1.0, 1.0))
+                span = spans.get(place, Span(place, 1.0, 1.0, robot=robot))
                 out += _at_place(robot, family, span, start, free)
     return out, refused
 

@@ -107,13 +107,17 @@ def _state_effect(e: NamedEffect) -> str:
 def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
     """Return what the motion that verifies says against an effect."""
     start = f"{_state_effect(e)} stood out from the fitted motion and is refuted: on {verified_on}"
-    change = _change(e.joints_before, e.joints_after, e.joints_interval)
-    if e.joints_interval[0] > 0:
+    own = e.shown
+    if e.joints_interval[0] > 0 and own.interval[0] <= 0:
+        change = _change(e.joints_before, e.joints_after, e.joints_interval)
         return f"{start} it raises the error, every joint on its own scale, {change}."
-    expected = f"{100 * e.joints_expected:+.2g}".replace("-", "−")
+    change = _change(own.before, own.after, own.interval)
+    if own.interval[0] > 0:
+        return f"{start} it raises the error of its joints, each on its own scale, {change}."
+    expected = f"{100 * own.expected:+.2g}".replace("-", "−")
     return (
-        f"{start} the error, every joint on its own scale, goes {change}, where an effect of that "
-        f"size would change it by {expected} points."
+        f"{start} the error of its joints, each on its own scale, goes {change}, where an effect "
+        f"of that size would change it by {expected} points."
     )
 
 
@@ -124,8 +128,21 @@ def _state_rivals(e: NamedEffect) -> str:
     )
 
 
+def _state_nearest(e: NamedEffect) -> str:
+    """Return the names nearest to a function without one, and why they were refused."""
+    near = join([f"{n.title} ({_percent(n.worse, 2)} more)" for n in e.nearest])
+    if not near:
+        return "No effect that has a name can be there."
+    return (
+        f"No name fits what depends on that in {join(e.joints)}: with the nearest in its stead the "
+        f"motion that chooses is predicted with more error: {near}."
+    )
+
+
 def _caveats(e: NamedEffect) -> list[Remark]:
     title, out = e.title[0].upper() + e.title[1:], []
+    if e.unnamed:
+        return [Remark("Without a name", _state_nearest(e))]
     name, similarity = next(iter(e.similar.items()), ("", 0.0))  # the most similar
     if similarity > NOTEWORTHY and not e.alternatives:
         text = (
@@ -135,8 +152,8 @@ def _caveats(e: NamedEffect) -> list[Remark]:
         out.append(Remark("Resembles", text))
     if not e.confirmed:
         text = (
-            f"{title} by itself does not surely lower the error there, every joint on its own "
-            "scale: treat it with caution."
+            f"{title} by itself does not surely lower the error of its joints there, each on its "
+            "own scale: treat it with caution."
         )
         out.append(Remark("Not confirmed", text))
     return out

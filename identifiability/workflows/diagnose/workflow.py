@@ -29,6 +29,7 @@ from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows
 from identifiability.workflows.diagnose.naming import name_effects
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.stress import stress_named
+from identifiability.workflows.diagnose.unnamed import name_unnamed
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -105,7 +106,7 @@ def diagnose(
     IdentifiabilityError
     """
     say = progress or (lambda what, share: None)
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
     with one_thread():
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         say("reading logs", 0.0)
@@ -144,6 +145,9 @@ def diagnose(
             material.bench, material.candidates, material.held, setting.rules, present, say
         )
         material, naming = name_late(material, naming, choose, streams[4], effects, simulated, say)
+        material, naming = name_unnamed(
+            material, naming, choose, streams[5], effects, simulated, say
+        )
         say("changing the preparation", 0.8)
         naming = stress_named(material, naming, roles.fit, how, streams[1])
         say("verifying", 0.9)

@@ -54,7 +54,7 @@ def _dry(m: Moving) -> Any:
 
 def _ripple(m: Moving) -> Any:
     phase = (m.position - m.home) * (2 * np.pi / m.shape)
-    return m.ca.sin(phase) if m.kind == "Rs" else m.ca.cos(phase)
+    return m.ca.sin(phase) if m.kind in ("Rs", "Ms") else m.ca.cos(phase)
 
 
 def _piece(m: Moving) -> Any:
@@ -83,6 +83,10 @@ CURVES: dict[str, Callable[[Moving], Any]] = {
     "gravity_spring": lambda m: (m.ca.sin if m.kind == "ks" else m.ca.cos)(m.position),
     "position_ripple": _ripple,
     "position_torque": _piece,
+    "rising_friction": lambda m: -m.ca.exp(-m.ca.fabs(m.speed / m.shape)) * m.ca.sign(m.speed),
+    "sigmoid_friction": lambda m: m.ca.tanh(m.speed / m.shape),
+    "position_friction": lambda m: _piece(m) * m.ca.sign(m.speed),
+    "gear_ripple": _ripple,
 }
 
 

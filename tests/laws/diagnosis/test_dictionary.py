@@ -102,3 +102,22 @@ def test_many_logs_share_the_samples_that_are_looked_at():
     assert samples_each(1) == MOST_SAMPLES
     for logs in (2, 5, 20):
         assert logs * samples_each(logs) <= MOST_IN_ALL
+
+
+def test_columns_of_another_dictionary_follow_its_own():
+    rng = np.random.default_rng(8)
+    own, other = rng.standard_normal((2, 30, 2, 5))
+    own[:, 1, :3] = 0.0
+    asked = []
+
+    def ask(columns):
+        asked.extend(columns)
+        return Dictionary.of(own).entries(columns, columns)
+
+    both = Dictionary.later(30, 2, 5, ask).extend(Dictionary.of(other), [4, 1])
+    assert both.width == 7
+    np.testing.assert_array_equal(
+        both.take([6, 0, 5]), np.dstack([other[:, :, 1], own[:, :, 0], other[:, :, 4]])
+    )
+    assert asked == [0]  # what is not looked at is not computed
+    np.testing.assert_array_equal(both.block(1).columns, [3, 4, 5, 6])

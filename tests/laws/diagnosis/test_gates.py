@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pytest
 
-from identifiability.workflows.diagnose.findings import NamedEffect, Placement
+from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown
 from identifiability.workflows.diagnose.gates import (
     Survival,
     add_places,
@@ -109,13 +109,14 @@ def test_what_every_joint_has_is_not_refused_and_stands_at_every_place_beside_th
 
 @pytest.mark.parametrize(
     ("interval", "confirmed", "refuted"),
-    [((-0.2, -0.1), True, False), ((-0.2, 0.1), False, False), ((0.1, 0.2), False, True),
-     ((-0.1, 0.0), False, False), ((0.0, 0.1), False, False)],
+    [((-0.9, -0.1), True, False), ((-0.9, 0.1), False, False), ((0.1, 0.2), False, True),
+     ((-0.6, 0.0), False, False), ((0.0, 0.1), False, True)],
 )  # fmt: skip
 def test_the_motion_that_verifies_confirms_refutes_or_leaves_open(interval, confirmed, refuted):
     effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
                          interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
-                         joints_interval=interval)  # fmt: skip
+                         joints_interval=(-0.5, 0.1), shown=Shown(0.2, 0.1, interval, -0.5),
+                         )  # fmt: skip
     assert (effect.confirmed, effect.refuted) == (confirmed, refuted)
 
 
@@ -127,8 +128,14 @@ def test_the_motion_that_verifies_confirms_refutes_or_leaves_open(interval, conf
 def test_an_effect_large_enough_to_show_that_does_not_show_is_refuted(interval, expected, refuted):
     effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
                          interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
-                         joints_interval=interval, joints_expected=expected)  # fmt: skip
+                         joints_interval=(-0.5, 0.5), shown=Shown(0.2, 0.1, interval, expected),
+                         )  # fmt: skip
     assert effect.refuted == refuted
+    # What has no name must be confirmed; what harms elsewhere is refuted, whatever its own joints.
+    assert replace(effect, unnamed=True).refuted == (interval[1] >= 0)
+    assert replace(effect, joints_interval=(0.1, 0.2)).refuted
+    # What surely helps over all joints is confirmed, unless its own surely suffer.
+    assert replace(effect, joints_interval=(-0.5, -0.1)).confirmed
 
 
 def test_a_named_effect_speaks_for_all_its_places():
@@ -150,6 +157,7 @@ def test_a_named_effect_speaks_for_all_its_places():
         name="a", title="A", placements=(place("j", 0.01, rival("b", 0.7, False),
         rival("a", 1.0, True)), fragile), before=0.2, after=0.1, interval=(-1.0, -0.5),
         joints_before=0.2, joints_after=0.1, joints_interval=(-1.0, -0.5),
+        shown=Shown(0.2, 0.1, (-1.0, -0.5), -0.7),
     )  # fmt: skip
     assert effect.joints == ("j", "l")
     assert effect.p_value == 0.04

@@ -174,6 +174,15 @@ def test_two_names_are_undecided_where_they_are_alike_and_explain_about_the_same
     assert undecided(apart, 2.0)[0] is False
 
 
+def test_levels_that_act_against_each_other_and_may_not_be_negative_are_no_rivals(world, candidate):
+    e = world.basis
+    rows = world.make(20 * e[:, 0], [e[:, 0], -world.unit(0.95, 0.3), world.unit(0.95, 0.3)])
+    for signs, expected in (((True,) * 3, {"f2"}), ((True, False, True), {"f1", "f2"})):
+        options = [candidate(f"f{k}", "j", k, positive=signs[k]) for k in range(3)]
+        white = world.bench(rows, 5).whiten()
+        assert {r.family for r in find_rivals(white, options[0], [], options, 0.9)} == expected
+
+
 def test_what_refines_a_name_is_no_rival_of_it(world, candidate):
     e = world.basis
     columns = [e[:, 0], world.unit(0.95, 0.3)]

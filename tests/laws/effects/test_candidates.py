@@ -91,14 +91,21 @@ def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none(polar, ge
     positive = {c.family.name for c in found if c.positive}
     assert positive >= {
         "viscous_friction", "coulomb_friction", "actuator_inertia", "passive_joint_friction",
+        "rising_friction", "sigmoid_friction", "hysteresis", "backlash", "time_delay",
+        "clock_error",
     }  # fmt: skip
     assert not positive & {
-        "torque_offset", "coulomb_asymmetry", "position_ripple", "time_delay", "gravity_tilt",
-        "payload", "rigid_body",
+        "torque_offset", "coulomb_asymmetry", "position_ripple", "gravity_tilt", "payload",
+        "rigid_body", "torque_leak", "velocity_leak", "torque_scale", "torque_drift",
+        "friction_drift", "position_friction",
     }  # fmt: skip
     assert {n: f.needs for n, f in FAMILIES.items() if f.needs} == {
         "coulomb_asymmetry": "coulomb_friction", "stribeck_friction": "coulomb_friction",
         "load_dependent_friction": "coulomb_friction", "quadratic_friction": "viscous_friction",
+        "rising_friction": "viscous_friction", "sigmoid_friction": "viscous_friction",
+        "hysteresis": "coulomb_friction", "position_friction": "coulomb_friction",
+        "friction_drift": "viscous_friction", "velocity_leak": "viscous_friction",
+        "torque_leak": "coulomb_friction",
     }  # fmt: skip
     assert {n for n, f in FAMILIES.items() if f.basic} == {
         "viscous_friction", "coulomb_friction", "actuator_inertia", "torque_offset",

@@ -31,6 +31,11 @@ def rms(x):
     return np.sqrt(np.mean(x**2, axis=0))
 
 
+def u(x):
+    """From 0 at the lower end to 1 at the upper."""
+    return (x - x.min(0)) / np.ptp(x, axis=0)
+
+
 @pytest.mark.parametrize(
     ("name", "law"),
     [
@@ -48,6 +53,14 @@ def rms(x):
             ),
         ),
         ("load_dependent_friction", lambda v, x, load: np.abs(load) * np.sign(v)),
+        ("rising_friction", lambda v, x, load: -np.sign(v) * np.exp(-np.abs(v) / 0.3 / rms(v))),
+        ("sigmoid_friction", lambda v, x, load: np.tanh(v / 0.4 / rms(v))),
+        (
+            "position_friction",
+            lambda v, x, load: (
+                np.sign(v) * (2 * u(x) + np.exp(-8 * (2 * u(x) - 1.2) ** 2))  # 1 + along = 2 u
+            ),
+        ),
         ("stribeck_friction", lambda v, x, load: np.sign(v) * np.exp(-np.abs(v) / 0.3 / rms(v))),
         (
             "position_ripple",
@@ -92,11 +105,37 @@ def test_a_late_a_leaking_and_a_drifting_sensor(polar, move):
     np.testing.assert_allclose(
         found("torque_leak", 0.2), 0.2 * tau[:, 1] * rms(tau[:, 0]) / rms(tau[:, 1])
     )
+    np.testing.assert_allclose(found("clock_error", 0.1), -late)
+    np.testing.assert_allclose(found("torque_scale", 0.1), 0.1 * tau[:, 0])
+    speed = move.dq[:, 1]
+    np.testing.assert_allclose(
+        found("velocity_leak", 0.2), 0.2 * speed * rms(tau[:, 0]) / rms(speed)
+    )
+    since = np.r_[T[:200], T[200:] - T[200]]  # the time of each motion by itself
+    for name, force in (
+        ("torque_drift", since - 0.4 * since.max()), ("friction_drift", since * move.dq[:, 0]),
+    ):  # fmt: skip
+        expected = 0.2 * force * rms(tau[:, 0]) / rms(force)
+        np.testing.assert_allclose(found(name, 0.2), expected, atol=1e-12)
     drift = 1 - np.exp(-(t - t[0]) / (0.5 * np.ptp(t)))
     drift -= drift.mean()
     np.testing.assert_allclose(
         found("thermal_drift", 0.2), 0.2 * drift * rms(tau[:, 0]) / rms(drift)
     )
+
+
+def test_presliding_and_play_follow_a_reversal():
+    """On a ramp up, down by a range and up again; levels settle after a fiftieth of it."""
+    x = np.r_[np.linspace(0, 1, 2001), np.linspace(1, 0, 2001)[1:]]
+    v = np.gradient(x)
+    z = HIDDEN["hysteresis"](v, x, x)
+    way = np.minimum(x, 1.0)[:2001]
+    np.testing.assert_allclose(z[:2001], 1 - np.exp(-50 * way), atol=0.01)  # Dahl, from rest
+    np.testing.assert_allclose(z[2000:], 2 * np.exp(-50 * (1 - x[2000:])) - 1, atol=0.02)
+    load = np.full(4001, 3.0)
+    lost = HIDDEN["backlash"](v, x, load)
+    assert set(np.round(np.unique(lost), 12)) == {-3.0, 0.0}
+    assert np.mean(lost[2001:] < 0) == pytest.approx(1 / 50, abs=2e-3)
 
 
 def test_hidden_friction_of_passive_joints_is_dry_and_viscous_alike(gear, move):

@@ -1,0 +1,42 @@
+"""Torque that depends on position and speed in a way that has no name here."""
+
+from identifiability.effects.effect import Along
+from identifiability.effects.family import SPEEDS, Span
+from identifiability.effects.registry import declare
+from identifiability.effects.smooth_function import OfTwo, fine_at_rest, largest_speed
+from identifiability.foundation.names import Array
+from identifiability.robot import Axis, Robot
+
+#: Distance from home where none is given [rad, m].
+TYPICAL = (3.0, 0.5)
+
+
+def _farthest(span: Span) -> tuple[float, ...]:
+    return (span.farthest,)
+
+
+@declare(
+    "an unnamed function of position and velocity",
+    shapes=_farthest,
+    against="position",
+    unnamed=True,
+    flexible=True,
+    told_by=SPEEDS,
+    rank=35,
+)
+class FunctionOfPositionAndVelocity(OfTwo):
+    """``τ = f(q, q̇)``. Its shape is the largest distance from home [rad or m]."""
+
+    name = "function_of_position_and_velocity"
+    equation = "τ = f(q, q̇), f = Σ cₖₗ Bₖ(q) Bₗ(√|q̇/v| sign q̇)"
+    units = (("fqv", "N·m", "N"),)
+
+    def coordinates(self, at: Along) -> tuple[Array, ...]:
+        """Return the position from home, and the root of the speed over its limit."""
+        speed = fine_at_rest(at.speed, largest_speed(at.robot, at.axis))
+        return at.travel / self.shape(at.robot, at.axis), speed
+
+    def typical(self, robot: Robot, axis: Axis) -> float:
+        """Return a distance of some size [rad or m]."""
+        del robot
+        return TYPICAL[axis.prismatic]

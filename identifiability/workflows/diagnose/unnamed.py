@@ -1,0 +1,145 @@
+"""What no name explains: its shape is learned, and said to have no name.
+
+A third pass, beside what was named: smooth functions of velocity, load, time, another joint's
+velocity, or of two of these with the position, at a stricter level and by the same gates. A name
+that such a function makes needless did not fit. Functions are named where nothing else is, so
+they must be confirmed by the motion that verifies, not only not refuted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+
+from identifiability.effects import find_families
+from identifiability.logs.prepare import Samples
+from identifiability.workflows.diagnose.evidence import score_candidates
+from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, keep_surviving
+from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.late import SHARE, predicts_better, what_is_left
+from identifiability.workflows.diagnose.material import DRAWS, Material, gather
+from identifiability.workflows.diagnose.naming import Say, name_effects, signature
+from identifiability.workflows.diagnose.rows import Candidate, Rows
+
+#: Steps of the search, and names that are said beside a function.
+MOST, NEAREST = 4, 3
+
+
+def name_unnamed(
+    material: Material,
+    naming: Naming,
+    choose: Sequence[Samples],
+    rng: np.random.Generator,
+    effects: Iterable[str] | None = None,
+    draws: int = DRAWS,
+    say: Say | None = None,
+) -> tuple[Material, Naming]:
+    """Return what is named once functions without a name may be, else what was named.
+
+    Parameters
+    ----------
+    material, naming : Material, Naming
+        Of the passes before.
+    choose, effects, draws
+        As for `gather`.
+    rng : numpy.random.Generator
+    say : callable, optional
+    """
+    functions = [f.name for f in find_families(effects) if f.unnamed]
+    if not functions or not what_is_left(material, naming):
+        return material, naming
+    setting = material.setting
+    known = list(dict.fromkeys(c.family.name for c in naming.chosen))
+    wider = gather(setting, choose, rng, [*known, *functions], draws)
+    start = [_same(c, wider.candidates) for c in naming.chosen]
+    taken = signature(start)
+    options = [c for c in wider.candidates if c.family.unnamed or c.slot in taken]
+    rules = replace(
+        setting.rules, level=max(SHARE * setting.rules.level, 1.0 / (draws + 1)), most=MOST
+    )
+    present = setting.structure.model.names
+    again = name_effects(wider.bench, options, wider.held, rules, present, say, start)
+    found = [c for c in again.chosen if c.family.unnamed]
+    if not found or not predicts_better(
+        material.held, naming, wider.held, again, setting.rules.gain
+    ):
+        return material, naming
+    whole = _extend(material, wider, found)
+    chosen = tuple(_same(c, whole.candidates) for c in again.chosen)
+    groups = {c.group for c in chosen}
+    gone = [c for c in naming.chosen if c.group not in groups]
+    before = keep_surviving(naming, gone, present, "a function without a name explains it better")
+    final = Naming(
+        chosen=chosen,
+        p_values={**again.p_values, **naming.p_values},
+        steps=(*before.steps, *again.steps),
+        nearest={c.group: _nearest(whole, chosen, c) for c in chosen if c.family.unnamed},
+    )
+    return whole, final
+
+
+def _same(c: Candidate, candidates: Iterable[Candidate]) -> Candidate:
+    """Return the candidate that is the same effect with the same shape."""
+    own = [c.shape, len(c.columns)]
+    return next(
+        o
+        for o in candidates
+        if o.slot == c.slot and np.array_equal([o.shape, len(o.columns)], own, equal_nan=True)
+    )
+
+
+def _extend(material: Material, wider: Material, found: Sequence[Candidate]) -> Material:
+    """Return a material with the columns of some candidates of a wider one."""
+    at = [k for c in found for k in c.columns]
+
+    def extended(own: Rows | None, other: Rows | None) -> Rows | None:
+        if own is None or other is None:
+            return own
+        return replace(own, D=own.D.extend(other.D, at))
+
+    new, column = [], material.train.D.width
+    for c in found:
+        new.append(replace(c, columns=tuple(range(column, column + len(c.columns)))))
+        column += len(c.columns)
+    train = extended(material.train, wider.train)
+    assert train is not None
+    held = HeldOut(
+        train=train,
+        choosing=extended(material.held.choosing, wider.held.choosing),
+        verifying=extended(material.held.verifying, wider.held.verifying),
+        real=material.held.real,
+    )
+    bench = replace(material.bench, rows=train)
+    return replace(
+        material,
+        train=train,
+        held=held,
+        candidates=(*material.candidates, *new),
+        bench=bench,
+        white=bench.whiten(),
+    )
+
+
+def _nearest(m: Material, chosen: Sequence[Candidate], function: Candidate) -> tuple[Nearest, ...]:
+    """Return the names at the place of a function that explain most in its stead."""
+    rest: Chosen = [c for c in chosen if c is not function]
+    taken = {c.group for c in rest}
+    options = [
+        c
+        for c in m.candidates
+        if c.place == function.place and not c.family.unnamed and c.group not in taken
+    ]
+    if not options:
+        return ()
+    fit = score_candidates(m.white, m.white.columns(rest), options, null=False).fit
+    best: dict[str, Candidate] = {}
+    for k in np.argsort(-fit).tolist():
+        best.setdefault(options[k].family.name, options[k])
+    with_it = m.held.error([*rest, function])
+    return tuple(
+        Nearest(c.family.title, m.held.error([*rest, c]) / with_it - 1.0)
+        for c in islice(best.values(), NEAREST)
+    )

@@ -1,0 +1,59 @@
+"""What no name explains is learned as a function, and said to have none."""
+
+import json
+
+import numpy as np
+import pytest
+
+from identifiability.effects import FAMILIES
+from identifiability.workflows.diagnose import diagnose
+
+FUNCTIONS = tuple(name for name, family in FAMILIES.items() if family.unnamed)
+#: What the planted friction would be called.
+HELD_BACK = ("rising_friction", "sigmoid_friction")
+KNOWN = ("stribeck_friction", "quadratic_friction", "position_ripple", "joint_stiffness")
+
+
+def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
+    logs = logs_of("five-bar", "rising_friction@left_shoulder=0.1")
+    d = diagnose("five-bar", logs[:4], logs[4], effects=[*KNOWN, *FUNCTIONS], forward=False)
+    (effect,) = d.effects
+    assert (effect.name, effect.joints) == ("function_of_velocity", ("left_shoulder",))
+    assert effect.confirmed
+    assert effect.alternatives == ()
+    named = diagnose("five-bar", logs[:4], logs[4], effects=HELD_BACK, forward=False)
+    assert named.effects[0].name in HELD_BACK
+    gap = d.held_before - named.held_after
+    assert d.held_before - d.held_after > 0.9 * gap
+    # Names beside it, and by how much they err more.
+    assert 1 <= len(effect.nearest) <= 3
+    assert all(n.worse > 0 for n in effect.nearest)
+    assert "An unnamed function of velocity in left_shoulder (p = " in d.statement
+    assert "No name fits what depends on that in left_shoulder" in d.statement
+    (row,) = json.loads(d.to_json(tmp_path / "d.json").read_text())["effects"]
+    assert row["unnamed"]
+    assert [n["effect"] for n in row["nearest"]] == [n.title for n in effect.nearest]
+    # What was learned is the curve but for Coulomb and viscous friction, which are in the model.
+    (curve,) = d.curves
+    assert (curve.against, curve.of) == ("velocity", 0)
+    v = curve.x
+    truth = -np.sign(v) * np.exp(-np.abs(v) / (0.3 * np.sqrt(np.mean(v**2))))
+    like = np.column_stack([np.ones_like(v), v, np.sign(v)])
+    left = [y - like @ np.linalg.lstsq(like, y, rcond=None)[0] for y in (curve.learned, truth)]
+    assert np.corrcoef(*left)[0, 1] > 0.95
+    # The model that is given away has it, and its file is read again.
+    assert d.model.names[-1] == "function_of_velocity"
+    d.write_model(tmp_path / "model.toml")
+    assert (
+        f"function_of_velocity@left_shoulder:{effect.placements[0].shape!r}"
+        in (tmp_path / "model.toml").read_text()
+    )
+
+
+@pytest.mark.everything
+def test_where_a_name_fits_or_nothing_is_left_no_function_is_given(logs_of):
+    for hidden in ((), ("stribeck_friction@left_shoulder=0.1",)):
+        logs = logs_of("five-bar", *hidden)
+        d = diagnose("five-bar", logs[:4], logs[4], forward=False, quick=True)
+        assert [e.name for e in d.effects] == [h.partition("@")[0] for h in hidden]
+        assert not any(e.unnamed for e in d.refuted)
