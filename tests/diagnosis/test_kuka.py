@@ -28,7 +28,7 @@ def data(study):
 @pytest.mark.parametrize(
     ("train", "test", "found", "shrink"),
     [
-        (1, 3, {"coulomb_friction", "viscous_friction", "torque_offset"}, 0.5),
+        (1, 3, {"coulomb_friction", "torque_offset"}, 0.5),
         (3, 1, {"coulomb_friction", "torque_offset"}, 0.8),
     ],
 )

@@ -21,7 +21,7 @@ from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.residual import find_discrepancies
-from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.rows import Candidate, find_same
 
 #: The second pass has this share of the level of the first: together they keep to the level but
 #: for a fifth.
@@ -72,7 +72,8 @@ def name_late(
     rules = material.setting.rules
     strict = replace(rules, level=max(SHARE * rules.level, 1.0 / (draws + 1)))
     present = material.setting.structure.model.names
-    again = name_effects(wider.bench, wider.candidates, wider.held, strict, present, say)
+    start = [find_same(c, wider.candidates) for c in naming.chosen]
+    again = name_effects(wider.bench, wider.candidates, wider.held, strict, present, say, start)
     again = _gather_curves(
         wider.held, merge_springs(again, wider.candidates), wider.candidates, rules.gain
     )

@@ -127,7 +127,9 @@ class _Search:
         if best.members and after > before:
             trial = self.keep_where_useful(trial, members)
             after = self.held.error(trial)
-            useful = any(c.family is best.family for c in trial)
+            useful = after < before
+            if not useful:
+                trial, after = self.chosen, before
         new = signature(trial) != signature(self.chosen)
         reason = "" if new else "what it adds is explained better by what is there"
         if not useful:

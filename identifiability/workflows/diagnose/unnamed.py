@@ -22,7 +22,7 @@ from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.late import SHARE, predicts_better, what_is_left
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
 from identifiability.workflows.diagnose.naming import Say, name_effects, signature
-from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.workflows.diagnose.rows import Candidate, Rows, find_same
 
 #: Steps of the search, and names that are said beside a function.
 MOST, NEAREST = 4, 3
@@ -54,7 +54,7 @@ def name_unnamed(
     setting = material.setting
     known = list(dict.fromkeys(c.family.name for c in naming.chosen))
     wider = gather(setting, choose, rng, [*known, *functions], draws)
-    start = [_same(c, wider.candidates) for c in naming.chosen]
+    start = [find_same(c, wider.candidates) for c in naming.chosen]
     taken = signature(start)
     options = [c for c in wider.candidates if c.family.unnamed or c.slot in taken]
     rules = replace(
@@ -68,7 +68,7 @@ def name_unnamed(
     ):
         return material, naming
     whole = _extend(material, wider, found)
-    chosen = tuple(_same(c, whole.candidates) for c in again.chosen)
+    chosen = tuple(find_same(c, whole.candidates) for c in again.chosen)
     groups = {c.group for c in chosen}
     gone = [c for c in naming.chosen if c.group not in groups]
     before = keep_surviving(naming, gone, present, "a function without a name explains it better")
@@ -79,16 +79,6 @@ def name_unnamed(
         nearest={c.group: _nearest(whole, chosen, c) for c in chosen if c.family.unnamed},
     )
     return whole, final
-
-
-def _same(c: Candidate, candidates: Iterable[Candidate]) -> Candidate:
-    """Return the candidate that is the same effect with the same shape."""
-    own = [c.shape, len(c.columns)]
-    return next(
-        o
-        for o in candidates
-        if o.slot == c.slot and np.array_equal([o.shape, len(o.columns)], own, equal_nan=True)
-    )
 
 
 def _extend(material: Material, wider: Material, found: Sequence[Candidate]) -> Material:
