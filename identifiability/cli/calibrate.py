@@ -29,6 +29,10 @@ def calibrate(
 ) -> None:
     """Say whether the intervals and verdicts of the model to use can be trusted here.
 
+    **You give** a robot file and logs, as for *analyze*. **You get** yes, no or for which
+    parameters not, and the cause. Ask it before you hand intervals on; it takes minutes, --quick
+    less.
+
     The experiment is repeated with robots around the likeliest one, with what the model leaves out,
     noise like the residual and errors of the motion like the log's: how often do 95 % intervals
     hold the truth, how often is a parameter called identifiable wrong by more than half? If the
@@ -37,9 +41,8 @@ def calibrate(
     How often does diagnose name an effect when nothing is missing, and how small an effect would
     it see?
 
-    ```
-    identifiability calibrate 3-rps run.csv --report calibration.html
-    ```
+        identifiability calibrate 3-rps run.csv --report calibration.html
+        identifiability calibrate arm.urdf a.csv b.csv --ladder pruned.toml --quick
 
     Parameters
     ----------

@@ -29,10 +29,22 @@ def diagnose(
 ) -> None:
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink.
 
-    ```
-    identifiability diagnose 3-rps run1.csv run2.csv --validate run3.csv --report gap.html
-    identifiability diagnose arm.urdf run.parquet --model rigid_body --out model.toml
-    ```
+    **You give** a robot file and logs, as for *analyze*, and best one more with --validate: it
+    takes no part in the choice and says whether the gap closes there too.
+
+    **You get** the effects that are missing, each with its joint, what chance alone would have to
+    do to bring such a name (p, of all effects and joints together), and the error on unseen motion
+    before and after. A name is given only with p < 5 %, if it helps on motion that took no part. "A
+    or B" means that this motion cannot tell two effects apart; *excite --separate A --separate B*
+    finds one that can. No name? Then the last sentences say how small an effect would have been
+    seen.
+
+    **Then** fit the model that has it: --out writes it for every other verb.
+
+        identifiability diagnose arm.urdf a.csv b.csv --validate c.csv --out model.toml
+        identifiability analyze arm.urdf a.csv b.csv --validate c.csv --ladder model.toml
+        identifiability diagnose arm.urdf a.csv --effects stribeck_friction,time_delay
+        identifiability diagnose 3-rps a.csv --model rigid_body,viscous_friction
 
     Parameters
     ----------

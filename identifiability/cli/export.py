@@ -27,10 +27,14 @@ def export(
     to the file's. What the file cannot hold stands in a sidecar beside it. Two errors on the
     fitted logs are stated: of all that was fitted, and of what the file alone holds.
 
-    ```
-    identifiability analyze 3-rps run.csv --json result.json
-    identifiability export 3-rps result.json --out fitted.xml
-    ```
+    **You give** the robot and the JSON that analyze, prune or diagnose wrote. **You get** a file
+    for what comes next, by its ending:
+
+        identifiability analyze arm.urdf run.csv --json result.json
+        identifiability export arm.urdf result.json --out fitted.urdf
+        identifiability export arm.urdf result.json --out fitted.xml  # rotors and friction too
+        identifiability export arm.urdf result.json --out values.json
+        identifiability export arm.urdf result.json --out torque.c  # for a controller
 
     Parameters
     ----------

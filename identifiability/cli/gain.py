@@ -31,9 +31,10 @@ def gain(
     Fix a load that you have weighed to the last body, and move as before: one log without it, one
     with it. What is printed goes into the robot's sidecar.
 
-    ```
-    identifiability gain arm.urdf empty.csv --loaded loaded.csv --mass 2.5 --centre 0,0,0.08
-    ```
+    **You get** N·m per unit of each column, with its interval. *weak* and *not identifiable* gains
+    saw too little of the load: hold it where it weighs on that joint.
+
+        identifiability gain arm.urdf empty.csv --loaded loaded.csv --mass 2.5 --centre 0,0,0.08
 
     Parameters
     ----------

@@ -22,6 +22,10 @@ _HELP = re.compile(r"\n*^(?:Parameters|Attributes)\n-+\n", re.MULTILINE)
 _ENTRY = re.compile(r"^(\w+)\n((?: {4}.*\n)+)", re.MULTILINE)
 
 
+#: Options that take effects, and verbs in which an option of that name takes something else.
+TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate", "prune")}
+
+
 def estimators(typed: str = "") -> list[str]:
     """Return the registered estimators that begin so, a plugin's among them."""
     from identifiability.estimation.estimate import ESTIMATORS  # noqa: PLC0415
@@ -83,12 +87,27 @@ def _options(holder: Any) -> list[Parameter]:
     return found
 
 
+def effects(option: str) -> list[str]:
+    """Return the effects that an option takes, a plugin's among them."""
+    if option == "hide":
+        from identifiability.effects import effect_laws  # noqa: PLC0415
+        from identifiability.simulation.hidden import hideable  # noqa: PLC0415
+
+        return hideable(effect_laws())
+    from identifiability.effects.registry import FAMILIES  # noqa: PLC0415
+
+    return list(FAMILIES)
+
+
 class Command(typer.core.TyperCommand):
-    """A command whose help lists the estimators that are registered when it is asked for."""
+    """A command whose help lists the estimators and effects there are when it is asked for."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
         for parameter in self.params:
-            if parameter.name == "method":
+            name = str(parameter.name)
+            if name == "method":
                 parameter.metavar = "|".join(estimators())
+            if name in TAKES_EFFECTS and str(self.name) not in TAKES_EFFECTS[name]:
+                self.epilog = f"**Effects**: {', '.join(effects(name))}"
         super().format_help(ctx, formatter)

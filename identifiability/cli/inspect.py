@@ -34,11 +34,11 @@ def inspect(
     bandwidth, saturation, the size of the torque beside that which the file's masses ask for, and
     whatever contradicts robot file, limits or physics; the page draws every joint over time.
 
-    ```
-    identifiability inspect 3-rps
-    identifiability inspect 3-rps --template log.csv
-    identifiability inspect 3-rps run.csv --report inspection.html
-    ```
+        identifiability inspect 3-rps
+        identifiability inspect arm.urdf --template log.csv
+        identifiability inspect arm.urdf run.csv --report inspection.html
+
+    Look here first when a log does not get in, or when *analyze* answers what you do not believe.
 
     Parameters
     ----------

@@ -22,6 +22,10 @@ def predict(
 ) -> None:
     """Predict the torque of logs with a fitted model, sample by sample, with intervals.
 
+    **You give** the robot, the JSON that analyze, prune or diagnose wrote, and other logs. **You
+    get** the error of each joint, the share of samples that lie in their intervals (95 % would be
+    right), and with --out a table.
+
     The logs are prepared as the fitted ones were, with the same cut-off. A column of the file has
     the name of a joint and of what it holds: measured torque (`tau`, and `tau_raw` as it was
     measured, not low-passed), `predicted`, `residual` and `residual_raw`, the 95 % interval of the
@@ -29,10 +33,8 @@ def predict(
     `raw_to`). They know what the fitted logs did not tell of the parameters, and how far torque
     scatters about the model on motion that it has not seen.
 
-    ```
-    identifiability analyze 3-rps run.csv --json result.json
-    identifiability predict 3-rps result.json other.csv --out torque.csv
-    ```
+        identifiability analyze 3-rps run.csv --json result.json
+        identifiability predict 3-rps result.json other.csv --out torque.csv --report torque.html
 
     Parameters
     ----------

@@ -25,10 +25,16 @@ def simulate(
 ) -> None:
     """Make the log of a simulated robot along a prescribed motion.
 
-    ```
-    identifiability simulate 3-rps 601 --noise paper --out run.csv
-    identifiability simulate 3-rps random --hide stribeck_friction=0.1 --out run.parquet
-    ```
+    **You give** a robot and a motion. **You get** a log, with noise if you say which, and with an
+    effect that the robot file does not have if you hide one: try on it whether *diagnose* finds it.
+
+        identifiability simulate 3-rps 601 --noise paper --out run.csv
+        identifiability simulate 3-rps random --hide stribeck_friction=0.1 --out run.parquet
+        identifiability simulate arm.urdf motion.json --noise torque=0.02,encoder=1e-5 --out run.csv
+        identifiability simulate fitted.xml measured.csv --out again.csv
+
+    Noise levels are motion, torque (shares of each value), additive (share of the joint's rms),
+    correlation (of the additive part from sample to sample) and encoder (steps, rad or m).
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ torque, so that one word describes a hidden effect on any robot.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -131,6 +131,11 @@ class Hidden:
     law: Law | None = None
 
 
+def hideable(laws: Iterable[str] = ()) -> list[str]:
+    """Return the names of effects that can be hidden, those of further laws among them."""
+    return [*HIDDEN, HIDDEN_PASSIVE, *HIDDEN_WHOLE, *laws]
+
+
 def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
     """Return what ``stribeck_friction``, ``stribeck_friction=0.1`` or ``…@slider1+slider3`` hides.
 
@@ -147,7 +152,7 @@ def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
     left, given, number = text.partition("=")
     name, _, joints = left.partition("@")
     own = laws or {}
-    known = [*HIDDEN, HIDDEN_PASSIVE, *HIDDEN_WHOLE, *own]
+    known = hideable(own)
     if name not in known:
         raise IdentifiabilityError(
             f"The effect '{name}' cannot be hidden{near_match(name, known)} Those that can are "

@@ -1,0 +1,46 @@
+"""Every help shows what to type, and names the effects that its options take."""
+
+from __future__ import annotations
+
+import pytest
+from typer.main import get_command
+from typer.testing import CliRunner
+
+from identifiability.cli import app
+from identifiability.effects.registry import FAMILIES
+from identifiability.simulation.hidden import HIDDEN, HIDDEN_WHOLE
+
+VERBS = dict(get_command(app).commands)
+
+
+def told(verb):
+    done = CliRunner().invoke(app, [verb, "--help"], env={"COLUMNS": "200"})
+    assert done.exit_code == 0
+    return " ".join(done.output.replace("│", " ").split())
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_help_shows_a_line_to_type_and_explains_each_option(verb):
+    text = told(verb)
+    assert f"identifiability {verb}" in text
+    for parameter in VERBS[verb].params:
+        assert parameter.name == "help" or parameter.help, parameter.name
+
+
+@pytest.mark.parametrize(
+    ("verb", "names"),
+    [
+        ("diagnose", FAMILIES),
+        ("excite", FAMILIES),
+        ("inspect", FAMILIES),
+        ("simulate", {**HIDDEN, **dict.fromkeys(HIDDEN_WHOLE)}),
+    ],
+)
+def test_a_help_names_the_effects_there_are(verb, names):
+    text = told(verb).partition("Effects:")[2]
+    assert [name for name in names if name not in text] == []
+
+
+@pytest.mark.parametrize("verb", ["prune", "calibrate"])
+def test_a_help_names_no_effects_where_an_option_takes_something_else(verb):
+    assert "Effects:" not in told(verb)
