@@ -7,6 +7,8 @@ What to use when:
   what is in them and what is odd about them;
 - `prune` finds the reduced model that is worth using, `diagnose` what a model misses;
 - `predict` of a result gives torque along other logs, and `from_json` reads a result back for it;
+- `payload` weighs what hangs on a body of a robot that was fitted without it, `compare` says what
+  changed between two logs or results;
 - `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
 - `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
 - `plot` draws the figures of a report one by one;
@@ -38,11 +40,13 @@ if TYPE_CHECKING:
     from identifiability.simulation import Noise, Trajectory, simulate
     from identifiability.workflows.analyze import Analysis, analyze
     from identifiability.workflows.calibrate.calibration import Calibration, calibrate
+    from identifiability.workflows.compare import Comparison, compare
     from identifiability.workflows.diagnose import Diagnosis, diagnose
     from identifiability.workflows.excite import Excitation, excite
     from identifiability.workflows.export import Exported, export
     from identifiability.workflows.gains import Gains, identify_gains
     from identifiability.workflows.inspect import Inspection, inspect
+    from identifiability.workflows.payload import Load, payload
     from identifiability.workflows.predict import Fit, TorquePrediction
     from identifiability.workflows.prune import Ladder, prune
     from identifiability.workflows.study import Study, new_study
@@ -69,11 +73,13 @@ _HOMES = {
         "simulation": ("Noise", "Trajectory", "simulate"),
         "workflows.analyze": ("Analysis", "analyze"),
         "workflows.calibrate.calibration": ("Calibration", "calibrate"),
+        "workflows.compare": ("Comparison", "compare"),
         "workflows.diagnose": ("Diagnosis", "diagnose"),
         "workflows.excite": ("Excitation", "excite"),
         "workflows.export": ("Exported", "export"),
         "workflows.gains": ("Gains", "identify_gains"),
         "workflows.inspect": ("Inspection", "inspect"),
+        "workflows.payload": ("Load", "payload"),
         "workflows.predict": ("Fit", "TorquePrediction"),
         "workflows.prune": ("Ladder", "prune"),
         "workflows.study": ("Study", "new_study"),
@@ -85,6 +91,7 @@ __all__ = [
     "Analysis",
     "BaseParameters",
     "Calibration",
+    "Comparison",
     "Diagnosis",
     "Effect",
     "Estimate",
@@ -96,6 +103,7 @@ __all__ = [
     "Information",
     "Inspection",
     "Ladder",
+    "Load",
     "Log",
     "Model",
     "Motion",
@@ -112,6 +120,7 @@ __all__ = [
     "__version__",
     "analyze",
     "calibrate",
+    "compare",
     "diagnose",
     "estimate",
     "excite",
@@ -121,6 +130,7 @@ __all__ = [
     "identify_gains",
     "inspect",
     "new_study",
+    "payload",
     "plot",
     "prepare_samples",
     "prune",

@@ -12,6 +12,7 @@ import typer
 
 from identifiability.cli.analyze import analyze
 from identifiability.cli.calibrate import calibrate
+from identifiability.cli.compare import compare
 from identifiability.cli.convert import convert
 from identifiability.cli.demo import demo
 from identifiability.cli.diagnose import diagnose
@@ -22,6 +23,7 @@ from identifiability.cli.grouping import Command
 from identifiability.cli.inspect import inspect
 from identifiability.cli.new import new
 from identifiability.cli.paper import paper
+from identifiability.cli.payload import payload
 from identifiability.cli.predict import predict
 from identifiability.cli.prune import prune
 from identifiability.cli.simulate import simulate
@@ -34,7 +36,7 @@ app = typer.Typer(
 )
 verbs = (
     *(new, demo, inspect, analyze, prune, diagnose, simulate, excite, predict, export, calibrate),
-    *(gain, convert, paper),
+    *(payload, compare, gain, convert, paper),
 )
 for command in verbs:
     app.command(cls=Command)(command)

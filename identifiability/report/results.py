@@ -15,6 +15,8 @@ PAGES = {
     "identifiability/pruning/1": ("pruning_report", "build_pruning_page"),
     "identifiability/diagnosis/1": ("diagnosis_report", "build_diagnosis_page"),
     "identifiability/calibration/1": ("calibration_report", "build_calibration_page"),
+    "identifiability/comparison/1": ("comparison_report", "build_comparison_page"),
+    "identifiability/payload/1": ("payload_report", "build_payload_page"),
     "identifiability/prediction/1": ("prediction_report", "build_prediction_page"),
     "identifiability/inspection/1": ("inspection_report", "build_inspection_page"),
     "identifiability/excitation/1": ("excitation_report", "build_excitation_page"),

@@ -105,6 +105,30 @@ def find_repetition(samples: Samples, others: Sequence[Samples] = ()) -> Repetit
     return Repetition((q, dq, ddq), float(count.mean()))
 
 
+def find_lag(own: Motion, other: Motion, covered: float = COVERED) -> float | None:
+    """Return how much later another log makes the motion of `own` [s]; None where it does not.
+
+    Parameters
+    ----------
+    own, other : Motion
+    covered : float
+        Share of the samples of `own` at which the other must be where it was.
+    """
+    step = signals.sampling_step(own.t)
+    moves = ~signals.never_moves(own.actuated_q.min(0), own.actuated_q.max(0))
+    if not moves.any():
+        return None
+    start, near = _on_grid(own.t, own.actuated_q[:, moves], step)
+    begin, far = _on_grid(other.t, other.actuated_q[:, moves], step)
+    curves = _curves(other)
+    for lag in _find_lags(near, far)[:MOST]:
+        later = _improve(own, other, begin - start + lag * step)
+        record, good = _follow(own.t + later, curves)
+        if good.mean() >= covered and agrees(own.actuated_q[good], record[0, good]):
+            return later
+    return None
+
+
 def agrees(x: Array, y: Array, share: float = NEAR) -> bool:
     """Return whether positions (K, n) differ by little beside how much they vary, and noise."""
     allowed = (share * x.std(0)) ** 2 + LOUDER * (_noise(x) + _noise(y))

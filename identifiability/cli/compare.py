@@ -1,0 +1,84 @@
+"""``identifiability compare``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from identifiability.cli import common, options
+
+
+@options.command
+def compare(
+    machine: options.Machine,
+    recorded: options.Recorded,
+    before: Annotated[str, Argument()],
+    after: Annotated[str, Argument()],
+    derived: options.Derived,
+    outputs: options.Outputs,
+    more_before: Annotated[list[str] | None, Option("--before", metavar="LOG")] = None,
+    more_after: Annotated[list[str] | None, Option("--after", metavar="LOG")] = None,
+    ladder: options.Ladder = None,
+) -> None:
+    """Say what changed between two logs, or two results, of one robot.
+
+    Friction of each joint, loads on bodies, torque offsets, and every other value are tested, all
+    together at a level of 5 %. Logs of the same motion are compared sample by sample, so that what
+    the model gets wrong cancels; logs of other motions by a fit to each side; results by their
+    values.
+
+    ```
+    identifiability compare arm.urdf monday.csv friday.csv --report changed.html
+    identifiability compare arm.urdf old.json new.json
+    ```
+
+    Parameters
+    ----------
+    before
+        Log, with columns as for analyze, or JSON of analyze, prune or diagnose.
+    after
+        The same of later.
+    more_before
+        Another log of before; may be given several times.
+    more_after
+        Another log of after; may be given several times.
+    """
+    with common.sentences(), common.progress() as say:
+        from identifiability.foundation.options import OptionError  # noqa: PLC0415
+        from identifiability.workflows.compare import compare as find  # noqa: PLC0415
+
+        first, second = [before, *(more_before or [])], [after, *(more_after or [])]
+        outputs.check(inputs=[*machine.files, *first, *second, ladder])
+        say("reading logs", 0.0)
+        sides = []
+        for side in (first, second):
+            results = [path for path in side if Path(path).suffix.lower() == ".json"]
+            if results and len(side) > 1:
+                raise OptionError(
+                    f"{results[0]} is a result, and stands beside others; give one result on each "
+                    "side, or logs alone."
+                )
+            sides.append(side[0] if results else side)
+        say("comparing", 0.3)
+        found = find(
+            machine.load(recorded), *sides, ladder=ladder, preparation=derived.preparation()
+        )
+        written = outputs.write(found, say)
+    common.print_end([found.answer])
+    headings = ("what", "number", "change", "from", "to", "unit", "p")
+    rows = [
+        (
+            str(r["what"]),
+            str(r["name"]),
+            *(f"{r[key]:.3g}" for key in ("change", "low", "high")),
+            str(r["unit"]),
+            f"{r['p']:.2g}",
+        )
+        for r in found.to_frame().to_dict("records")
+    ]
+    if rows:
+        left = ("what", "number", "unit")
+        common.print_table("What changed, with 95 % intervals", headings, rows, left=left)
+    common.print_end([found.statement.removeprefix(found.answer).strip()], written)

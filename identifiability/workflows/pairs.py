@@ -1,0 +1,119 @@
+"""`Pair`: the same motion made twice, on one clock, so that what both logs get wrong cancels.
+
+What a model leaves out is a function of the motion. Where a motion is made again, before and after
+something changed, the difference of the torques has none of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.checks import FEWEST
+from identifiability.logs.prepare import Preparation, Samples, prepare_samples
+from identifiability.logs.prepare.repetition import COVERED, find_lag
+from identifiability.logs.repeats import Recording
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+
+#: Times closer than this share of a step are the same.
+SAME = 1e-3
+
+
+@frozen
+class Pair:
+    """A motion and its repetition, prepared on one clock.
+
+    Attributes
+    ----------
+    first, second : Samples
+    at : (int, int)
+        Which of the logs they are, of two lists.
+    later : float [s]
+        How much later the second log's clock shows the same motion.
+    """
+
+    first: Samples
+    second: Samples
+    at: tuple[int, int]
+    later: float
+
+    def turned(self) -> Pair:
+        """Return the pair with the second log first."""
+        return Pair(self.second, self.first, (self.at[1], self.at[0]), -self.later)
+
+    def rows(self, structure: Structure) -> tuple[Array, Array, Array, Array]:
+        """Return base columns (N, n, b) and torque (N, n) of the first, then of the second."""
+        (t, *first), (other, *second) = (
+            _gather(structure, samples) for samples in (self.first, self.second)
+        )
+        at, there = _match(t, other, SAME * float(np.median(np.diff(t))))
+        return first[0][at], first[1][at], second[0][there], second[1][there]
+
+
+def find_pairs(
+    robot: Robot, logs: Sequence[Recording], others: Sequence[Recording], how: Preparation
+) -> list[Pair]:
+    """Return every log whose motion one of the others repeats, the repetition on its clock.
+
+    Of several repetitions the one is taken that served least so far.
+
+    Parameters
+    ----------
+    robot : Robot
+    logs, others : sequence of Log or LogFile
+        Logs that are too long for memory have no pair.
+    how : Preparation
+        With its cut-off.
+    """
+    known = {k: prepare_samples(robot, x, how) for k, x in enumerate(others) if isinstance(x, Log)}
+    served = dict.fromkeys(known, 0)
+    pairs = []
+    for k, log in enumerate(logs):
+        if not isinstance(log, Log) or not known:
+            continue
+        own = prepare_samples(robot, log, how)
+        for at in sorted(known, key=lambda i: served[i]):
+            later = find_lag(own.motion, known[at].motion)
+            found = None if later is None else _on_one_clock(robot, log, others[at], later, how)
+            if found is not None and later is not None:
+                served[at] += 1
+                pairs.append(Pair(*found, (k, at), later))
+                break
+    return pairs
+
+
+def _on_one_clock(
+    robot: Robot, log: Log, other: Recording, later: float, how: Preparation
+) -> tuple[Samples, Samples] | None:
+    """Return both logs over the time that they share; None where that is too little."""
+    assert isinstance(other, Log)
+    at = log.t + later
+    inside = np.flatnonzero((at >= other.t[0]) & (at <= other.t[-1]))
+    if len(inside) < max(FEWEST, COVERED * len(log)):
+        return None
+    log = log.rows(int(inside[0]), int(inside[-1]) + 1)
+    same = other.each(lambda x: CubicSpline(other.t, x)(log.t + later), t=log.t)
+    first, second = (prepare_samples(robot, x, how) for x in (log, same))
+    return first, second
+
+
+def _gather(structure: Structure, samples: Samples) -> tuple[Array, Array, Array]:
+    """Return times (N,), base columns (N, n, b) and torque (N, n) along a log."""
+    (part,) = structure.regression([replace(samples, instrument=None, echoes=())]).parts()
+    rows = [(c.t, c.W.copy(), c.tau) for c in part.chunks()]  # W is a buffer
+    t, W, tau = map(np.concatenate, zip(*rows, strict=True))
+    return t, W, tau
+
+
+def _match(t: Array, other: Array, close: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the places of equal times, each ascending."""
+    near = np.clip(np.searchsorted(other, t - close), 0, len(other) - 1)
+    good = np.abs(other[near] - t) <= close
+    return np.flatnonzero(good), near[good]

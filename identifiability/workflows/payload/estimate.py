@@ -1,0 +1,240 @@
+"""`LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
+
+    τ − W x̂ = W δ + K θ + noise,   δ ~ N(0, Σ)
+
+x̂ and Σ are the values of the result and their covariance, K the columns of the body that carries
+the load. Both unknowns are estimated together, so that the interval of the load holds what the
+result does not know of the robot, and the load takes nothing that the robot may have. Of paired
+logs it is the difference of the two residuals: the columns of δ nearly vanish, and whatever the
+model gets wrong along the motion does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from operator import add
+
+import numpy as np
+
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimator import NOTHING, Estimate
+from identifiability.estimation.least_squares import WeightedLeastSquares
+from identifiability.estimation.memory import Noise
+from identifiability.estimation.motions import Motions, compare_motions
+from identifiability.estimation.scores import scatter_scores
+from identifiability.estimation.uncertainty import remembering_covariance
+from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.values import frozen
+from identifiability.physical.pseudo_inertia import entry_scale
+from identifiability.regression.gather import BLOCKS
+from identifiability.regression.information import Information
+from identifiability.workflows.pairs import Pair
+from identifiability.workflows.predict import Fit
+
+#: A column of the load that makes less than this share of the largest never acts.
+LEAST = 1e-7
+
+#: A direction whose torque is less than this share of what its columns would make if the robot were
+#: known for certain is not told.
+RANK = 1e-6
+
+#: A parameter is not told if so much of it lies along directions that are not.
+TOUCHED = 1e-3
+
+#: Rounds in which noise is measured beside the load and the load beside noise.
+ROUNDS = 3
+
+#: Sizes of the ten parameters of a body of 1 kg, by which their columns are compared.
+TYPICAL = entry_scale(np.ones(1), np.full(1, 0.1))[0]
+
+
+@frozen(kw_only=True)
+class LoadEstimate:
+    """What logs tell of a load, before physics says what can be.
+
+    Attributes
+    ----------
+    theta : (10,)
+        In the order of `INERTIAL`, about the origin of the body's frame.
+    covariance : (10, 10)
+        Of what is told.
+    root : (10 - d, 10)
+        ``|root (θ − theta)|²`` is the distance of another load from this one, in σ² by formula.
+    unknown : (10, d)
+        Directions that the logs do not tell, orthonormal in units of `TYPICAL`.
+    motions : Motions or None
+        The load by each log.
+    logs : tuple of int
+        Which log each motion of the estimate is.
+    rms : (n,) [N·m or N]
+        What is left of the torque.
+    """
+
+    theta: Array
+    covariance: Array
+    root: Array
+    unknown: Array
+    motions: Motions | None
+    logs: tuple[int, ...]
+    rms: Array
+
+
+@frozen(kw_only=True)
+class _Nuisance:
+    """Directions (b, s) in which the robot may differ from the result, and their precision (s,)."""
+
+    directions: Array
+    precision: Array
+
+    @staticmethod
+    def of(fit: Fit) -> _Nuisance:
+        size, turn = np.linalg.eigh(fit.covariance)
+        good = size > 1e-14 * size.max(initial=0.0)
+        known = turn[:, good] * np.sqrt(size[good])
+        directions = np.column_stack([fit.rung.M @ known, fit.rung.M @ fit.spread.unknown])
+        precision = np.repeat([1.0, 0.0], [known.shape[1], fit.spread.unknown.shape[1]])
+        return _Nuisance(directions=directions, precision=precision)
+
+
+def estimate_load(
+    fit: Fit,
+    load: Array,
+    loaded: Sequence[Information],
+    without: Sequence[Information],
+    pairs: Sequence[Pair],
+) -> LoadEstimate:
+    """Return the load that logs tell.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of the robot without the load.
+    load : (b, 10)
+        Base parameters of the load's ten.
+    loaded, without : sequence of Information
+        About the base parameters along each log with and without it that has no pair.
+    pairs : sequence of Pair
+    """
+    nuisance = _Nuisance.of(fit)
+    s = nuisance.directions.shape[1]
+    names = (*(f"robot {k}" for k in range(s)), *INERTIAL)
+    nothing = np.zeros_like(load)
+    parts = [
+        info.reduce(np.hstack([nuisance.directions, columns]), names, fit.base)
+        for infos, columns in ((loaded, load), (without, nothing))
+        for info in infos
+    ]
+    parts += [_differences(pair, fit, nuisance.directions, load, names) for pair in pairs]
+    whole = reduce(add, parts)
+    own, robot = np.eye(s + 10)[:, s:], np.zeros(s)
+    for _ in range(ROUNDS):
+        part = whole.reduce(own, INERTIAL, np.append(robot, np.zeros(10)))
+        noise = _measure(part)
+        joint = _Joint.of(whole, noise, nuisance)
+        robot = joint.robot
+    part = whole.reduce(own, INERTIAL, np.append(robot, np.zeros(10)))
+    alone = WeightedLeastSquares(noise=noise).fit(part)
+    factor, motions = _scatter(part, alone)
+    serves = [pair.at[1] for pair in pairs]
+    # Logs that share the one without the load share its noise.
+    shared = max((serves.count(k) + 1) / 2 for k in serves) if serves else 1.0
+    covariance = shared * joint.covariance * np.outer(factor, factor)
+    if motions is not None:
+        covariance = covariance + np.diag(np.where(joint.told, motions.between, 0.0) ** 2)
+    unpaired = [k for k in range(len(loaded) + len(pairs)) if k not in {p.at[0] for p in pairs}]
+    order = [*unpaired, *[-1] * len(without), *(p.at[0] for p in pairs)]
+    return LoadEstimate(
+        theta=joint.theta,
+        covariance=covariance,
+        root=joint.root,
+        unknown=joint.unknown,
+        motions=motions,
+        logs=() if motions is None else tuple(order[k] for k in motions.which),
+        rms=np.sqrt(alone.rss / part.samples),
+    )
+
+
+@frozen(kw_only=True)
+class _Joint:
+    """Load and robot estimated together.
+
+    Attributes
+    ----------
+    robot : (s,)
+        Along the directions of the nuisance.
+    theta, covariance, root, unknown
+        As in `LoadEstimate`, by formula.
+    """
+
+    robot: Array
+    theta: Array
+    covariance: Array
+    root: Array
+    unknown: Array
+
+    @property
+    def told(self) -> np.ndarray:
+        """Parameters that lie along no direction that is not told, (10,) bool."""
+        told: np.ndarray = np.linalg.norm(self.unknown, axis=1) < TOUCHED
+        return told
+
+    @staticmethod
+    def of(whole: Information, noise: Noise, nuisance: _Nuisance) -> _Joint:
+        s = len(nuisance.precision)
+        R = whole.factor(1.0 / (noise.variance * noise.times))
+        A = np.vstack([R[:, :-1], np.diag([*np.sqrt(nuisance.precision), *np.zeros(10)])])
+        b = np.append(R[:, -1], np.zeros(s + 10))
+        lengths = np.linalg.norm(A, axis=0)
+        idle = lengths[s:] * TYPICAL <= LEAST * (lengths[s:] * TYPICAL).max(initial=0.0)
+        lengths = np.where(lengths > 0, lengths, 1.0)
+        A = A / lengths
+        A[:, s:][:, idle] = 0.0
+        left, size, _ = np.linalg.svd(A[:, :s], full_matrices=False)
+        left = left[:, size > RANK * size.max(initial=0.0)]
+        load = A[:, s:] - left @ (left.T @ A[:, s:])
+        _, size, turn = np.linalg.svd(load)
+        good = size > RANK
+        inverse = turn[good].T / size[good]
+        theta = inverse @ (inverse.T @ (load.T @ (b - left @ (left.T @ b))))
+        robot = np.linalg.lstsq(A[:, :s], b - A[:, s:] @ theta, rcond=RANK)[0]
+        unknown = turn[~good].T / (lengths[s:] * TYPICAL)[:, None]
+        return _Joint(
+            robot=robot / lengths[:s],
+            theta=theta / lengths[s:],
+            root=size[good, None] * turn[good] * lengths[s:],
+            unknown=np.linalg.qr(unknown)[0],
+            covariance=inverse @ inverse.T / np.outer(lengths[s:], lengths[s:]),
+        )
+
+
+def _differences(
+    pair: Pair, fit: Fit, directions: Array, load: Array, names: Sequence[str]
+) -> Information:
+    """Return the information of what a pair's two residuals differ by."""
+    W, tau, other, below = pair.rows(fit.structure)
+    columns = np.concatenate([(W - other) @ directions, W @ load], axis=2)
+    torque = tau - below - (W - other) @ fit.base
+    size = -(-len(tau) // BLOCKS)
+    return Information.of_rows(names, columns, torque, np.zeros(len(tau), int), size)
+
+
+def _measure(part: Information) -> Noise:
+    """Return the noise beside the load, larger than what rounding leaves."""
+    alone = estimate(part)
+    least = NOTHING**2 * float(np.mean(part.squares(part.basis[:, -1]))) / part.samples
+    variance = np.maximum(alone.variance, max(least, np.finfo(float).tiny))
+    return Noise(variance, alone.times)
+
+
+def _scatter(part: Information, alone: Estimate) -> tuple[Array, Motions | None]:
+    """Return by how much the scatter over time exceeds the formula, (10,), and what logs say."""
+    factor = np.ones(10)
+    scores = scatter_scores(part, alone, alone.memory)
+    if scores is not None:
+        kept = list(alone.kept)
+        formula = np.sqrt(np.diag(remembering_covariance(part, alone)))
+        factor[kept] = np.maximum(scores.widened[kept] / formula, 1.0)
+    factor[~np.isfinite(factor)] = 1.0  # not told, and said so
+    several = len(np.unique(part.log)) > 1
+    return factor, compare_motions(part, alone, alone.memory) if several else None

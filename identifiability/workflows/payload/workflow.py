@@ -1,0 +1,168 @@
+"""`payload`: what hangs on a body of a robot that was fitted without it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from identifiability.effects.rigid_body import last_bodies
+from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.engines.mapping import Engine
+from identifiability.foundation.errors import listing, near_match
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import Expected, OptionError, checked
+from identifiability.foundation.threads import one_thread
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.repeats import Recording
+from identifiability.physical.nominal_bodies import draw_bodies
+from identifiability.physical.pseudo_inertia import natural_scale
+from identifiability.regression.gather import gather_information
+from identifiability.regression.information import Information
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, RobotLike
+from identifiability.robot.kinematics import WORLD
+from identifiability.workflows.opening import Logs, read_recordings, require_signal
+from identifiability.workflows.pairs import find_pairs
+from identifiability.workflows.payload.body import nearest_body, state_quantities
+from identifiability.workflows.payload.estimate import estimate_load
+from identifiability.workflows.payload.result import Load
+from identifiability.workflows.predict import Fit, Predicts, read_fit
+
+Fitted = Annotated[
+    Fit | Predicts | str | Path,
+    Expected("a result of analyze, prune or diagnose, or the path of its JSON"),
+]
+
+
+@checked
+def payload(
+    robot: RobotLike,
+    result: Fitted,
+    logs: Logs,
+    without: Logs = (),
+    *,
+    body: str | None = None,
+    engine: Engine | None = None,
+) -> Load:
+    """Find mass, centre and inertia of what hangs on a body.
+
+    Parameters
+    ----------
+    robot : Robot, path or shipped name
+        The robot that the result is about.
+    result : Fit, Analysis, Ladder, Diagnosis or path
+        Fitted to logs without the load. What it does not know of the robot enters every interval.
+    logs : log, path, DataFrame, or several
+        With the load; they are prepared like the fitted ones, with the same cut-off.
+    without : the same, optional
+        Without it, best of the same day and along the same motion: then whatever the model gets
+        wrong along it cancels.
+    body : str, optional
+        Which carries the load; by default the last of a chain, or the platform, on which most
+        loops end.
+    engine : Engine, optional
+        Where logs that are too long for memory are worked on.
+
+    Raises
+    ------
+    OptionError
+        If there is no such body, or several can carry the load and none was named.
+    IdentifiabilityError
+        If the result is about another robot, or a log does not fit it.
+    """
+    with one_thread("blas"):
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
+        fit = _fit_of(result, robot)
+        place, columns = choose_body(fit.structure, body)
+        known = read_recordings(logs, without, Conventions.of(robot))
+        how = settle_cutoff(robot, known.fitted, fit.preparation)
+        pairs = find_pairs(robot, known.fitted, known.held, how)
+        runner = engine or Serial()
+
+        def gather(recordings: tuple[Recording, ...], paired: set[int]) -> list[Information]:
+            left = [r for k, r in enumerate(recordings) if k not in paired]
+            samples = [prepare_log(robot, r, how, engine=runner) for r in left]
+            require_signal(samples, "weighed")
+            hints.extend(text for s in samples for text in s.hints)
+            return [
+                gather_information(fit.structure.regression([s]), engine=runner) for s in samples
+            ]
+
+        hints: list[str] = list(known.hints)
+        loaded = gather(known.fitted, {p.at[0] for p in pairs})
+        bare = gather(known.held, {p.at[1] for p in pairs})
+        found = estimate_load(fit, columns, loaded, bare, pairs)
+        nearest = nearest_body(found)
+        length = float(np.median(natural_scale(_bodies(fit.structure))[1]))
+    return Load(
+        robot=robot,
+        body=place,
+        model=fit.rung.name,
+        logs=tuple(r.name for r in known.fitted),
+        without=tuple(r.name for r in known.held),
+        pairs=tuple((known.fitted[p.at[0]].name, known.held[p.at[1]].name) for p in pairs),
+        estimate=found,
+        parameters=nearest,
+        quantities=state_quantities(found, nearest, length),
+        usual=fit.spread.low,
+        hints=tuple(dict.fromkeys(hints)),
+    )
+
+
+def _fit_of(result: Fitted, robot: Robot) -> Fit:
+    """Return the fitted model of a result, however it is given."""
+    if isinstance(result, (str, Path)):
+        return read_fit(result, robot)
+    fit = result if isinstance(result, Fit) else result.fit
+    if fit.robot.joints != robot.joints or fit.robot.bodies != robot.bodies:
+        raise OptionError(
+            f"The result is about {fit.robot.name}, and the robot given is {robot.name}; give the "
+            "robot that the result was made with."
+        )
+    return fit
+
+
+def choose_body(structure: Structure, body: str | None) -> tuple[str, Array]:
+    """Return the body that carries the load, and base parameters (b, 10) of the load's ten.
+
+    Raises
+    ------
+    OptionError
+    """
+    robot = structure.robot
+    if body is None:
+        last = last_bodies(robot)
+        # Points of loops hang on single axes, of which a body's joint may have several.
+        axes = np.repeat(np.arange(robot.model.njoints - 1), list(robot.model.nvs)[1:])
+        points = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
+        ends = Counter(robot.bodies[axes[joint]] for joint in points if joint != WORLD)
+        count = [ends[b] for b in last]
+        best = [b for b, c in zip(last, count, strict=True) if c == max(count)]
+        if len(best) > 1:
+            raise OptionError(
+                f"The load may hang on {listing(best, 8)}; name its body (--body, body=…)."
+            )
+        body = best[0]
+    if body not in robot.bodies:
+        raise OptionError(
+            f"'{body}' is no moving body of {robot.name}{near_match(body, robot.bodies)} A load "
+            f"can hang on {listing(robot.bodies, 12)}."
+        )
+    stems = list(structure.bodies)
+    if f"{body}." not in stems:
+        raise OptionError(
+            "The result's model has no bodies to which a load could be added (rigid_body); fit one "
+            "that has."
+        )
+    return body, structure.G[:, structure.inertial[stems.index(f"{body}.")]]
+
+
+def _bodies(structure: Structure) -> Array:
+    """Return the ten parameters of every body that the robot file states, or what stands in."""
+    theta: Array = draw_bodies(structure).phi[structure.inertial]
+    return theta

@@ -1,0 +1,85 @@
+"""A load planted on a body of a simulated robot: its torque by MuJoCo, for studies and tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from identifiability.foundation.names import INERTIAL, Array
+from identifiability.robot import Robot
+from identifiability.simulation.motion import PrescribedMotion
+from identifiability.simulation.mujoco_robot import MujocoRobot
+
+
+@dataclass(frozen=True)
+class PlantedLoad:
+    """A rigid body: mass [kg], centre (3,) [m] and moments about it (3, 3) [kg m²]."""
+
+    mass: float
+    centre: Array
+    inertia: Array
+
+    @staticmethod
+    def draw(mass: float, rng: np.random.Generator) -> PlantedLoad:
+        """Return a body of some mass: a few points about a centre that is up to 0.1 m away."""
+        centre = rng.uniform(-0.1, 0.1, 3)
+        points = rng.normal(size=(8, 3)) * rng.uniform(0.03, 0.1, 3)
+        second = mass * np.cov(points.T, ddof=0)
+        return PlantedLoad(mass, centre, np.trace(second) * np.eye(3) - second)
+
+    @property
+    def quantities(self) -> Array:
+        """Mass, centre, Ixx, Iyy, Izz, Ixy, Ixz, Iyz, (10,)."""
+        at = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        return np.array([self.mass, *self.centre, *(self.inertia[k] for k in at)])
+
+    @property
+    def parameters(self) -> Array:
+        """Ten parameters about the origin of the frame, in the order of `INERTIAL`."""
+        about = self.inertia + self.mass * _square(self.centre)
+        first = self.mass * self.centre
+        found = dict(zip(("mx", "my", "mz"), first, strict=True)) | {"m": self.mass}
+        found |= {f"I{'xyz'[i]}{'xyz'[j]}": about[i, j] for i in range(3) for j in range(i, 3)}
+        return np.array([found[kind] for kind in INERTIAL])
+
+
+def _square(r: Array) -> Array:
+    found: Array = r @ r * np.eye(3) - np.outer(r, r)
+    return found
+
+
+def load_torque(robot: Robot, body: str, load: PlantedLoad, move: PrescribedMotion) -> Array:
+    """Return what MuJoCo's torque grows by with a load on a body, (N, n) [N·m or N]."""
+    bare, other = MujocoRobot(robot), MujocoRobot(robot)
+    model = other.model
+    k = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body)
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.body_iquat[k])
+    turn = turn.reshape(3, 3)
+    own, at = float(model.body_mass[k]), model.body_ipos[k].copy()
+    mass = own + load.mass
+    centre = (own * at + load.mass * load.centre) / mass
+    inertia = turn @ np.diag(model.body_inertia[k]) @ turn.T + own * _square(at - centre)
+    inertia = inertia + load.inertia + load.mass * _square(load.centre - centre)
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 0] *= np.sign(np.linalg.det(axes))
+    model.body_mass[k], model.body_ipos[k], model.body_inertia[k] = mass, centre, moments
+    mujoco.mju_mat2Quat(model.body_iquat[k], axes.ravel())
+    before, after = (r.inverse_dynamics(move.q, move.dq, move.ddq).tau for r in (bare, other))
+    found: Array = after - before
+    return found
+
+
+def unit_loads(robot: Robot, body: str, move: PrescribedMotion) -> Array:
+    """Return the torque of a unit of each of a load's ten parameters, (N, n, 10).
+
+    Ten loads that can be tell it: torque is linear in the parameters.
+    """
+    rng = np.random.default_rng(0)
+    loads = [PlantedLoad.draw(1.0, rng) for _ in range(10)]
+    torque = np.stack([load_torque(robot, body, load, move) for load in loads], -1)
+    theta = np.stack([load.parameters for load in loads], -1)
+    found: Array = torque @ np.linalg.inv(theta)
+    return found

@@ -1,0 +1,136 @@
+"""What changed is named, and nothing else; what did not change is not said to have."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import Robot, analyze, compare
+from identifiability.cli import app
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.logs import Log
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation.forces import joint_torque
+from identifiability.simulation.simulator import Campaign
+
+PLANAR = "two-link"
+
+
+@cache
+def campaign(name: str) -> Campaign:
+    robot = Robot.load(name)
+    moves = [PrescribedMotion.of(shipped_trajectory(robot, m), 500) for m in ("a", "b")]
+    return Campaign.of(robot, moves)
+
+
+def logs(name: str, seed: int, extra=None, **friction: float) -> list[Log]:
+    """Both motions of a robot, with friction levels times some factors, and a further torque."""
+    own = campaign(name)
+    values = dict(own.robot.nominal)
+    for joint, factor in friction.items():
+        values |= {n: factor * x for n, x in values.items() if n.startswith(f"{joint}.F")}
+    torque = own.rigid.tau + joint_torque(own.robot, own.move, own.rigid, values)
+    torque = torque if extra is None else torque + extra
+    rng, noise = np.random.default_rng(seed), Noise(additive=0.02, correlation=0.7)
+    made = replace(own, torque=torque).logs((), noise, rng, derivatives=True)
+    return [replace(log, name=f"{log.name}, {seed}") for log in made]
+
+
+def said(found):
+    return {(c.cause.kind, c.cause.place) for c in found.changes}
+
+
+@pytest.mark.parametrize("motion", [0, 1])
+def test_a_robot_that_did_not_change_is_seldom_said_to_have(motion):
+    false = sum(
+        bool(compare(PLANAR, logs(PLANAR, s)[0], logs(PLANAR, 100 + s)[motion]).changes)
+        for s in range(10)
+    )
+    assert false <= 2  # P(> 2 of 10) = 0.012 at the level
+
+
+@pytest.mark.parametrize(("name", "joint"), [(PLANAR, "elbow"), ("six-dof-arm", "joint_3")])
+@pytest.mark.parametrize("motion", [0, 1])
+def test_friction_that_rose_is_named_with_its_size(name, joint, motion):
+    for seed in range(2):
+        after = logs(name, 30 + seed, **{joint: 1.2})[motion]
+        found = compare(name, logs(name, seed)[0], after)
+        assert said(found) == {("friction", joint)}
+        (change,) = found.changes
+        assert abs(change.share - 0.2) < 3 * change.share_sd
+        assert found.answer.startswith(f"Friction of {joint} rose by ")
+        assert found.found_from[joint] < 0.2
+        assert bool(found.pairs) == (motion == 0)
+
+
+def test_friction_that_fell_and_an_offset_are_told_apart():
+    shift = np.zeros((1, 2)) + [0.6, 0.0]
+    after = logs(PLANAR, 7, extra=np.broadcast_to(shift, campaign(PLANAR).torque.shape), elbow=0.7)
+    found = compare(PLANAR, logs(PLANAR, 6)[0], after[0])
+    assert said(found) == {("friction", "elbow"), ("offset", "shoulder")}
+    assert "riction of elbow fell by 3" in found.answer
+    row = found.to_frame().set_index("what").loc["torque offset of shoulder"]
+    assert row["low"] < 0.6 < row["high"]
+
+
+def test_the_same_motion_cancels_what_the_model_leaves_out():
+    move = campaign(PLANAR).move
+    wrong = 0.5 * np.sin(6 * move.q)
+    first, second = (logs(PLANAR, s, extra=wrong) for s in (8, 9))
+    assert not compare(PLANAR, first[0], second[0]).changes
+    other = compare(PLANAR, first[0], second[1])
+    if other.changes:
+        assert other.answer.endswith("or the model leaves out what the motions show differently.")
+
+
+def test_the_repetition_may_start_later_and_have_another_clock():
+    before, after = logs(PLANAR, 10)[0], logs(PLANAR, 11, elbow=1.4)[0]
+    late = replace(after.rows(3, len(after)), t=after.t[3:] - after.t[3] + 17.0)
+    found = compare(PLANAR, before, late)
+    assert found.pairs
+    assert said(found) == {("friction", "elbow")}
+
+
+def test_results_are_compared_by_their_values(tmp_path):
+    paths = []
+    for k, friction in enumerate(({}, {"elbow": 1.3}, {})):
+        result = analyze(PLANAR, logs(PLANAR, 20 + k, **friction)[0], replicates=40, cad_weight=0.0)
+        paths.append(result.to_json(tmp_path / f"{k}.json"))
+    assert said(compare(PLANAR, paths[0], paths[1])) == {("friction", "elbow")}
+    same = compare(PLANAR, str(paths[0]), paths[2])
+    assert same.answer == "Nothing changed that can be told from chance."
+    assert "of one log each, they hold nothing of what another motion would change" in same.how
+    with pytest.raises(IdentifiabilityError, match="A result cannot be compared with a log"):
+        compare(PLANAR, paths[0], logs(PLANAR, 0)[0])
+
+
+def test_several_logs_on_a_side_bring_their_scatter():
+    after = logs(PLANAR, 41, elbow=1.3)
+    apart = logs(PLANAR, 42, elbow=2.0)
+    one = compare(PLANAR, logs(PLANAR, 40)[0], after[1])
+    mixed = compare(PLANAR, logs(PLANAR, 40)[0], [after[1], apart[1]])
+    sd = [found["elbow.Fv"]["sd"] for found in (one, mixed)]
+    assert sd[1] > 3 * sd[0]
+
+
+def test_the_command_answers_first_and_writes_what_was_asked(tmp_path):
+    first, second = tmp_path / "monday.csv", tmp_path / "friday.csv"
+    logs(PLANAR, 1)[0].to_frame().to_csv(first, index=False)
+    logs(PLANAR, 31, elbow=1.3)[0].to_frame().to_csv(second, index=False)
+    page, data = tmp_path / "c.html", tmp_path / "c.json"
+    words = [PLANAR, first, second, "--report", page, "--json", data]
+    out = CliRunner().invoke(app, ["compare", *map(str, words)])
+    assert out.exit_code == 0, out.output
+    assert out.stdout.startswith("Friction of elbow rose by ")
+    content = json.loads(data.read_text())
+    assert content["schema"] == "identifiability/comparison/1"
+    assert content["changed"] is True
+    assert content["kind"] == "pairs"
+    assert {c["what"] for c in content["changes"]} == {"friction of elbow"}
+    assert content["statement"].split(".")[0] in page.read_text(encoding="utf-8")
+    out = CliRunner().invoke(app, ["compare", PLANAR, str(first), str(first)])
+    assert out.exit_code == 2
+    assert "monday.csv stands on both sides" in out.stderr.replace("\n", " ")

@@ -1,0 +1,78 @@
+"""A fitted arm, and logs of it with and without planted loads."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identifiability import Robot, analyze
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation.simulator import Campaign
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies"))
+
+from planted_load import PlantedLoad, unit_loads
+
+BODY = {"six-dof-arm": "link_6", "two-link": "link2", "3-rps": "platform"}
+MOTIONS = {"six-dof-arm": ("a", "b"), "two-link": ("a", "b"), "3-rps": ("601", "595")}
+
+
+@cache
+def campaign(name: str) -> Campaign:
+    robot = Robot.load(name)
+    moves = [PrescribedMotion.of(shipped_trajectory(robot, m), 400) for m in MOTIONS[name]]
+    return Campaign.of(robot, moves)
+
+
+@cache
+def units(name: str) -> np.ndarray:
+    return unit_loads(campaign(name).robot, BODY[name], campaign(name).move)
+
+
+def logs(name, load=None, seed=0, size=0.01, extra=None):
+    """Both motions, with a load, noise of a share of each joint's torque, and a further torque."""
+    own = campaign(name)
+    torque = np.zeros_like(own.torque) if load is None else units(name) @ load.parameters
+    if extra is not None:
+        torque = torque + extra
+    noise = Noise(additive=size, correlation=0.5 if size else 0.0)
+    made = own.logs(torque, noise, np.random.default_rng(seed), derivatives=True)
+    return [replace(log, name=f"{log.name}, {seed}") for log in made]
+
+
+@pytest.fixture(scope="session")
+def make_logs():
+    return logs
+
+
+@pytest.fixture(scope="session")
+def moves():
+    return campaign
+
+
+@cache
+def fitted(name: str):
+    return analyze(name, logs(name, seed=1)[0], replicates=50, cad_weight=0.0)
+
+
+@pytest.fixture(scope="session")
+def fit():
+    return lambda name: fitted(name).fit
+
+
+@pytest.fixture(scope="session")
+def planted():
+    return PlantedLoad(
+        1.52, np.array([0.02, -0.03, 0.1]), np.diag([0.012, 0.014, 0.009]) + 0.002 * cross()
+    )
+
+
+def cross():
+    found = np.zeros((3, 3))
+    found[0, 1] = found[1, 0] = 1.0
+    return found

@@ -1,0 +1,179 @@
+"""A load that is planted is found; what is not known of the robot is not known of the load."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted_load import PlantedLoad
+from typer.testing import CliRunner
+
+from identifiability import Robot, payload
+from identifiability.cli import app
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.physical.pseudo_inertia import check_body
+
+ARM = "six-dof-arm"
+
+
+def values(found):
+    return np.array([q.value for q in found.quantities])
+
+
+def halves(found):
+    return np.array([q.half for q in found.quantities])
+
+
+def test_a_load_without_noise_is_found_exactly(fit, make_logs, planted):
+    exact = replace(fit(ARM), values=truth(fit(ARM)))
+    known = replace(exact, spread=replace(exact.spread, covariance=0 * exact.covariance))
+    found = payload(ARM, known, make_logs(ARM, planted, size=0.0)[1])
+    assert values(found) == pytest.approx(planted.quantities, rel=1e-4, abs=1e-6)
+    assert found.body == "link_6"
+
+
+def truth(kept):
+    nominal = kept.structure.nominal_base - kept.rung.held
+    return np.linalg.lstsq(kept.rung.M, nominal, rcond=None)[0]
+
+
+@pytest.mark.parametrize("name", [ARM, "two-link"])
+def test_intervals_hold_planted_loads(name, fit, make_logs):
+    inside, off = [], []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        load = PlantedLoad.draw(float(rng.uniform(0.5, 5.0)), rng)
+        loaded = make_logs(name, load, seed=10 + seed)[1]
+        for without in ([], [make_logs(name, seed=50 + seed)[1]]):
+            found = payload(name, fit(name), loaded, without)
+            assert bool(found.pairs) == bool(without)
+            assert check_body(found.parameters, "load").feasible
+            true = load.quantities
+            inside += [q.low <= t <= q.high for q, t in zip(found.quantities, true, strict=True)]
+            off.append(found.mass.value / load.mass - 1)
+    assert np.mean(inside) >= 0.9
+    assert abs(np.mean(off)) < 0.03
+
+
+def test_what_the_result_does_not_know_of_the_robot_is_not_known_of_the_load(
+    fit, make_logs, planted
+):
+    log, kept = make_logs(ARM, planted, seed=3)[1], fit(ARM)
+    sure, vague = (
+        replace(kept, spread=replace(kept.spread, covariance=factor * kept.covariance))
+        for factor in (1e-6, 100.0)
+    )
+    at = [payload(ARM, one, log).mass.half for one in (sure, kept, vague)]
+    assert 1.2 * at[0] < at[1] < 0.7 * at[2]
+
+
+def test_a_pair_cancels_what_the_model_gets_wrong(fit, make_logs, planted, moves):
+    move = moves(ARM).move
+    wrong = 3.0 * np.sin(5 * move.q) * np.sign(move.q[:, ::-1])
+    loaded = make_logs(ARM, planted, seed=4, extra=wrong)[1]
+    bare = make_logs(ARM, seed=5, extra=wrong)[1]
+    alone, paired = payload(ARM, fit(ARM), loaded), payload(ARM, fit(ARM), loaded, bare)
+    off = [abs(values(found) - planted.quantities) for found in (alone, paired)]
+    assert (off[1] <= 1.5 * halves(paired)).all()
+    assert off[0][1:4].max() > 5 * off[1][1:4].max()
+    assert halves(paired)[0] < 0.5 * halves(alone)[0]
+
+
+def test_one_log_without_for_two_with_counts_its_noise_for_both(fit, make_logs, planted):
+    bare = make_logs(ARM, seed=6)[1]
+    first, second = make_logs(ARM, planted, seed=7)[1], make_logs(ARM, planted, seed=8)[1]
+    one = payload(ARM, fit(ARM), first, bare).mass.half
+    both = payload(ARM, fit(ARM), [first, second], bare).mass.half
+    assert 0.7 * one < both < 1.1 * one  # sqrt(3/4), not sqrt(1/2)
+
+
+def test_what_a_motion_does_not_tell_is_said(fit, make_logs, planted):
+    found = payload("two-link", fit("two-link"), make_logs("two-link", planted, seed=3)[1])
+    told = {q.name: q.told for q in found.quantities}
+    assert told["mass"]
+    assert not told["Ixy"]
+    assert "Ixx" in found.statement.partition("Not told:")[2]
+    assert found.of["Ixz"].why == "this motion does not tell it"
+    assert np.isfinite([q.value for q in found.quantities]).all()
+
+
+def test_nothing_is_not_given_a_mass(fit, make_logs):
+    found = payload(ARM, fit(ARM), make_logs(ARM, seed=9)[1])
+    assert found.answer.startswith("Nothing surely hangs on link_6: at most ")
+    assert not any(q.told for q in found.quantities)
+    assert found.mass.low == 0.0
+    assert found.mass.high < 0.5
+    assert check_body(found.parameters, "load").feasible
+
+
+def test_a_robot_that_changed_is_said(fit, make_logs, planted, moves):
+    warm = np.zeros_like(moves(ARM).torque)
+    warm[:, 2] = 12.0 * np.sign(moves(ARM).move.dq[:, 2])
+    loaded = make_logs(ARM, planted, seed=10, extra=warm)[1]
+    found = payload(ARM, fit(ARM), loaded)
+    assert "But the torque of joint_3 is left 18 × as far off" in found.statement
+    assert found.mass.low < planted.mass < found.mass.high
+    assert not payload(ARM, fit(ARM), make_logs(ARM, planted, seed=11)[1]).caveats
+
+
+def test_logs_that_disagree_widen_the_interval_and_are_told(fit, make_logs, planted):
+    light = make_logs(ARM, planted, seed=12)
+    heavy = make_logs(ARM, replace(planted, mass=2.5), seed=13)
+    same = payload(ARM, fit(ARM), [light[0], light[1]])
+    assert same.estimate.motions.agree
+    assert "The logs agree (" in same.statement
+    mixed = payload(ARM, fit(ARM), [light[0], heavy[1]])
+    assert "The logs disagree (" in mixed.statement
+    assert mixed.mass.low < 1.6
+    assert mixed.mass.high > 2.4
+    frame = mixed.log_frame()
+    assert list(frame["log"]) == list(mixed.logs)
+    assert frame["mass"].to_numpy() == pytest.approx([1.52, 2.5], abs=0.3)
+
+
+def test_the_command_answers_first_and_writes_what_was_asked(fit, make_logs, planted, tmp_path):
+    result, loaded, bare = (tmp_path / f for f in ("result.json", "with.csv", "without.csv"))
+    result.write_text(
+        json.dumps(
+            {
+                "robot": {"name": ARM},
+                "fit": {**fit(ARM).to_dict(), "preparation": {}},
+            }
+        )
+    )
+    for path, log in ((loaded, make_logs(ARM, planted, seed=2)[1]), (bare, make_logs(ARM)[1])):
+        log.to_frame().to_csv(path, index=False)
+    page, data = tmp_path / "load.html", tmp_path / "load.json"
+    words = [ARM, result, loaded, "--without", bare, "--report", page, "--json", data]
+    out = CliRunner().invoke(app, ["payload", *map(str, words)])
+    assert out.exit_code == 0, out.output
+    assert " kg ± " in out.stdout.splitlines()[0]
+    assert "at body link_6" in out.stdout.splitlines()[0]
+    content = json.loads(data.read_text())
+    assert content["schema"] == "identifiability/payload/1"
+    assert content["pairs"] == [["with.csv", "without.csv"]]
+    by = {q["name"]: q for q in content["quantities"]}
+    assert by["mass"]["low"] < 1.52 < by["mass"]["high"]
+    text = page.read_text(encoding="utf-8")
+    assert content["statement"].split(",")[0] in text
+    assert "Paired: with.csv with without.csv" in text
+
+
+def test_bodies_and_results_that_do_not_fit_are_refused(fit, make_logs):
+    log = make_logs(ARM)[1]
+    with pytest.raises(IdentifiabilityError, match="'link_7' is no moving body"):
+        payload(ARM, fit(ARM), log, body="link_7")
+    with pytest.raises(IdentifiabilityError, match="about six-dof-arm, and the robot given"):
+        payload("two-link", fit(ARM), make_logs("two-link")[1])
+
+
+def test_the_platform_is_found_by_the_loops_that_end_on_it():
+    from identifiability.regression.model import Model
+    from identifiability.regression.structure import Structure
+    from identifiability.workflows.payload.workflow import choose_body
+
+    structure = Structure.of(Robot.load("3-rps"), Model.of("rigid_body"))
+    assert choose_body(structure, None)[0] == "platform"
+    pair = Structure.of(Robot.load("five-bar"), Model.of("rigid_body"))
+    with pytest.raises(IdentifiabilityError, match="left_distal, right_distal; name its body"):
+        choose_body(pair, None)
