@@ -51,7 +51,7 @@ def measure(name: str, seeds: Sequence[int], replicates: int) -> list[dict[str, 
     robot = Robot.load(name)
     body, step = ROBOTS[name]
     campaign = Campaign.of(robot, [shipped_trajectory(robot, k) for k in ("a", "b")])
-    unit = unit_loads(robot, body, campaign.move)
+    unit = unit_loads(campaign, body)
     noise = Noise(additive=SIZE, correlation=RHO, encoder=step)
     rows = []
     for seed in seeds:

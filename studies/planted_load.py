@@ -11,6 +11,7 @@ from identifiability.foundation.names import INERTIAL, Array
 from identifiability.robot import Robot
 from identifiability.simulation.motion import PrescribedMotion
 from identifiability.simulation.mujoco_robot import MujocoRobot
+from identifiability.simulation.simulator import Campaign
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,14 @@ def _square(r: Array) -> Array:
     return found
 
 
-def load_torque(robot: Robot, body: str, load: PlantedLoad, move: PrescribedMotion) -> Array:
-    """Return what MuJoCo's torque grows by with a load on a body, (N, n) [N·m or N]."""
-    bare, other = MujocoRobot(robot), MujocoRobot(robot)
+def load_torque(
+    robot: Robot, body: str, load: PlantedLoad, move: PrescribedMotion, bare: Array
+) -> Array:
+    """Return what MuJoCo's torque grows by with a load on a body, (N, n) [N·m or N].
+
+    `bare` (N, n) is its torque without.
+    """
+    other = MujocoRobot(robot)
     model = other.model
     k = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body)
     turn = np.zeros(9)
@@ -67,19 +73,19 @@ def load_torque(robot: Robot, body: str, load: PlantedLoad, move: PrescribedMoti
     axes[:, 0] *= np.sign(np.linalg.det(axes))
     model.body_mass[k], model.body_ipos[k], model.body_inertia[k] = mass, centre, moments
     mujoco.mju_mat2Quat(model.body_iquat[k], axes.ravel())
-    before, after = (r.inverse_dynamics(move.q, move.dq, move.ddq).tau for r in (bare, other))
-    found: Array = after - before
+    found: Array = other.inverse_dynamics(move.q, move.dq, move.ddq).tau - bare
     return found
 
 
-def unit_loads(robot: Robot, body: str, move: PrescribedMotion) -> Array:
+def unit_loads(campaign: Campaign, body: str) -> Array:
     """Return the torque of a unit of each of a load's ten parameters, (N, n, 10).
 
     Ten loads that can be tell it: torque is linear in the parameters.
     """
     rng = np.random.default_rng(0)
     loads = [PlantedLoad.draw(1.0, rng) for _ in range(10)]
-    torque = np.stack([load_torque(robot, body, load, move) for load in loads], -1)
+    known = campaign.robot, body
+    torque = [load_torque(*known, load, campaign.move, campaign.rigid.tau) for load in loads]
     theta = np.stack([load.parameters for load in loads], -1)
-    found: Array = torque @ np.linalg.inv(theta)
+    found: Array = np.stack(torque, -1) @ np.linalg.inv(theta)
     return found

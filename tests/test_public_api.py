@@ -22,13 +22,25 @@ from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
 from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.compare import compare
 from identifiability.workflows.inspect import inspect
+from identifiability.workflows.payload import payload
 from identifiability.workflows.prune import prune
 
 PIN = Path(__file__).with_name("public_api.txt")
 
 #: Objects whose keys are names from the user's files.
-BY_NAME = {"detectable", "groupings", "preparation", "provenance", "survives", "rms", "tie", "hold"}
+BY_NAME = {
+    "detectable",
+    "found_from",
+    "groupings",
+    "preparation",
+    "provenance",
+    "survives",
+    "rms",
+    "tie",
+    "hold",
+}
 
 
 def python_lines() -> Iterator[str]:
@@ -76,12 +88,15 @@ def json_lines() -> Iterator[str]:
     robot = Robot.load("two-link")
     motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 500)
     log = simulate(robot, motion, noise=PAPER_NOISE, rng=np.random.default_rng(0))
+    other = simulate(robot, motion, noise=PAPER_NOISE, rng=np.random.default_rng(1))
     analysis = _trusted(analyze(robot, log, replicates=0, posterior=True))
     results = [
         analysis,
         calibrate(analysis, trials=4, replicates=20, noise=(1.0,), rho=(0.0,)),
         prune(robot, log, replicates=4),
         inspect(robot, log),
+        payload(robot, analysis, other),
+        compare(robot, log, other),
     ]
     if "diagnose" in identifiability.__all__:
         results.append(identifiability.diagnose(robot, log, quick=True))

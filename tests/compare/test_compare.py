@@ -67,8 +67,8 @@ def test_friction_that_rose_is_named_with_its_size(name, joint, motion):
 
 
 def test_friction_that_fell_and_an_offset_are_told_apart():
-    shift = np.zeros((1, 2)) + [0.6, 0.0]
-    after = logs(PLANAR, 7, extra=np.broadcast_to(shift, campaign(PLANAR).torque.shape), elbow=0.7)
+    shift = np.broadcast_to([0.6, 0.0], campaign(PLANAR).torque.shape)
+    after = logs(PLANAR, 7, extra=shift, elbow=0.7)
     found = compare(PLANAR, logs(PLANAR, 6)[0], after[0])
     assert said(found) == {("friction", "elbow"), ("offset", "shoulder")}
     assert "riction of elbow fell by 3" in found.answer

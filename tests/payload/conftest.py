@@ -31,7 +31,7 @@ def campaign(name: str) -> Campaign:
 
 @cache
 def units(name: str) -> np.ndarray:
-    return unit_loads(campaign(name).robot, BODY[name], campaign(name).move)
+    return unit_loads(campaign(name), BODY[name])
 
 
 def logs(name, load=None, seed=0, size=0.01, extra=None):
