@@ -19,7 +19,6 @@ import numpy as np
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import NOTHING, Estimate
-from identifiability.estimation.least_squares import WeightedLeastSquares
 from identifiability.estimation.memory import Noise
 from identifiability.estimation.motions import Motions, compare_motions
 from identifiability.estimation.scores import scatter_scores
@@ -134,7 +133,7 @@ def estimate_load(
         joint = _Joint.of(whole, noise, nuisance)
         robot = joint.robot
     part = whole.reduce(own, INERTIAL, np.append(robot, np.zeros(10)))
-    alone = WeightedLeastSquares(noise=noise).fit(part)
+    alone = estimate(part)
     factor, motions = _scatter(part, alone)
     serves = [pair.at[1] for pair in pairs]
     # Logs that share the one without the load share its noise.
