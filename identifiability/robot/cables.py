@@ -20,6 +20,9 @@ from identifiability.robot.description import Description
 from identifiability.robot.kinematics import WORLD, Frames, Joint, Point, Tree
 from identifiability.robot.parts import Cable, Segment
 
+#: Ends of a tendon that are nearer than this coincide [m].
+NEAR = 1e-9
+
 #: How a compiled model (mjtWrap, mjtTrn) numbers what a tendon runs through and what motors drive.
 _PULLEY, _SITE, _ON_TENDON = 2, 3, 3
 
@@ -121,6 +124,13 @@ def stretch_home(robot: Description) -> Description:
     home = np.array(robot.home)
     frames = robot.tree.frames(home[None], cable_joints(robot))
     for cable in robot.cables:
+        apart = [_distance(robot.tree, frames, segment)[1][0] for segment in cable.segments]
+        if min(apart) < NEAR:
+            raise RobotError(
+                f"{robot.path}: two neighbouring points of the tendon '{cable.name}' coincide at "
+                f"the home position ({robot.describe_home()}), so it pulls in no direction there; "
+                "correct the points, or give another home."
+            )
         length = cable_equation(robot, cable, frames, home[None])[0]
         home[robot.tree.single[cable.name].iq] -= float(length[0])
     return replace(robot, home=home)
@@ -173,6 +183,11 @@ def cable_bias(
 
 def _direction(tree: Tree, frames: Frames, segment: Segment) -> tuple[Array, Array]:
     """Return unit vectors from the first end to the second (3, N), and distances (N,) [m]."""
-    apart = tree.world_point(frames, segment.second) - tree.world_point(frames, segment.first)
-    length = np.sqrt((apart**2).sum(0))
+    apart, length = _distance(tree, frames, segment)
     return apart / length, length
+
+
+def _distance(tree: Tree, frames: Frames, segment: Segment) -> tuple[Array, Array]:
+    """Return vectors from the first end to the second (3, N), and their lengths (N,) [m]."""
+    apart = tree.world_point(frames, segment.second) - tree.world_point(frames, segment.first)
+    return apart, np.sqrt((apart**2).sum(0))

@@ -284,6 +284,11 @@ def arm(**row):
         (arm(passive=True, equals="j"), "the joint 'k' is passive and equals 'j'"),
         (arm(passive=True), r"^robot.xml: 1 joints have no actuator \(k\)"),
         (arm(equals="2 * jj"), "there is no joint 'jj', did you mean 'j'"),
+        (arm(equals="j - k"), "the joint 'k' equals 'j - k', itself; name other joints"),
+        (arm(a=1e300), "'links.1.a': input should be less than or equal to 1000000"),
+        (arm() | {"springs": [{"name": "s", "link1": "a", "link2": "b", "stiffness": 1,
+                               "rest": 1}]},
+         "robot.xml: two neighbouring points of the tendon 's' coincide at the home position"),
         (arm(equals="sin(j)"), r"equals 'sin\(j\)', which is no sum of joints"),
         (arm(centre=[0, 0, 1]), "the link 'b' has 'centre' but no mass"),
         (arm(mass=1, inertia={"xx": 1, "yy": 1, "zz": 3}), "robot.xml cannot be read as MJCF"),
@@ -301,6 +306,14 @@ def test_tables_that_cannot_be_are_refused_in_a_sentence(table, sentence, tmp_pa
     with pytest.raises(RobotError, match=sentence):
         convert_dh(table, tmp_path / "robot.xml")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_closure_that_says_nothing_changes_nothing(tmp_path):
+    idle = arm() | {"closures": [{"name": "pin", "link1": "a", "link2": "b"}]}
+    robot = Robot.from_dh(idle, tmp_path / "robot.xml")
+    assert (robot.joints, robot.closed) == (("j", "k"), False)
+    q = np.zeros((1, 2))
+    assert complete_motion(robot, np.zeros(1), q, q, q).X is None
 
 
 def test_the_command_writes_both_files_and_never_over_a_sidecar_of_the_users(tmp_path):

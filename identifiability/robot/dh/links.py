@@ -111,7 +111,10 @@ def read_links(path: str, table: DhTable) -> tuple[Link, ...]:
         unit = units.get(row.joint, 1.0) if row.joint else 1.0
         follow = None
         if row.equals is not None:
-            follow = read_follow(f"{path}: the joint '{row.joint}'", row.equals, units, unit)
+            what = f"{path}: the joint '{row.joint}'"
+            follow = read_follow(what, row.equals, units, unit)
+            if row.joint in follow.weights:
+                raise RobotError(f"{what} equals '{row.equals}', itself; name other joints.")
         limits = None if row.range is None else (unit * row.range[0], unit * row.range[1])
         out.append(
             Link(

@@ -96,6 +96,10 @@ def read_pi(text: str) -> float:
 
 
 Angle = Annotated[float | str, BeforeValidator(_angle)]
+#: No link is longer than this [m].
+FAR = 1e6
+
+Distance = Annotated[float, Field(ge=-FAR, le=FAR)]
 NotNegative = Annotated[float, Field(ge=0)]
 Name = Annotated[str, Field(min_length=1)]
 
@@ -118,9 +122,9 @@ class LinkEntry(_Strict):
     parent: str | None = None
     joint: Name | None = None
     type: Literal["revolute", "prismatic"] = "revolute"
-    a: float = 0.0
+    a: Distance = 0.0
     alpha: Angle = 0.0
-    d: float = 0.0
+    d: Distance = 0.0
     theta: Angle = 0.0
     equals: str | None = None
     passive: bool = False
