@@ -151,7 +151,8 @@ def test_the_puma_of_craig_follows_his_equations_and_has_its_36_parameters(tmp_p
 
 
 BODY = {"mass": 2.0, "centre": [0.1, 0.05, -0.02],
-        "inertia": {"xx": 0.01, "yy": 0.03, "zz": 0.035, "xy": 0.002}}  # fmt: skip
+        "inertia": {"xx": 0.01, "yy": 0.03, "zz": 0.035, "xy": 0.002,
+                    "xz": -0.001, "yz": 0.003}}  # fmt: skip
 
 
 def test_masses_are_those_of_the_table_in_the_frame_of_the_link(agrees, tmp_path):
@@ -164,6 +165,10 @@ def test_masses_are_those_of_the_table_in_the_frame_of_the_link(agrees, tmp_path
     # The regressor's frames are at the joints: a standard frame is a away along x.
     assert robot.nominal["link2.mx"] == pytest.approx(2.0 * (0.1 + 0.4318))
     assert robot.nominal["link2.my"] == pytest.approx(2.0 * 0.05)
+    x, y, z = 0.1 + 0.4318, 0.05, -0.02
+    assert robot.nominal["link2.Ixy"] == pytest.approx(0.002 - 2.0 * x * y)
+    assert robot.nominal["link2.Ixz"] == pytest.approx(-0.001 - 2.0 * x * z)
+    assert robot.nominal["link2.Iyz"] == pytest.approx(0.003 - 2.0 * y * z)
 
 
 def four_bar(**changes):
@@ -227,15 +232,19 @@ def test_degrees_of_the_table_are_those_of_joints_that_turn(tmp_path):
         {"name": "a", "joint": "turn", "range": [-90, 45]},
         {"name": "b", "joint": "slide", "type": "prismatic", "range": [-0.1, 0.2]},
         {"name": "c", "joint": "screw", "equals": "0.01 * turn + 0.1", "type": "prismatic"},
-        {"name": "d", "joint": "half", "equals": "= 0.5*turn - 10"},
+        {"name": "e", "joint": "twice", "equals": "2 * half"},
+        {"name": "d", "joint": "half", "equals": "= 0.5*turn - 5"},
     ]
-    table = {"convention": "modified", "angles": "deg", "links": links, "home": {"turn": 20}}
+    table = {"convention": "modified", "angles": "deg", "links": links,
+             "home": {"turn": 20, "slide": 0.05}}  # fmt: skip
     robot = Robot.from_dh(table, tmp_path / "robot.xml")
     np.testing.assert_allclose(robot.limits, [[-PI / 2, PI / 4], [-0.1, 0.2]])
     found = dict(zip(robot.dofs, robot.home, strict=True))
     assert found["turn"] == pytest.approx(PI / 9)
     assert found["screw"] == pytest.approx(0.3)  # 0.01 m a degree
-    assert found["half"] == pytest.approx(0.0)
+    assert found["slide"] == 0.05
+    assert found["half"] == pytest.approx(np.radians(5))
+    assert found["twice"] == pytest.approx(np.radians(10))
     q = np.array([[0.3, 0.0]])
     motion = complete_motion(robot, np.zeros(1), q, 0 * q, 0 * q)
     assert robot.dof_position(motion.q, "screw")[0] == pytest.approx(0.1 + 0.01 * 0.3 * 180 / PI)

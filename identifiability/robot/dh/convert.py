@@ -18,7 +18,7 @@ from identifiability.foundation.toml_text import toml_text
 from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
 from identifiability.robot.dh.as_mjcf import BALL, build_mjcf
-from identifiability.robot.dh.links import Link, positions_at, read_links, rounded_angles
+from identifiability.robot.dh.links import Link, read_links, rounded_angles
 from identifiability.robot.dh.table import BASE, DhTable
 from identifiability.robot.files import read_robot
 from identifiability.robot.newton import ACCEPTED, newton
@@ -78,14 +78,15 @@ def convert_dh(table: str | Path | Mapping[str, Any], out: str | Path) -> Conver
     notes = (*rounded_angles(read), *_unknown_bodies(links))
     comment = " ".join([f"Made by `identifiability convert` from {source}.", *notes])
     sidecar = f"{MADE} from {source}; change [sidecar] there.\n\n{_sidecar(read, links)}"
-    home = positions_at(links, _stated_home(source, read, links))
+    stated = _stated_home(source, read, links)
+    home = {link.joint: stated.get(link.joint, 0.0) for link in links if link.joint is not None}
 
     def text() -> str:
         top = build_mjcf(read, links, home, comment)
         return ET.tostring(top, encoding="unicode") + "\n"
 
     robot = _read_back(out, text(), sidecar)
-    if robot.closed:
+    if robot.closed:  # passive joints, and those that follow others, are where loops close
         closed = newton(robot, robot.home[None])
         assert closed.error[0] < ACCEPTED  # it was checked when the robot was read
         home |= {j: float(robot.dof_position(closed.q, j)[0]) for j in home if j in robot.dofs}

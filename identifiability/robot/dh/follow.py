@@ -21,10 +21,6 @@ class Follow:
     constant: float
     weights: Mapping[str, float]
 
-    def at(self, positions: Mapping[str, float]) -> float:
-        """Return the position, from those of the others."""
-        return self.constant + sum(w * positions[joint] for joint, w in self.weights.items())
-
 
 def read_follow(what: str, text: str, units: Mapping[str, float], unit: float) -> Follow:
     """Return what a joint follows.

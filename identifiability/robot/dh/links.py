@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -180,14 +180,3 @@ def rounded_angles(table: DhTable) -> Iterator[str]:
             "not quite parallel have parameters of their own, so if it was rounded give it as a "
             'text such as "pi/2".'
         )
-
-
-def positions_at(links: Sequence[Link], stated: Mapping[str, float]) -> dict[str, float]:
-    """Return the position of every joint [rad or m]: as stated, zero, or what it follows."""
-    out = {link.joint: stated.get(link.joint, 0.0) for link in links if link.joint is not None}
-    following = [link for link in links if link.follow is not None and link.joint is not None]
-    for link in following * len(following):  # each may follow another
-        assert link.follow is not None
-        assert link.joint is not None
-        out[link.joint] = link.follow.at(out)
-    return out
