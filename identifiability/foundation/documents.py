@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +16,15 @@ from identifiability.foundation.errors import IdentifiabilityError, listing, nea
 Schema = TypeVar("Schema", bound=BaseModel)
 
 _PARSERS = {"TOML": tomllib.loads, "JSON": json.loads}
+
+#: Bytes of a document that is read; of TOML, what people write, and of JSON, what results are.
+MOST_BYTES = {"TOML": 4_000_000, "JSON": 400_000_000}
+
+#: Tables in tables that a dotted key may name; its parser takes the square of them in memory.
+DEEPEST = 64
+
+_PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
+_DEEP_KEY = re.compile(rf"{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST},}}")
 
 
 def read_document(
@@ -38,6 +48,12 @@ def read_document(
         What to raise: the sentence names the file, the key and what was expected.
     """
     try:
+        size = Path(path).stat().st_size
+        if size > MOST_BYTES[form]:
+            most = f"{MOST_BYTES[form] / 1e6:g} MB"
+            raise error(
+                f"The {what} file '{path}' is larger than {most}; {form} is read up to that."
+            )
         text = Path(path).read_text(encoding="utf-8-sig")  # editors on Windows write the mark
     except FileNotFoundError:
         raise error(f"There is no {what} file '{path}'; give a {form} file.") from None
@@ -45,6 +61,8 @@ def read_document(
         raise error(f"The {what} file '{path}' cannot be read: {problem.strerror}.") from None
     except ValueError as problem:  # not UTF-8, or a path that cannot be
         raise error(f"'{path}' is not a {what} file ({form}): {problem}.") from None
+    if form == "TOML" and _DEEP_KEY.search(text):
+        raise error(f"{path} is not valid TOML here: a key names more than {DEEPEST} tables.")
     try:
         content = _PARSERS[form](text)
     except RecursionError:

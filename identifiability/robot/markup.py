@@ -8,6 +8,7 @@ from pathlib import Path
 from identifiability.foundation.errors import RobotError, listing, near_match
 
 #: What is larger would take minutes, or all the stack, to read.
+MOST_BYTES = 50_000_000
 MOST_BODIES = 200
 MOST_ELEMENTS = 20_000
 DEEPEST = 250
@@ -75,6 +76,10 @@ def check_regular(path: Path) -> None:
 
 def _parse(path: Path, roots: tuple[str, ...]) -> ET.Element:
     check_regular(path)
+    if path.is_file() and path.stat().st_size > MOST_BYTES:
+        raise RobotError(
+            f"{path} is larger than {MOST_BYTES // 10**6} MB; robot files are read up to that."
+        )
     try:
         root = ET.parse(path).getroot()
     except ET.ParseError as error:

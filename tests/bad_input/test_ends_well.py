@@ -10,10 +10,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from identifiability import Robot
 from identifiability.cli.common import harmless
 from identifiability.cli.options import Outputs
-from identifiability.foundation import output
-from identifiability.foundation.errors import OutputError
+from identifiability.foundation import documents, output
+from identifiability.foundation.errors import IdentifiabilityError, OutputError
 from identifiability.foundation.output import csv_text, write_text
 
 
@@ -77,3 +78,28 @@ def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tm
     assert "Traceback" not in said
     assert list(out.iterdir()) == []
     assert [p.name for p in tmp_path.iterdir()] == ["work"]
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (".".join(["a"] * 50_000) + " = 1", "a key names more than 64 tables"),
+        ("[" + ".".join(['"a b"'] * 50_000) + "]", "a key names more than 64 tables"),
+        ("x = {" + " . ".join(["a"] * 50_000) + " = 1}", "a key names more than 64 tables"),
+        ("# " + "x" * 5_000_000, "larger than 4 MB"),
+    ],
+)
+def test_a_document_without_end_is_refused_at_once(tmp_path, text, sentence):
+    sidecar = tmp_path / "robot.toml"
+    sidecar.write_text(text)
+    start = time.process_time()
+    with pytest.raises(IdentifiabilityError, match=sentence):
+        Robot.load("two-link", sidecar)
+    assert time.process_time() - start < 5
+
+
+def test_long_arrays_of_numbers_are_no_deep_keys(tmp_path):
+    numbers = ", ".join(["0.5"] * 500)
+    assert documents._DEEP_KEY.search(f"positions = [{numbers}]") is None
+    assert documents._DEEP_KEY.search(".".join("a" * 65)) is not None
+    assert documents._DEEP_KEY.search(".".join("a" * 64)) is None
