@@ -90,6 +90,8 @@ class ForwardRobot:
             model.jnt_stiffness[joint.id] = numbers["stiffness"]
             model.qpos_spring[joint.qposadr[0]] = self._rest(name)
         model.dof_armature[self._kinematics.locked] = IMMOVABLE
+        # Constraints are as hard as the inertia behind them, rotors along tendons included.
+        mujoco.mj_setConst(model, mujoco.MjData(model))
 
     def _rest(self, name: str) -> float:
         """Return where a spring on a joint, tendon, motor or axis is relaxed [rad or m]."""

@@ -93,6 +93,10 @@ def test_motors_that_mix_joints_move_as_their_torque_says(load_text):
     assert follows_its_torque(replace(robot, transmission=gear, nominal=nominal)) > 0.02
 
 
+def test_jaws_of_which_only_the_rotors_of_mixing_motors_weigh_stick_as_they_should():
+    follows_its_torque(Robot.load("dvrk-psm"))
+
+
 @pytest.mark.parametrize("bent", [True, False])
 def test_a_joint_that_follows_several_moves_with_them(bent, load_text):
     """Whatever the file's defaults are."""
