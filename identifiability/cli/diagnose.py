@@ -9,6 +9,7 @@ from typing import Annotated
 from typer import Option
 
 from identifiability.cli import common, options
+from identifiability.foundation.errors import IdentifiabilityError
 
 
 @options.command
@@ -24,6 +25,8 @@ def diagnose(
     model: options.Model = None,
     out: Path | None = None,
     fixed: Annotated[bool, Option("--fixed")] = False,
+    fixed_from: Path | None = None,
+    fixed_share: float | None = None,
     seed: options.Seed = 0,
     quick: bool = False,
 ) -> None:
@@ -53,7 +56,11 @@ def diagnose(
     out
         Write the model with the named effects here, as a model file for every other verb.
     fixed
-        Keep the robot file's values instead of refitting.
+        Keep the robot file's values instead of refitting, as if they were exact.
+    fixed_from
+        Keep the values of this JSON of analyze, prune or diagnose, with their errors.
+    fixed_share
+        Keep the robot file's values, which may be off by this share, such as 0.1.
     quick
         Half the draws: coarser p-values.
     """
@@ -61,14 +68,21 @@ def diagnose(
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
 
         held = validate or ()
-        outputs.check(out, inputs=[*machine.files, *logs, *held])
+        ways = [w for w in (fixed_from, fixed_share, fixed or None) if w is not None]
+        if len(ways) > 1:
+            raise IdentifiabilityError(
+                "Values can be kept in one way at a time: as exact (--fixed), as a result has them "
+                "(--fixed-from) or within a share (--fixed-share); give one of these."
+            )
+        kept = [fixed_from] if fixed_from else []
+        outputs.check(out, inputs=[*machine.files, *logs, *held, *kept])
         result = run(
             machine.load(recorded),
             logs,
             held,
             effects=options.split_names(effects),
             model=options.split_model(model),
-            fixed=fixed,
+            fixed=ways[0] if ways else False,
             seed=seed,
             quick=quick,
             preparation=derived.preparation(),

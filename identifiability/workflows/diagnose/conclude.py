@@ -11,7 +11,7 @@ from identifiability.effects import Part, Placed
 from identifiability.foundation.names import Array
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose.evidence import solve_chosen
+from identifiability.workflows.diagnose.evidence import solve_chosen, undetermined
 from identifiability.workflows.diagnose.findings import (
     Curve,
     NamedEffect,
@@ -182,7 +182,8 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
     residual : (N, n) [N·m or N]
         Of the fitted motion beside all that was named.
     """
-    out = []
+    out, start = [], m.white.X.shape[1]
+    alone = ~undetermined(m.white.columns(naming.chosen))
     for c, found in zip(naming.chosen, solve_chosen(m.white, naming.chosen), strict=True):
         D = m.train.D.take(c.columns)
         rest = [other for other in naming.chosen if other is not c]
@@ -191,6 +192,8 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
             value, error = leave_to_model(m.white, rest, c, value, m.setting.rules.alias)
         added, spread = D @ value, np.sqrt((D**2) @ error**2)
         parameters = Placed.part_parameters(m.setting.structure.robot, c.part)
+        own = alone[start : start + len(c.columns)]
+        start += len(c.columns)
         rivals = []
         if not c.family.unnamed:
             rivals = find_rivals(m.white, c, rest, m.candidates, m.setting.rules.confusable)
@@ -205,6 +208,7 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
             rms=float(np.sqrt(np.mean(added**2, axis=0)).max()),
             rivals=tuple(rivals),
             stress=naming.stress.get(c.slot, ()),
+            open=tuple(p.name for p, known in zip(parameters, own, strict=True) if not known),
         )
         j = int(np.argmax(np.abs(added).sum(0)))
         of = c.family.drawn_over(c.effect, m.setting.structure.robot, j)

@@ -174,8 +174,9 @@ def compute_entries(
             W = np.zeros((len(piece.motion), len(robot.actuated), width))
             effect.fill(robot, piece.motion, W)
             for own, column in columns:
-                for j in np.flatnonzero(W[:, :, own].any(axis=0)).tolist():
-                    found[j, column] = W[:, j, own]
+                w = W[:, :, own]
+                for j in np.flatnonzero(np.einsum("nj,nj->j", w, w)).tolist():
+                    found[j, column] = w[:, j]
         if not found:
             start += len(piece.tau[piece.at])
             continue

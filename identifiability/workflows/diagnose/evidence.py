@@ -26,6 +26,9 @@ NEGLIGIBLE = 1e-4
 MANY, TALL = 1500, 4
 #: Simulated series that are whitened together.
 AT_ONCE = 100
+#: Singular values of unit columns below this share of the largest are zero; and the share of a
+#: column in what they leave open from which on it is not determined by itself.
+SINGULAR, SHARED = 1e-8, 1e-6
 #: Values of χ² beyond which its tail is taken from the asymptotic series.
 FAR = 1000.0
 
@@ -66,17 +69,22 @@ class Bench:
     noise : ARNoise
     simulated : (N, n, 2 B)
         In single precision: it is the largest thing of all, and random.
+    errors : (d, 2 B), optional
+        Simulated errors of the values that are known beforehand, in units of their spread.
     """
 
     rows: Rows
     noise: ARNoise
     simulated: Array
+    errors: Array | None = None
 
     @staticmethod
     def of(rows: Rows, noise: ARNoise, draws: int, rng: np.random.Generator) -> Bench:
         """Simulate noise for some rows."""
         simulated = noise.simulate(len(rows), 2 * draws, rng, rows.runs, np.float32)
-        return Bench(rows, noise, simulated)
+        if rows.root is None:
+            return Bench(rows, noise, simulated)
+        return Bench(rows, noise, simulated, rng.standard_normal((len(rows.root), 2 * draws)))
 
     def whiten(self, misfit: Array | None = None) -> Whitened:
         """Return whitened rows; `misfit` (n,) is variance that the model does not explain yet."""
@@ -92,6 +100,11 @@ class Bench:
             columns.append(rows.spread(j, part))
             others.append(Z)
         edges = [1, 1 + rows.X.shape[2]]
+        if rows.root is not None:
+            known = np.zeros((len(rows.root), columns[0].shape[1]))
+            known[:, 1 : edges[1]] = rows.root
+            columns.append(known)
+            others.append(np.zeros((len(known), 2 * draws)) if self.errors is None else self.errors)
         y, X, D = np.split(np.concatenate(columns), edges, axis=1)
         simulated = np.concatenate(others)
         return Whitened(y[:, 0], X, D, simulated[:, :draws], simulated[:, draws:])
@@ -256,10 +269,19 @@ def solve_values(white: Whitened, model: Array) -> tuple[Array, Array]:
     length = np.linalg.norm(model, axis=0)
     length = np.where(length > 0, length, 1.0)
     U, s, Vt = np.linalg.svd(model / length, full_matrices=False)
-    inverse = np.where(s > 1e-8 * s.max(initial=0.0), 1 / np.where(s > 0, s, 1.0), 0.0)
+    inverse = np.where(s > SINGULAR * s.max(initial=0.0), 1 / np.where(s > 0, s, 1.0), 0.0)
     value = Vt.T @ (inverse * (U.T @ white.y)) / length
     error = np.sqrt(((Vt.T * inverse) ** 2).sum(1)) / length
     return value, error
+
+
+def undetermined(model: Array) -> np.ndarray:
+    """Return which columns of a model (R, m) are determined together with others only, (m,)."""
+    length = np.linalg.norm(model, axis=0)
+    _, s, Vt = np.linalg.svd(model / np.where(length > 0, length, 1.0), full_matrices=False)
+    free = Vt[s <= SINGULAR * s.max(initial=0.0)]
+    found: np.ndarray = ((free**2).sum(0) > SHARED) | (length == 0)
+    return found
 
 
 def solve_chosen(white: Whitened, chosen: Sequence[Candidate]) -> list[tuple[Array, Array]]:

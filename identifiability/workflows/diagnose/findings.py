@@ -37,6 +37,9 @@ class Placement:
         Of the torque that it adds at the joint where it is largest.
     rivals : tuple of Rival
     stress : tuple of Survival
+    open : tuple of str
+        Parameters that the motion determines together with others only: their values are the
+        smallest of many.
     """
 
     place: str
@@ -49,6 +52,7 @@ class Placement:
     rms: float
     rivals: tuple[Rival, ...]
     stress: tuple[Survival, ...]
+    open: tuple[str, ...] = ()
 
     @property
     def rows(self) -> list[tuple[str, float, float, str]]:

@@ -8,14 +8,11 @@ every fit, without it and with it, is the real robot nearest to the data [Traver
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.layout import choose_folds
 from identifiability.estimation.torque_errors import (
     DRAWN_STRETCHES,
@@ -29,12 +26,8 @@ from identifiability.estimation.torque_errors import (
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.signals import is_constant
-from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.fitted_model import physical_set
-from identifiability.physical.least_squares import LeastSquares
-from identifiability.physical.project import Projection
-from identifiability.regression.information import Information
-from identifiability.regression.structure import Structure
+from identifiability.workflows.diagnose.known_fit import fit_known
+from identifiability.workflows.diagnose.real_fit import RealRobot
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 
@@ -131,78 +124,12 @@ class Gain:
     error: float
 
 
-@dataclass
-class RealRobot:
-    """Fits the base model and some candidates within what a real robot can have.
-
-    Programs are compiled once for each pattern of signs of the candidates' columns.
-
-    Attributes
-    ----------
-    region : PhysicalSet
-        Of the base model.
-    nominal : (p,)
-        Where the parameters go that the data leave open.
-    G : (b, p)
-        Base parameters of standard parameters.
-    """
-
-    region: PhysicalSet
-    nominal: Array
-    G: Array
-    _compiled: dict[tuple[bool, ...], Projection] = field(default_factory=dict)
-
-    @staticmethod
-    def of(structure: Structure) -> RealRobot | None:
-        """Return the fits of a structure; None where it has no bodies."""
-        region = physical_set(structure)
-        if not len(region.bodies):
-            return None
-        return RealRobot(region, structure.nominal, structure.G)
-
-    def fit(
-        self, information: Information, free: Estimate, chosen: Sequence[Candidate]
-    ) -> Array | None:
-        """Return the values (b + m,) of the real robot nearest to the data.
-
-        None where the solver finds none.
-
-        Parameters
-        ----------
-        information : Information
-        free : Estimate
-            From it, without any bound.
-        chosen : sequence of Candidate
-            Whose m columns follow those of the base parameters.
-        """
-        m, b = information.size, len(self.G)
-        R, G = free.estimator.loss(information, free), block_diag(self.G, np.eye(m - b))
-        rest = float(information.rows - m)
-        data = LeastSquares(R[:m, :m] @ G, R[:m, m], float(R[m, m] ** 2), rest)
-        try:
-            found = self._program(chosen).solve(data)
-        except ValueError:
-            return None
-        value: Array = G @ found.phi
-        return value
-
-    def _program(self, chosen: Sequence[Candidate]) -> Projection:
-        signs = tuple(c.positive for c in chosen for _ in c.columns)
-        if signs not in self._compiled:
-            labels = [f"effect {k + 1}" for k in range(len(signs))]
-            region = replace(
-                self.region,
-                nonnegative=np.concatenate([self.region.nonnegative, np.array(signs, bool)]),
-                columns=(*self.region.columns, *labels),
-            )
-            reference = np.concatenate([self.nominal, np.zeros(len(signs))])
-            self._compiled[signs] = Projection(region, reference=reference)
-        return self._compiled[signs]
-
-
 @frozen
 class HeldOut:
     """Fits on some rows, judges on others, verifies on yet others.
+
+    Values that are known within errors could take on much of an effect that they cannot explain.
+    So where models are compared these values are those that are found beside the largest of them.
 
     Attributes
     ----------
@@ -224,20 +151,28 @@ class HeldOut:
         """Return the mean absolute error while choosing, every joint in units of its own."""
         return float(np.mean(self.errors(chosen, real=real)))
 
-    def errors(self, chosen: Sequence[Candidate], *, real: bool = False) -> Array:
+    def errors(
+        self,
+        chosen: Sequence[Candidate],
+        *,
+        real: bool = False,
+        beside: Sequence[Candidate] | None = None,
+    ) -> Array:
         """Return the absolute error of every row while choosing, averaged over joints, (N,).
 
-        With `real`, fits are those of a real robot, where the model has bodies.
+        With `real`, fits are those of a real robot, where the model has bodies. With `beside`,
+        known values are those found with these candidates.
         """
         real = real and self.real is not None
-        key = real, tuple(sorted(k for c in chosen for k in c.columns))
+        beside = None if self.train.root is None else beside
+        key = real, _columns(chosen), None if beside is None else _columns(beside)
         if key not in self._known:
-            residual = self._predict(self.choosing, chosen, real=real)
+            residual = self._predict(self.choosing, chosen, real=real, beside=beside)
             self._known[key] = np.mean(np.abs(residual) / self._scale, axis=1)
         return self._known[key]
 
     @cached_property
-    def _known(self) -> dict[tuple[bool, tuple[int, ...]], Array]:
+    def _known(self) -> dict[tuple[bool, tuple[int, ...], tuple[int, ...] | None], Array]:
         return {}
 
     @cached_property
@@ -250,7 +185,8 @@ class HeldOut:
         self, rest: Sequence[Candidate], whole: Sequence[Candidate], *, real: bool = False
     ) -> Gain:
         """Return what some candidates gain over fewer of them while choosing."""
-        before, after = self.errors(rest, real=real), self.errors(whole, real=real)
+        before = self.errors(rest, real=real, beside=whole)
+        after = self.errors(whole, real=real, beside=whole)
         parts = [p.mean() for p in split_evenly(before - after, DRAWN_STRETCHES)]
         level = float(before.mean()) or 1.0
         error = float(np.std(parts, ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.inf
@@ -258,20 +194,28 @@ class HeldOut:
 
     def gap(self, models: Sequence[Sequence[Candidate]], *, real: bool = False) -> Gap:
         """Return the errors of several models on the motion that verifies, side by side."""
-        parts = [self._predict(self.verifying, m, real=real) for m in models]
+        parts = [self._predict(self.verifying, m, real=real, beside=models[-1]) for m in models]
         where = self.verifying if self.verifying is not None else self.train
         return Gap(where, np.stack(parts, axis=2))
 
-    def _predict(self, where: Rows | None, chosen: Sequence[Candidate], *, real: bool) -> Array:
+    def _predict(
+        self,
+        where: Rows | None,
+        chosen: Sequence[Candidate],
+        *,
+        real: bool,
+        beside: Sequence[Candidate] | None = None,
+    ) -> Array:
         if where is not None:
-            left: Array = where.tau - where.columns(chosen) @ self.fit(chosen, real=real)
+            value = self.fit(chosen, real=real, beside=beside)
+            left: Array = where.tau - where.columns(chosen) @ value
             return left
         folds = choose_folds(self.train.log)
         columns = self.train.columns(chosen)
         out = np.array(self.train.tau)
         for fold in np.unique(folds):
             test = folds == fold
-            out[test] -= columns[test] @ self.fit(chosen, ~test, real=real)
+            out[test] -= columns[test] @ self.fit(chosen, ~test, real=real, beside=beside)
         return out
 
     def fit(
@@ -280,6 +224,7 @@ class HeldOut:
         mask: np.ndarray | slice = slice(None),
         *,
         real: bool = False,
+        beside: Sequence[Candidate] | None = None,
     ) -> Array:
         """Return the values of the model with some candidates from some of the fitted rows, (m,).
 
@@ -288,9 +233,17 @@ class HeldOut:
         """
         information = self.train.information(chosen, mask)
         free = estimate(information)
+        if self.train.root is not None:
+            b = self.train.X.shape[2]
+            kept = None if beside is None else self.fit(beside, mask)[:b]
+            return fit_known(information, free, self.train.root, kept)
         found = self.real.fit(information, free, chosen) if real and self.real else None
         return free.value if found is None else found
 
     def fitted_residual(self, chosen: Sequence[Candidate]) -> Array:
         """Return the errors on the rows that were fitted, (N, n)."""
         return self._predict(self.train, chosen, real=False)
+
+
+def _columns(chosen: Sequence[Candidate]) -> tuple[int, ...]:
+    return tuple(sorted(k for c in chosen for k in c.columns))

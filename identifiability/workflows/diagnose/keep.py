@@ -20,8 +20,8 @@ from identifiability.workflows.predict.fit import Fit, settled
 def keep_completed(d: Findings) -> Fit:
     """Return the model with the named effects, fitted as it is completed.
 
-    With the file's values kept (``fixed``) these are exact, and what is not known is that of the
-    named effects.
+    With values kept (``fixed``) what is not known is that of the named effects, and the errors of
+    these values where they were given.
     """
     structure = d.completed
     rung = full_rung(structure.base, "the diagnosed model")
@@ -56,11 +56,11 @@ def _named(d: Findings) -> list[tuple[int, float, float]]:
 
 
 def _kept_values(d: Findings) -> Array:
-    """Return the base parameters of the file's values and the named effects, (b,)."""
-    known = {p.name for p in d.structure.parameters}
-    columns = d.completed.columns
-    first = [name in known and columns.index(name) == k for k, name in enumerate(columns)]
-    phi = np.where(first, d.completed.nominal, 0.0)
+    """Return the base parameters of the values that were kept and the named effects, (b,)."""
+    phi = np.where(_first(d), d.completed.nominal, 0.0)
+    if d.known is not None:
+        off = d.known.values - d.structure.nominal_base
+        phi[_first(d)] += _standard(d) @ off
     for k, value, _ in _named(d):
         phi[k] += value
     base: Array = d.completed.G @ phi
@@ -72,4 +72,22 @@ def _of_named(d: Findings, spread: Spread) -> Spread:
     for k, _, error in _named(d):
         variance[k] += error**2
     G = d.completed.G
-    return replace(spread, covariance=G * variance @ G.T, unknown=np.empty((len(G), 0)))
+    covariance = G * variance @ G.T
+    if d.known is not None:
+        kept = G[:, _first(d)] @ _standard(d)
+        covariance = covariance + kept @ d.known.covariance @ kept.T
+    return replace(spread, covariance=covariance, unknown=np.empty((len(G), 0)))
+
+
+def _first(d: Findings) -> np.ndarray:
+    """Return which columns of the completed model are those of the diagnosed one, (p,) bool."""
+    known, columns = {p.name for p in d.structure.parameters}, d.completed.columns
+    return np.array([n in known and columns.index(n) == k for k, n in enumerate(columns)])
+
+
+def _standard(d: Findings) -> Array:
+    """Return standard parameters for each of the diagnosed model's base parameters, (p, b)."""
+    names = [n for n, first in zip(d.completed.columns, _first(d), strict=True) if first]
+    order = [d.structure.columns.index(n) for n in names]
+    standard: Array = np.linalg.pinv(d.structure.G)[order]
+    return standard

@@ -64,14 +64,17 @@ def find_aliases(
     share : float
         Remaining share below which a candidate is structurally aliased.
     """
-    b = rows.X.shape[2]
+    b = rows.X.shape[2] if rows.root is None else 0
     scale = np.sqrt(np.mean(rows.tau**2, axis=0))
     weight = 1.0 / np.where(scale > 0, scale, 1.0)
     none = np.empty((len(rows), 0))
     parts = [
-        rows.spread(j, compress(rows.joint_columns(j) * w, none)[0]) for j, w in enumerate(weight)
+        # Values with known errors hide nothing for ever: a larger effect shows.
+        rows.spread(j, compress(rows.joint_columns(j) * w, none)[0])
+        for j, w in enumerate(weight)
     ]
-    _, X, D = np.split(np.concatenate(parts), [1, 1 + b], axis=1)
+    _, X, D = np.split(np.concatenate(parts), [1, 1 + rows.X.shape[2]], axis=1)
+    X = X[:, :b]
     X, D = unit_columns(X), unit_columns(D)
     value = np.linalg.lstsq(X, D, rcond=1e-8)[0] if b else np.zeros((0, D.shape[1]))
     left = np.linalg.norm(D - X @ value, axis=0)

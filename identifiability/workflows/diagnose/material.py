@@ -13,8 +13,10 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.evidence import Bench, Whitened
-from identifiability.workflows.diagnose.held_out import HeldOut, RealRobot
+from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.known_values import KnownValues
 from identifiability.workflows.diagnose.lookalikes import Alias, find_aliases
+from identifiability.workflows.diagnose.real_fit import RealRobot
 from identifiability.workflows.diagnose.rows import (
     Candidate,
     Refusal,
@@ -70,6 +72,8 @@ class Setting:
         Fitted, and unseen.
     fixed : bool
         Whether the model keeps the values of the robot file.
+    known : KnownValues or None
+        The values that it keeps, where these have errors.
     rules : Rules
     seed : int
     chosen_by : str
@@ -84,6 +88,7 @@ class Setting:
     samples: tuple[Samples, ...]
     validation: tuple[Samples, ...] = ()
     fixed: bool = False
+    known: KnownValues | None = None
     rules: Rules = Rules()
     seed: int = 0
     chosen_by: str = ""
@@ -143,13 +148,13 @@ def gather(
     effects, draws
         As for `diagnose`.
     """
-    structure, fixed = setting.structure, setting.fixed
+    structure, fixed, known = setting.structure, setting.fixed, setting.known
     names, motions = structure.model.names, [s.motion for s in setting.samples]
     families = find_families(effects)
     listed, refused = list_candidates(structure.robot, families, names, motions, fixed=fixed)
-    rows = build_rows(structure, listed, setting.samples, fixed)
+    rows = build_rows(structure, listed, setting.samples, fixed, known=known)
     choosing, verifying = (
-        build_rows(structure, listed, part, fixed, later=True) if part else None
+        build_rows(structure, listed, part, fixed, known=known, later=True) if part else None
         for part in (choose, setting.validation)
     )
     real = RealRobot.of(structure) if "rigid_body" in names and not fixed else None

@@ -23,6 +23,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 from identifiability.workflows.diagnose.dictionary import Dictionary, Entries, compute_entries
+from identifiability.workflows.diagnose.known_values import KnownValues
 
 
 @frozen
@@ -90,7 +91,7 @@ class Rows:
     tau : (N, n) [N·m or N]
         Torque that the model columns should explain.
     X : (N, n, b)
-        Base model, refitted at every step; no columns when the model is fixed.
+        Base model, refitted at every step; of a fixed one only values that have errors.
     D : Dictionary
         Columns of the candidates, (N, n, c).
     t : (N,) [s]
@@ -102,6 +103,9 @@ class Rows:
         Motion of the actuated joints, filtered like the columns.
     measured, raw : (N, n) [N·m or N]
         Measured torque, all of it: filtered like the columns, and as it was measured.
+    root : (d, b) or None
+        What is known beforehand of the values of the model: observations of zero, each in units of
+        its standard deviation. None where nothing is, or they are no question at all.
     """
 
     tau: Array
@@ -115,6 +119,7 @@ class Rows:
     ddq: Array
     measured: Array
     raw: Array
+    root: Array | None = None
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -255,6 +260,7 @@ def build_rows(
     samples: Sequence[Samples],
     fixed: bool = False,
     *,
+    known: KnownValues | None = None,
     later: bool = False,
 ) -> Rows:
     """Return the rows of some logs.
@@ -268,6 +274,8 @@ def build_rows(
     samples : sequence of Samples
     fixed : bool
         Whether the base parameters keep the values of the robot file.
+    known : KnownValues, optional
+        The values that they keep, with their errors; those of the file, exact, by default.
     later : bool
         Whether columns of candidates are computed only when they are looked at.
     """
@@ -279,9 +287,11 @@ def build_rows(
         for c in part.chunks()
     ]
     log, X, tau, raw = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
-    target = tau
-    if fixed:
+    target, root = tau, None
+    if fixed and known is None:
         target, X = tau - X @ structure.nominal_base, X[:, :, :0]
+    elif fixed and known is not None:
+        target, X, root = tau - X @ known.values, X[:, :, known.uncertain], known.root
     owner = {k: c for c in candidates for k in c.columns}
 
     def ask(columns: Sequence[int]) -> Entries:
@@ -296,7 +306,7 @@ def build_rows(
         D = Dictionary.of_entries(N, n, c, ask(range(c)))
     t = np.concatenate([s.output_times() for s in samples])
     q, dq, ddq = np.split(np.concatenate([_states(s) for s in samples]), 3, axis=1)
-    return Rows(target, X, D, t, log, find_runs(samples), q, dq, ddq, tau, raw)
+    return Rows(target, X, D, t, log, find_runs(samples), q, dq, ddq, tau, raw, root)
 
 
 def _states(samples: Samples) -> Array:

@@ -135,7 +135,8 @@ def stress_named(
     """Make the motion of the fitted logs anew; return what survives, and how each of it fares."""
     if not naming.chosen:
         return naming
-    structure, train = material.setting.structure, material.setting.samples
+    s = material.setting
+    structure, train = s.structure, s.samples
     how, d = preparation or Preparation(), train[0].decimation
     computed = d is not None and "dq" not in logs[0].channels
     factor = None if d is None else d.factor
@@ -147,7 +148,7 @@ def stress_named(
 
     def build(variation: Variation) -> Rows:
         changed = [variation(log, s) for log, s in zip(logs, train, strict=True)]
-        return build_rows(structure, number(naming.chosen), changed, material.setting.fixed)
+        return build_rows(structure, number(naming.chosen), changed, s.fixed, known=s.known)
 
     variations = list_variations(train[0].cutoff if computed else None, prepare, rng)
     firsts = [value[0] for value, _ in solve_chosen(material.white, naming.chosen)]

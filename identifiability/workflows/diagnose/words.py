@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.effects import find_family
+from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.motion import join
@@ -41,6 +42,7 @@ def state(d: Findings) -> str:
 def headline(d: Findings) -> str:
     """Return what is missing, how far the gap shrinks, and what cannot be told apart."""
     start = "the robot file's own values" if d.fixed else "the refitted model"
+    start = start if d.known is None else d.known.words
     if not d.effects:
         why = "No effect can be named" if d.steps else _state_untried(d)
         return (
@@ -101,7 +103,18 @@ def remarks(d: Findings) -> list[Remark]:
 def _state_effect(e: NamedEffect) -> str:
     title = e.names[0].upper() + e.names[1:]
     where = "" if e.joints == ("base",) else f" in {join(e.joints)}"
-    return f"{title}{where} (p = {e.p_value:.2g}, family-wise)"
+    return f"{title}{where}{_state_mass(e)} (p = {e.p_value:.2g}, family-wise)"
+
+
+def _state_mass(e: NamedEffect) -> str:
+    """Return the mass of what was named, where it has one, with its 95 % interval."""
+    masses = []
+    for p in e.placements:
+        for name, value, error, unit in p.rows:
+            if name.endswith(".payload_m"):
+                told = f"{value:.3g} ± {REACH * error:.2g} {unit}"
+                masses.append("of a mass that this motion leaves open" if name in p.open else told)
+    return f", {' and '.join(masses)}".replace("-", "−") if masses else ""
 
 
 def _state_contradicted(e: NamedEffect, verified_on: str) -> str:

@@ -23,6 +23,13 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import say_band
 from identifiability.workflows.analyze.decisive import state_decisive
 from identifiability.workflows.diagnose.conclude import conclude
+from identifiability.workflows.diagnose.known_values import (
+    Given,
+    KnownValues,
+    know_fit,
+    know_share,
+    read_given,
+)
 from identifiability.workflows.diagnose.late import early, name_late
 from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting, gather
 from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows, samples_each
@@ -45,6 +52,13 @@ from identifiability.workflows.provenance import state_provenance
 #: Simulated noises without which no p-value falls below 5 %.
 FEWEST = 19
 
+#: What is to be known of values that are kept without their errors.
+EXACT = (
+    "The robot file's values were taken as exact, so that their errors may be named as effects: "
+    "give the result that they come from (--fixed-from RESULT.json) or how far they may be off "
+    "(--fixed-share 0.1)."
+)
+
 #: The model that is diagnosed when none is given.
 BASE_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -57,7 +71,7 @@ def diagnose(
     *,
     effects: Names | None = None,
     model: ModelLike | None = None,
-    fixed: bool = False,
+    fixed: Given = False,
     preparation: Preparation | None = None,
     rules: Rules | None = None,
     draws: Annotated[int, at_least(FEWEST)] = DRAWS,
@@ -83,9 +97,12 @@ def diagnose(
     model : Model, sequence of str, path of a model file or result of `prune`, optional
         Effects of the model to diagnose; by default rigid body, viscous and symmetric Coulomb
         friction and actuator inertia. What a model file leaves out, holds or ties is free.
-    fixed : bool
-        Keep the values of the robot file instead of refitting them; then wrong masses, payloads
-        and gravity are candidates too.
+    fixed : bool, float, path, Fit or result
+        Keep values instead of refitting them; then wrong masses, payloads and gravity are
+        candidates too. True keeps those of the robot file as if they were exact. A share, such as
+        0.1, is the standard deviation of each of these. A result of `analyze`, `prune` or
+        `diagnose`, its JSON or its `Fit`, has values and their covariance, and is of the model that
+        is diagnosed. What these errors explain is no effect.
     preparation : Preparation, optional
         How derivatives are made.
     rules : Rules, optional
@@ -114,8 +131,9 @@ def diagnose(
         roles = assign_roles(given.fitted, given.held)
         settled = settle_cutoff(robot, roles.fit, preparation)
         how = preparation if settled.cutoff is None else settled
+        structure, known = _settle_values(robot, model, fixed)
         opening = open_logs(
-            Structure.of(robot, choose_model(model, usual_effects(robot))),
+            structure,
             Recordings(roles.fit, (*roles.choose, *roles.verify), given.hints),
             partial(prepare_rows, robot, how=how, most=samples_each(len(roles.fit))),
             "diagnosed",
@@ -129,7 +147,8 @@ def diagnose(
             structure=opening.structure,
             samples=tuple(fit),
             validation=tuple(verify),
-            fixed=fixed,
+            fixed=fixed is not False,
+            known=known,
             rules=rules or Rules(),
             seed=seed,
             chosen_by=roles.chosen_by,
@@ -152,10 +171,10 @@ def diagnose(
         naming = stress_named(material, naming, roles.fit, how, streams[1])
         say("verifying", 0.9)
         found = conclude(material, naming, streams[2])
-        decided = "" if fixed else _state_decisive(opening)
+        decided = EXACT if fixed is True else _state_decisive(opening) if fixed is False else ""
         options = {
             "effects": "all" if effects is None else list(effects),
-            "fixed": fixed,
+            "fixed": fixed is True if known is None else known.words,
             "rules": setting.rules,
             "draws": draws,
             "quick": quick,
@@ -183,6 +202,22 @@ def _state_decisive(opening: Opening) -> str:
     information = gather_information(opening.regression)
     fit = find_estimator("wls").fit(information)
     return state_decisive(opening.robot.joints, opening.samples, information, fit)
+
+
+def _settle_values(
+    robot: Robot, model: ModelLike | None, fixed: Given
+) -> tuple[Structure, KnownValues | None]:
+    """Return what is diagnosed, and what is known of the values that it keeps."""
+    fit, name = read_given(fixed, robot)
+    if fit is not None and model is None:
+        structure = fit.structure
+    else:
+        structure = Structure.of(robot, choose_model(model, usual_effects(robot)))
+    if fit is not None:
+        return structure, know_fit(fit, structure, name)
+    if isinstance(fixed, int | float) and not isinstance(fixed, bool):
+        return structure, know_share(float(fixed), structure)
+    return structure, None
 
 
 def usual_effects(robot: Robot) -> tuple[str, ...]:

@@ -12,7 +12,10 @@ from identifiability.workflows.diagnose.evidence import (
     log_tail,
     score_candidates,
     solve_values,
+    undetermined,
 )
+from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.known_values import KnownValues
 
 R, DRAWS = 300, 40
 
@@ -181,3 +184,26 @@ def test_a_bench_simulates_one_half_for_units_and_one_for_limits(rows_of, white_
     w = bench.whiten()
     assert w.scale.shape == w.noise.shape == (60, 50)
     assert abs(np.corrcoef(w.scale.ravel(), w.noise.ravel())[0, 1]) < 0.1
+
+
+def test_known_errors_are_observations_beside_the_rows(rows_of, white_noise):
+    """Between exact values and a refit, as the law of normal priors has it."""
+    rng = np.random.default_rng(2)
+    X, tau = rng.standard_normal((60, 1, 2)), rng.standard_normal((60, 1))
+    covariance = np.array([[0.02, 0.01], [0.01, 0.03]])
+    known = KnownValues(np.zeros(2), covariance, "")
+    rows = rows_of(tau, X, np.zeros((60, 1, 0)), root=known.root)
+    white = Bench.of(rows, white_noise(1.5), 20, rng).whiten()
+    precision = np.linalg.inv(covariance) + X[:, 0].T @ X[:, 0] / 1.5**2
+    expected = np.linalg.solve(precision, X[:, 0].T @ tau[:, 0] / 1.5**2)
+    value, error = solve_values(white, white.X)
+    np.testing.assert_allclose(value, expected, rtol=1e-9)
+    np.testing.assert_allclose(error, np.sqrt(np.diag(np.linalg.inv(precision))), rtol=1e-9)
+    held = HeldOut(train=rows, choosing=None).fit([])
+    assert np.all(np.abs(held) < np.abs(np.linalg.lstsq(X[:, 0], tau[:, 0], rcond=None)[0]).max())
+
+
+def test_columns_that_others_make_are_undetermined(rng):
+    A = rng.standard_normal((20, 4))
+    A[:, 3] = A[:, 0] - 2.0 * A[:, 2]
+    assert undetermined(A).tolist() == [True, False, True, True]

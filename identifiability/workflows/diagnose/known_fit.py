@@ -1,0 +1,43 @@
+"""Least squares beside values that are known beforehand, with their errors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.estimation.estimator import Estimate
+from identifiability.foundation.names import Array
+from identifiability.regression.information import Information
+
+
+def fit_known(
+    information: Information, free: Estimate, root: Array, kept: Array | None = None
+) -> Array:
+    """Return the values (b + m,) of least squares where the first b have known errors.
+
+    Parameters
+    ----------
+    information : Information
+    free : Estimate
+        From it, without these: how much each joint scatters, and for how long.
+    root : (d, b)
+    kept : (b,), optional
+        The first b values, where they are not fitted again.
+    """
+    variance = free.variance * free.times
+    least = 1e-12 * float(variance.max()) or 1.0
+    R = information.factor(1.0 / np.maximum(variance, least))
+    k = information.size
+    known = np.zeros((len(root), k + 1))
+    known[:, : root.shape[1]] = root
+    both = np.concatenate([R, known])
+    if kept is not None:
+        b = len(kept)
+        return np.concatenate([kept, _solve(R[:, b:k], R[:, k] - R[:, :b] @ kept)])
+    return _solve(both[:, :k], both[:, k])
+
+
+def _solve(A: Array, y: Array) -> Array:
+    length = np.linalg.norm(A, axis=0)
+    length = np.where(length > 0, length, 1.0)
+    value: Array = np.linalg.lstsq(A / length, y, rcond=1e-9)[0] / length
+    return value

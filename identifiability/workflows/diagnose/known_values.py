@@ -1,0 +1,141 @@
+"""`KnownValues`: values that a diagnosis keeps, and how far they may be wrong.
+
+Values that nobody refits have errors all the same: those of the logs they were fitted to, or of a
+drawing. What is within these errors is no effect. They enter as observations beside the rows of
+the logs: of every direction of the base parameters one, with the standard deviation that it has.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
+from identifiability.foundation.values import frozen
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+from identifiability.workflows.predict import Fit, Predicts, read_fit
+
+#: What a diagnosis may be told of the values it keeps.
+Given = bool | float | str | Path | Fit | Predicts
+
+#: Shares of the largest variance below which a direction counts as known that well.
+LEAST = 1e-10
+#: Standard deviation of what the fitted motion never showed, of the largest value there is.
+UNSEEN = 100.0
+#: What the ten inertial parameters are numbers of.
+VECTORS = (("m",), ("mx", "my", "mz"), INERTIAL_KINDS[4:])
+
+
+@frozen
+class KnownValues:
+    """Base parameters that are kept, with their covariance.
+
+    Attributes
+    ----------
+    values : (b,)
+    covariance : (b, b)
+        Zero where they are exact.
+    words : str
+        What they are, as the beginning of a sentence: "the values of fit.json, with their errors,".
+    """
+
+    values: Array
+    covariance: Array
+    words: str
+
+    @property
+    def root(self) -> Array:
+        """Observations of the values' errors in units of their spread, (d, b).
+
+        Directions without any spread are left out, so that `uncertain` has what these act on.
+        """
+        sd = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        safe = np.where(sd > 0, sd, 1.0)
+        size, directions = np.linalg.eigh(self.covariance / np.outer(safe, safe))
+        size = np.maximum(size, LEAST * size.max(initial=0.0))
+        there = size > 0
+        root: Array = (directions[:, there] / np.sqrt(size[there])).T / safe
+        return root[:, self.uncertain][np.any(root[:, self.uncertain] != 0, axis=1)]
+
+    @property
+    def uncertain(self) -> np.ndarray:
+        """Which of the values have errors, (·,) int."""
+        return np.flatnonzero(np.diag(self.covariance) > 0)
+
+
+def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
+    """Return the fit whose values are kept, if it is one's, and what to call it."""
+    if isinstance(given, str | Path):
+        return read_fit(given, robot), Path(given).name
+    if isinstance(given, Predicts):
+        return given.fit, "the result given"
+    return (given, "the result given") if isinstance(given, Fit) else (None, "")
+
+
+def know_share(share: float, structure: Structure) -> KnownValues:
+    """Return the values of the robot file, each with a share of it as its standard deviation.
+
+    Of a body the share is of its mass, of its first moments and of its inertia as they are long;
+    of any other parameter of its value.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If it is no share.
+    """
+    if not 0 < share <= 1:
+        raise IdentifiabilityError(
+            f"The values may be off by a share above 0 and up to 1, {share:g} was given; 0.1 is a "
+            "tenth of each."
+        )
+    spread = structure.G * share_spread(share, structure)
+    words = f"the robot file's values, each within {100 * share:.3g} %,"
+    return KnownValues(structure.nominal_base, spread @ spread.T, words)
+
+
+def share_spread(share: float, structure: Structure) -> Array:
+    """Return the standard deviation of each standard parameter for a share, (p,)."""
+    size = np.abs(structure.nominal)
+    for body in structure.robot.bodies:
+        for kinds in VECTORS:
+            at = [k for k, p in enumerate(structure.parameters) if _is_of(p, body, kinds)]
+            size[at] = np.linalg.norm(structure.nominal[at])
+    spread: Array = share * size
+    return spread
+
+
+def _is_of(p: Parameter, body: str, kinds: tuple[str, ...]) -> bool:
+    return p.owner == body and p.group == "rigid_body" and p.kind in kinds
+
+
+def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
+    """Return the values of a fit with their covariance.
+
+    Parameters
+    ----------
+    fit : Fit
+    structure : Structure
+        The robot under the model that is diagnosed.
+    name : str
+        What to call it.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the fit is of another model.
+    """
+    if fit.structure.base.names != structure.base.names:
+        raise IdentifiabilityError(
+            f"The values of {name} are those of a model of {listing(fit.structure.model.texts)}, "
+            f"and {listing(structure.model.texts)} is diagnosed; give that model, or no model."
+        )
+    M, spread = fit.rung.M, fit.spread
+    covariance = M @ spread.covariance @ M.T
+    free = M @ spread.unknown
+    if free.size and np.abs(free).max() > 0:
+        reach = UNSEEN * max(float(np.abs(fit.base).max()), 1e-12) / float(np.abs(free).max())
+        covariance = covariance + reach**2 * free @ free.T
+    return KnownValues(fit.base, covariance, f"the values of {name}, with their errors,")

@@ -1,0 +1,109 @@
+"""Kept values have errors: what these explain is no effect, what they do not is one."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import IdentifiabilityError, Robot, analyze, diagnose
+from identifiability.cli import app
+from identifiability.logs.prepare import Preparation, prepare_samples
+from identifiability.regression.model import Model
+from identifiability.regression.structure import Structure
+from identifiability.workflows.diagnose.known_values import know_share, share_spread
+
+EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+
+def quick(*args, **options):
+    return diagnose(*args, quick=True, forward=False, **options)
+
+
+def moved(logs, name, phi):
+    """Logs of a robot with other values: phi, by name, is added to those of the file."""
+    robot = Robot.load(name)
+    structure = Structure.of(robot, Model.of(*EFFECTS))
+    added = np.array([phi.get(n, 0.0) for n in structure.columns])
+    out = []
+    for log in logs:
+        s = prepare_samples(robot, log, Preparation(keep_rest=True, decimate=1, cutoff=10.0))
+        tau = np.array(log.tau)
+        tau[s.motion.kept] += structure.model.regressor(robot, s.motion) @ added
+        out.append(replace(log, tau=tau))
+    return out
+
+
+def off_by_a_tenth(name, seed):
+    """What a tenth of every value as its standard deviation may add."""
+    structure = Structure.of(Robot.load(name), Model.of(*EFFECTS))
+    spread = share_spread(0.1, structure)
+    drawn = spread * np.random.default_rng(seed).standard_normal(len(spread))
+    return dict(zip(structure.columns, drawn, strict=True))
+
+
+def test_errors_of_the_file_are_named_only_where_it_is_taken_as_exact(logs_of):
+    logs = moved(logs_of("two-link"), "two-link", off_by_a_tenth("two-link", 0))
+    exact = quick("two-link", logs[:4], logs[4:], fixed=True)
+    assert exact.effects
+    assert any("taken as exact" in hint for hint in exact.hints)
+    told = quick("two-link", logs[:4], logs[4:], fixed=0.1)
+    assert told.effects == ()
+    assert "each within 10 %," in told.statement
+    assert not any("taken as exact" in hint for hint in told.hints)
+    assert told.held_before < 0.5 * exact.held_before
+
+
+def test_a_payload_beyond_the_errors_is_named_with_its_mass(logs_of):
+    logs = moved(logs_of("six-dof-arm"), "six-dof-arm", {"link_6.m": 2.0})
+    d = quick("six-dof-arm", logs[:4], logs[4:], fixed=0.05, effects=["payload"])
+    (e,) = d.effects
+    (mass,) = [r for p in e.placements for r in p.rows if r[0].endswith("payload_m")]
+    assert abs(mass[1] - 2.0) < 3 * mass[2] < 1.0
+    assert f"in link_6, {mass[1]:.3g} ± " in d.statement
+
+
+def test_a_result_tells_its_values_and_their_covariance(logs_of, tmp_path):
+    before, logs = logs_of("two-link", seed=5), logs_of("two-link", seed=6)
+    a = analyze("two-link", before[:3], replicates=0)
+    path = a.to_json(tmp_path / "before.json")
+    d = quick("two-link", logs[:4], logs[4:], fixed=path)
+    assert d.effects == ()
+    assert d.known is not None
+    np.testing.assert_allclose(d.known.values, a.fit.base)
+    M = a.fit.rung.M
+    np.testing.assert_allclose(d.known.covariance, M @ a.fit.covariance @ M.T)
+    assert "the values of before.json, with their errors," in d.statement
+    assert json.loads(json.dumps(d.to_dict()))["fixed"] is True
+    # What is kept to predict with are these values and their covariance.
+    np.testing.assert_allclose(d.fit.base, a.fit.base, atol=1e-9 * np.abs(a.fit.base).max())
+    kept, given = np.diag(d.fit.covariance), np.diag(d.known.covariance)
+    np.testing.assert_allclose(kept, given, rtol=1e-6, atol=1e-12 * given.max())
+    with pytest.raises(IdentifiabilityError, match="give that model, or no model"):
+        quick("two-link", logs, fixed=path, model=["rigid_body"])
+
+
+def test_shares_are_of_masses_of_moments_and_of_inertia_as_long():
+    structure = Structure.of(Robot.load("six-dof-arm"), Model.of(*EFFECTS))
+    nominal = dict(zip(structure.columns, structure.nominal, strict=True))
+    spread = dict(zip(structure.columns, share_spread(0.2, structure), strict=True))
+    assert spread["link_3.m"] == pytest.approx(0.2 * nominal["link_3.m"])
+    first = [nominal[f"link_3.{k}"] for k in ("mx", "my", "mz")]
+    for kind in ("mx", "my", "mz"):
+        assert spread[f"link_3.{kind}"] == pytest.approx(0.2 * np.linalg.norm(first))
+    assert spread["joint_2.Fv"] == pytest.approx(0.2 * nominal["joint_2.Fv"])
+    known = know_share(0.2, structure)
+    np.testing.assert_allclose(known.values, structure.nominal_base)
+    root = known.root
+    inside = known.covariance[np.ix_(known.uncertain, known.uncertain)]
+    np.testing.assert_allclose(root @ inside @ root.T, np.eye(len(root)), atol=1e-6)
+    with pytest.raises(IdentifiabilityError, match="a share above 0"):
+        know_share(0.0, structure)
+
+
+def test_values_are_kept_in_one_way_at_a_time(tmp_path):
+    argv = ["diagnose", "two-link", "log.csv", "--fixed", "--fixed-share", "0.1"]
+    out = CliRunner().invoke(app, argv)
+    assert out.exit_code == 2
+    assert "one way at a time" in " ".join(out.output.split())
