@@ -103,7 +103,11 @@ def test_shares_are_of_masses_of_moments_and_of_inertia_as_long():
 
 
 def test_values_are_kept_in_one_way_at_a_time(tmp_path):
-    argv = ["diagnose", "two-link", "log.csv", "--fixed", "--fixed-share", "0.1"]
+    log = tmp_path / "log.csv"
+    names = [f"{joint}.{kind}" for joint in ("shoulder", "elbow") for kind in ("q", "tau")]
+    rows = [f"{0.01 * k},1,2,3,{k}" for k in range(60)]
+    log.write_text("\n".join([",".join(["t", *names]), *rows]))
+    argv = ["diagnose", "two-link", str(log), "--fixed", "--fixed-share", "0.1"]
     out = CliRunner().invoke(app, argv)
     assert out.exit_code == 2
     assert "one way at a time" in " ".join(out.output.split())

@@ -8,6 +8,7 @@ every fit, without it and with it, is the real robot nearest to the data [Traver
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -191,6 +192,12 @@ class HeldOut:
         level = float(before.mean()) or 1.0
         error = float(np.std(parts, ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.inf
         return Gain(float(np.mean(before - after)) / level, error / level)
+
+    def improves(self, before: Sequence[Candidate], after: Sequence[Candidate]) -> bool:
+        """Whether the error while choosing, of real robots, is less with other candidates."""
+        if self.train.root is None:
+            return self.error(after, real=True) < self.error(before, real=True)
+        return self.gain(before, after).share > 0
 
     def gap(self, models: Sequence[Sequence[Candidate]], *, real: bool = False) -> Gap:
         """Return the errors of several models on the motion that verifies, side by side."""

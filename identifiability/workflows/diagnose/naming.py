@@ -225,16 +225,16 @@ def name_effects(
         What is named already; what is added may make it needless.
     """
     search = _Search(bench, candidates, held, rules, frozenset(present), chosen=list(start))
-    best, least, waited = list(search.chosen), held.error(start, real=True), 0
+    best, waited = list(search.chosen), 0
     seen = [signature(search.chosen)]
     for k in range(rules.most):
         if say is not None:
             say(f"naming, step {k + 1}", 0.4 + 0.4 * k / (k + 3))
         go_on = search.step()
-        error = held.error(search.chosen, real=True)
-        waited = 0 if error < least else waited + 1
-        if error < least:
-            best, least = list(search.chosen), error
+        better = held.improves(best, search.chosen)
+        waited = 0 if better else waited + 1
+        if better:
+            best = list(search.chosen)
         now = signature(search.chosen)
         if not go_on or waited >= rules.patience or (now in seen and not search.leave_circle()):
             break

@@ -295,7 +295,7 @@ def test_a_gain_that_a_real_robot_does_not_have_takes_a_special_name_away(world,
         def error(self, chosen, *, real=False):
             return float(np.mean(super().errors(chosen)))
 
-        def errors(self, chosen, *, real=False):
+        def errors(self, chosen, *, real=False, beside=None):
             found = super().errors(chosen)
             return np.ones_like(found) if real else found
 
