@@ -268,7 +268,8 @@ def test_what_the_table_leaves_open_is_said(tmp_path):
     rounded, weightless, thin = done.notes
     assert "alpha = 1.5708 of 'hand': nearly a multiple of 45°" in rounded
     assert "no mass of arm: each is a ball of 1 kg" in weightless
-    assert "no inertia of hand" in thin
+    assert "no inertia of hand: each has 0.01 kg·m² a kilogram" in thin
+    assert Robot.load(done.robot).nominal["hand.Izz"] == pytest.approx(0.015)
     assert rounded in done.robot.read_text()
     exact = [{**row, "alpha": "pi/2"} for row in links]
     done = convert_dh({"convention": "modified", "links": exact}, tmp_path / "robot.xml")
@@ -298,6 +299,8 @@ def arm(**row):
         (arm() | {"springs": [{"name": "s", "link1": "a", "link2": "b", "stiffness": 1,
                                "rest": 1}]},
          "robot.xml: two neighbouring points of the tendon 's' coincide at the home position"),
+        ({"convention": "standard", "links": [{"name": "a", "joint": "j", "mass": 0}]},
+         "every link that moves has mass = 0"),
         (arm(equals="sin(j)"), r"equals 'sin\(j\)', which is no sum of joints"),
         (arm(centre=[0, 0, 1]), "the link 'b' has 'centre' but no mass"),
         (arm(mass=1, inertia={"xx": 1, "yy": 1, "zz": 3}), "robot.xml cannot be read as MJCF"),

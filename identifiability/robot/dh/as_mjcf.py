@@ -76,9 +76,8 @@ def _add_body(parent: ET.Element, link: Link) -> ET.Element:
             joint.set("pos", numbers(link.anchor))
         if link.range is not None:
             joint.set("range", numbers(link.range))
-    mass, moment = (row.mass, BALL[1]) if row.mass is not None else BALL
-    if not mass:
-        mass, moment = NOTHING
+    mass = BALL[0] if row.mass is None else row.mass
+    mass, moment = (mass, BALL[1] * mass / BALL[0]) if mass else NOTHING
     if link.joint is None and not row.mass:  # a part of its parent
         return body
     inertial = ET.SubElement(body, "inertial", mass=numbers([mass]))

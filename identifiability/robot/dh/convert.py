@@ -75,6 +75,11 @@ def convert_dh(table: str | Path | Mapping[str, Any], out: str | Path) -> Conver
     read = _read_table(table)
     links = read_links(source, read)
     _check_ends(source, read, links)
+    if len(_weightless(links)) == sum(link.joint is not None for link in links) > 0:
+        raise RobotError(
+            f"{source}: every link that moves has mass = 0; leave the mass out where it is not "
+            "known."
+        )
     notes = (*rounded_angles(read), *_unknown_bodies(links))
     comment = " ".join([f"Made by `identifiability convert` from {source}.", *notes])
     sidecar = f"{MADE} from {source}; change [sidecar] there.\n\n{_sidecar(read, links)}"
@@ -164,7 +169,7 @@ def _weightless(links: Sequence[Link]) -> list[str]:
 def _unknown_bodies(links: Sequence[Link]) -> list[str]:
     """Return the sentence that says of which links masses or inertias were made up, if of any."""
     balls = [link.name for link in links if link.joint and link.entry.mass is None]
-    points = [x.name for x in links if x.joint and x.entry.mass and x.entry.inertia is None]
+    points = [link.name for link in links if link.entry.mass and link.entry.inertia is None]
     said = []
     if balls:
         said.append(
@@ -174,8 +179,8 @@ def _unknown_bodies(links: Sequence[Link]) -> list[str]:
         )
     if points:
         said.append(
-            f"The table states no inertia of {listing(points)}: each has {BALL[1]:g} kg·m² about "
-            "its centre; state what is known."
+            f"The table states no inertia of {listing(points)}: each has {BALL[1] / BALL[0]:g} "
+            "kg·m² a kilogram about its centre; state what is known."
         )
     return said
 

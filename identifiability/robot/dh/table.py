@@ -24,7 +24,8 @@ rad::
     equals = "-pitch + 0.5 * roll - 0.1" # the joint follows others
     passive = true                       # no motor: loops determine it
     range = [-2.8, 2.8]                  # [rad or m]
-    mass = 17.4                          # [kg]; 0 for a link that weighs nothing
+    mass = 17.4                          # [kg]; 0 for a link that weighs nothing, as fixed ones do
+                                         # of which nothing is said
     centre = [-0.36, 0.006, 0.23]        # of mass, in the frame of the link [m]
     inertia = {xx = 0.13, yy = 0.52, zz = 0.54, xy = 0, xz = 0, yz = 0}   # about it [kg·m²]
 
