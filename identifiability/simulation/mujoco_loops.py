@@ -68,7 +68,10 @@ class PointClosure:
         total = np.zeros((3, model.nv))
         for end, sign in ((0, 1.0), (1, -1.0)):
             at = self._world(data, end)
-            for body, part in ((self.body[end], sign), (self.frame, -sign)):
+            moving = {self.body[end]: sign}
+            if self.frame:
+                moving[self.frame] = moving.get(self.frame, 0.0) - sign
+            for body, part in moving.items():
                 J = np.zeros((3, model.nv))
                 jacobian(model, data, J, None, at, body)
                 total += part * J
