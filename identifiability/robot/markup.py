@@ -197,3 +197,13 @@ def _check_urdf(path: Path, root: ET.Element) -> None:
             f"{path}: the links {listing(roots)} hang on no joint, but only the root link may; "
             "connect the others to it by joints, or they would be lost."
         )
+
+
+def drop_repeated(root: ET.Element) -> None:
+    """Take out of a URDF what is stated again where readers take the first; MuJoCo refuses it."""
+    for element in (*root.findall("joint"), *root.iter("inertial")):
+        seen: set[str] = set()
+        for child in list(element):
+            if child.tag in seen:
+                element.remove(child)
+            seen.add(child.tag)

@@ -12,6 +12,9 @@ from identifiability.robot.massless import PLACEHOLDER
 from identifiability.robot.mjcf_text import numbers
 from identifiability.robot.twin_parts import body_joints, body_of, range_of, stated_in_file
 
+#: Limits of a slide that has none [m].
+FAR = 1e9
+
 #: Coefficients of a coupling that a mimic joint holds.
 MOST = 2
 
@@ -59,6 +62,8 @@ def twin_urdf(robot: Description) -> ET.Element:
             rpy = np.array(pin.rpy.matrixToRpy(joint.rotation))
             ET.SubElement(own, "origin", xyz=numbers(joint.translation), rpy=numbers(rpy))
             ET.SubElement(own, "axis", xyz=numbers(joint.axis))
+            if span is None and joint.kind == "prismatic":
+                span = (-FAR, FAR)  # of a URDF that has none no reader makes a robot
             if span:
                 limit = {"lower": f"{span[0]:.17g}", "upper": f"{span[1]:.17g}"}
                 ET.SubElement(own, "limit", limit, effort="0", velocity="0")

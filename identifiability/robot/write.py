@@ -21,7 +21,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
 from identifiability.robot.description import Description
 from identifiability.robot.locking import share_out
-from identifiability.robot.markup import read_markup
+from identifiability.robot.markup import drop_repeated, read_markup
 from identifiability.robot.mjcf_text import (
     clear_mjcf,
     in_radians,
@@ -82,9 +82,11 @@ def write_robot(
             f"'{path}' asks for {other}, but {robot.path} is {own}; give a file name ending in "
             f"{suffix}."
         )
+    if not robot.mjcf:
+        drop_repeated(top)
     for body, theta in share_out(robot, bodies).items():
         _write_body(top, robot, body, theta)
-    elements = {e.get("name"): e for e in top.iter("joint")}
+    elements = {e.get("name"): e for e in _joints(top)}
     degrees = robot.mjcf and not in_radians(top)
     slides = {cable.name for cable in robot.cables}
     for name, stated in joints.items():
@@ -131,6 +133,12 @@ def _template(robot: Description) -> ET.Element:
                 f"name every <{what}> (and every <spatial> tendon)."
             )
     return top
+
+
+def _joints(top: ET.Element) -> list[ET.Element]:
+    """Return the joints of a robot file; transmissions and equalities speak of joints as well."""
+    worlds = top.findall("worldbody")
+    return [e for w in worlds for e in w.iter("joint")] if worlds else top.findall("joint")
 
 
 def _write_body(top: ET.Element, robot: Description, body: str, theta: Array) -> None:

@@ -9,7 +9,7 @@ import mujoco
 
 from identifiability.foundation.errors import RobotError
 from identifiability.robot import Robot
-from identifiability.robot.markup import read_markup
+from identifiability.robot.markup import drop_repeated, read_markup
 from identifiability.robot.mjcf import compile_mjcf
 
 
@@ -26,6 +26,7 @@ def load_file(robot: Robot) -> Any:
 
 def bare_urdf(root: ET.Element, balance: str) -> str:
     """Return a URDF without looks; with `balance` ``true`` MuJoCo corrects its inertias."""
+    drop_repeated(root)
     for link in root.findall("link"):
         for child in [c for c in link if c.tag in ("visual", "collision")]:
             link.remove(child)

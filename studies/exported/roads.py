@@ -1,0 +1,135 @@
+"""Torque of an exported robot file on roads that are not the library's: MuJoCo, Pinocchio, code.
+
+None of them reads a sidecar. The tree's torque is theirs; closed chains are closed, and their
+torque projected, by the library.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from identifiability.robot import Motion, Robot
+from identifiability.robot.mjcf import quiet
+from identifiability.simulation.mujoco_file import bare_urdf
+
+
+def load_mujoco(path: Path) -> Any:
+    """Return a file as MuJoCo compiles it; of a URDF without its meshes."""
+    with quiet():
+        if path.suffix == ".xml":
+            return mujoco.MjModel.from_xml_path(str(path))
+        return mujoco.MjModel.from_xml_string(bare_urdf(ET.parse(path).getroot(), balance="false"))
+
+
+def places(model: Any, robot: Robot) -> list[tuple[Any, int, int]]:
+    """Return where MuJoCo has the joints of a robot: joint, index of its position, of its speed."""
+    out = []
+    for joint in robot.tree.joints:
+        name = joint.dofs[0] if joint.nv == 1 else joint.dofs[0].rpartition(".")[0]
+        if name not in {cable.name for cable in robot.cables}:
+            own = model.joint(name)
+            out.append((joint, int(own.qposadr[0]), int(own.dofadr[0])))
+    return out
+
+
+def set_state(data: Any, robot: Robot, motion: Motion, k: int, where: list[Any]) -> None:
+    """Give MuJoCo positions, velocities and accelerations of a sample."""
+    for name, at in robot.locked.items():
+        data.qpos[int(data.model.joint(name).qposadr[0])] = at
+    for joint, at, dof in where:
+        q = motion.q[k, joint.iq : joint.iq + joint.nq]
+        data.qpos[at : at + joint.nq] = q
+        if joint.nv > 1:  # a quaternion begins with its real part there
+            end = at + joint.nq
+            data.qpos[end - 4 : end] = np.roll(q[-4:], 1)
+        data.qvel[dof : dof + joint.nv] = motion.v[k, joint.iv : joint.iv + joint.nv]
+        data.qacc[dof : dof + joint.nv] = motion.a[k, joint.iv : joint.iv + joint.nv]
+
+
+def in_mujoco(path: Path, robot: Robot, motion: Motion) -> np.ndarray:
+    """Return the torque of the tree (N, nv) by MuJoCo from the file alone, in the robot's order."""
+    model = load_mujoco(path)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    data, out = mujoco.MjData(model), np.zeros((len(motion), robot.nv))
+    where = places(model, robot)
+    with quiet():
+        for k in range(len(motion)):
+            set_state(data, robot, motion, k, where)
+            mujoco.mj_inverse(model, data)
+            force = data.qfrc_inverse + model.dof_frictionloss * np.sign(data.qvel)
+            force += _dry_tendons(model, data)
+            for joint, _, dof in where:
+                out[k, joint.iv : joint.iv + joint.nv] = force[dof : dof + joint.nv]
+    return out
+
+
+def _dry_tendons(model: Any, data: Any) -> np.ndarray:
+    """Return the dry friction of tendons along the joints, (nv,)."""
+    force = np.zeros(model.nv)
+    places = model if hasattr(model, "ten_J_rowadr") else data  # by the version of MuJoCo
+    for t in np.flatnonzero(model.tendon_frictionloss):
+        row = np.zeros(model.nv)
+        start, count = int(places.ten_J_rowadr[t]), int(places.ten_J_rownnz[t])
+        row[places.ten_J_colind[start : start + count]] = data.ten_J[start : start + count]
+        force += model.tendon_frictionloss[t] * np.sign(row @ data.qvel) * row
+    return force
+
+
+def in_pinocchio(path: Path, robot: Robot, motion: Motion) -> np.ndarray | None:
+    """Return the same by Pinocchio's own reading; None where it has no word for what is there."""
+    springs = any(v for n, v in robot.nominal.items() if n.endswith(".K"))
+    if robot.cables or robot.tendons or springs:
+        return None
+    build = pin.buildModelFromMJCF if path.suffix == ".xml" else pin.buildModelFromUrdf
+    model = build(str(path))
+    assert model.nv == robot.nv
+    data, out = model.createData(), np.zeros((len(motion), robot.nv))
+    positions = _positions(model, robot, motion)
+    friction = np.where(np.isfinite(model.upperDryFrictionLimit), model.upperDryFrictionLimit, 0.0)
+    for k in range(len(motion)):
+        v = motion.v[k]
+        out[k] = pin.rnea(model, data, positions[k], v, motion.a[k])
+        out[k] += model.damping * v + friction * np.sign(v)
+    return out
+
+
+def _positions(model: Any, robot: Robot, motion: Motion) -> np.ndarray:
+    """Return positions as Pinocchio reads a file: of a joint without limits, cosine and sine."""
+    out = np.zeros((len(motion), model.nq))
+    for k in range(1, model.njoints):
+        joint = model.joints[k]
+        own = motion.q[:, robot.tree.single[robot.dofs[joint.idx_v]].iq]
+        if joint.nq == joint.nv:
+            at = [
+                robot.tree.single[robot.dofs[d]].iq
+                for d in range(joint.idx_v, joint.idx_v + joint.nv)
+            ]
+            out[:, joint.idx_q : joint.idx_q + joint.nq] = motion.q[:, at]
+        else:
+            out[:, joint.idx_q : joint.idx_q + 2] = np.stack([np.cos(own), np.sin(own)], 1)
+    return out
+
+
+def project(robot: Robot, motion: Motion, tree: np.ndarray) -> np.ndarray:
+    """Return the torque of the actuated joints (N, n) from that of all."""
+    tau = tree[:, robot.actuated]
+    if motion.X is not None:
+        tau = tau - np.einsum("nij,ni->nj", motion.X, tree[:, robot.dependent])
+    return tau
+
+
+def load_code(path: Path) -> Any:
+    """Return generated Python as a module."""
+    spec = importlib.util.spec_from_file_location("generated", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

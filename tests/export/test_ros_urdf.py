@@ -1,0 +1,67 @@
+"""What URDFs of ROS have beside joints, links and masses does not confuse an export."""
+
+import xml.etree.ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+
+from identifiability.robot import Robot
+from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.workflows.export import write_parameters
+
+TRANSMISSION = """<transmission name="t{0}"><joint name="{0}">
+  <hardwareInterface>a</hardwareInterface><hardwareInterface>b</hardwareInterface></joint>
+  </transmission>"""
+
+
+def ros_arm(folder):
+    """The shipped arm with transmissions behind its joints, and an origin that is stated twice."""
+    arm = Robot.load("six-dof-arm")
+    text = arm.path.read_text()
+    more = "".join(TRANSMISSION.format(joint) for joint in arm.joints)
+    text = text.replace("</robot>", more + "</robot>")
+    top = ET.fromstring(text)
+    joint = next(j for j in top.findall("joint") if j.get("name") == "joint_3")
+    ET.SubElement(joint, "origin", xyz="9 9 9", rpy="1 1 1")
+    path = folder / "arm.urdf"
+    path.write_text(ET.tostring(top, encoding="unicode"))
+    path.with_suffix(".toml").write_text(arm.sidecar.read_text())
+    return Robot.load(path)
+
+
+def test_friction_is_written_to_the_joint_and_not_to_its_transmission(tmp_path):
+    robot = ros_arm(tmp_path)
+    values = dict(robot.nominal) | {f"{j}.Fv": 3.0 + k for k, j in enumerate(robot.joints)}
+    values |= {f"{j}.{kind}": 2.0 + k for k, j in enumerate(robot.joints)
+               for kind in ("Fc", "Fc+", "Fc-")}  # fmt: skip
+    written = write_parameters(robot, values, tmp_path / "fitted.urdf")
+    copy = Robot.load(written.robot)
+    for name, value in values.items():
+        assert copy.nominal[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
+    top = ET.parse(written.robot).getroot()
+    assert not list(top.iterfind("transmission/joint/dynamics"))
+    assert len(list(top.iterfind("transmission/joint/hardwareInterface"))) == 12
+
+
+def test_what_is_stated_twice_is_written_once_and_mujoco_reads_it(tmp_path):
+    robot = ros_arm(tmp_path)
+    written = write_parameters(robot, dict(robot.nominal), tmp_path / "fitted.urdf")
+    model = mujoco.MjModel.from_xml_path(str(written.robot))
+    assert model.njnt == 6
+    rng = np.random.default_rng(0)
+    move = PrescribedMotion(np.arange(30.0), *rng.normal(size=(3, 30, 6)))
+    found, expected = (simulate(r, move).tau for r in (robot, Robot.load("six-dof-arm")))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_a_named_equality_takes_nothing_off_its_joint(tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_text("""<mujoco><worldbody><body name="a"><joint name="j1"/>
+      <inertial mass="1" pos="0.1 0 0" diaginertia="0.1 0.1 0.1"/><body name="b">
+      <joint name="j2"/><inertial mass="1" pos="0.1 0 0" diaginertia="0.1 0.1 0.1"/></body></body>
+      </worldbody><equality><joint name="j1" joint1="j2" joint2="j1"/></equality>
+      <actuator><motor joint="j1"/></actuator></mujoco>""")
+    robot = Robot.load(path)
+    write_parameters(robot, dict(robot.nominal) | {"j1.Fv": 3.0}, tmp_path / "fitted.xml")
+    assert Robot.load(tmp_path / "fitted.xml").nominal["j1.Fv"] == 3.0
