@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import identifiability
-from identifiability import Analysis, Model, Robot, analyze, plot
+from identifiability import Analysis, Log, Model, Robot, analyze, plot
 from identifiability.foundation.options import OptionError
 from identifiability.robot.locate import shipped_folder
 
@@ -49,6 +49,7 @@ def test_a_fit_read_back_has_the_same_tables_and_a_short_name(result, robot, tmp
     assert table.loc["slider1.Fc", "unit"] == "N"
     assert repr(back) == f"<Fit: {len(table)} values of '{result.chosen.name}' for 3-rps>"
     assert repr(robot) == "<Robot 3-RPS parallel robot: 3 of 9 joints have motors, robot.xml>"
+    assert repr(Log.read(LOGS[0])) == "<Log run1.csv: 750 samples over 7.49 s, 3 joints>"
     assert repr(Model.of("rigid_body", "time_delay")) == "<Model: rigid_body + time_delay>"
 
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from identifiability import Log, Robot, new_study
 from identifiability.cli import app
-from identifiability.foundation.errors import OutputError, RobotError
+from identifiability.foundation.errors import LogError, OutputError, RobotError
 from identifiability.robot.locate import shipped_folder, shipped_robots
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -55,6 +55,33 @@ def test_a_robot_of_ones_own_gets_a_sidecar_and_a_template(tmp_path):
     columns = pd.read_csv(made.folder / "template.csv").columns
     assert list(columns[:3]) == ["t", "joint_1.q", "joint_1.tau"]
     assert "template.csv" in made.statement
+
+
+def test_logs_of_ones_own_are_named_where_they_are(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shipped = shipped_folder() / "six-dof-arm"
+    (tmp_path / "arm.urdf").write_bytes((shipped / "robot.urdf").read_bytes())
+    for name in ("monday.csv", "tuesday.csv"):
+        (tmp_path / name).write_bytes((shipped / "logs/run1.csv").read_bytes())
+    made = new_study("mine", "arm.urdf", ["monday.csv", "tuesday.csv"])
+    assert (made.fitted, made.held_back) == (("../monday.csv",), "../tuesday.csv")
+    assert not (made.folder / "template.csv").exists()
+    script = (made.folder / "study.py").read_text()
+    assert "LOGS = ['../monday.csv']" in script
+    assert "HELD_BACK = '../tuesday.csv'" in script
+    told = subprocess.run(
+        ["make", "-n", "report.html"], cwd=made.folder, check=True, capture_output=True, text=True
+    ).stdout
+    assert "analyze arm.urdf ../monday.csv --validate ../tuesday.csv --report" in told
+    alone = new_study("alone", "arm.urdf", ["monday.csv"])
+    assert "--validate" not in (alone.folder / "Makefile").read_text() + alone.next_line
+    compile((alone.folder / "study.py").read_text(), "study.py", "exec")
+    with pytest.raises(LogError, match="There is no log file"):
+        new_study("none", "arm.urdf", ["sunday.csv"])
+    (tmp_path / "my log.csv").write_text("t\n")
+    with pytest.raises(LogError, match="without spaces"):
+        new_study("none", "arm.urdf", ["my log.csv"])
+    assert not (tmp_path / "none").exists()
 
 
 def test_nothing_is_written_over_and_nothing_is_left_of_what_fails(tmp_path):

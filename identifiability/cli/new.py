@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from typer import Argument
 
 from identifiability.cli import common, options
 
 
 @options.command
-def new(folder: Path, robot: str = "six-dof-arm") -> None:
+def new(
+    folder: Path,
+    logs: Annotated[list[str] | None, Argument()] = None,
+    robot: str = "six-dof-arm",
+) -> None:
     """Make a folder to begin a study in: robot, sidecar, logs, script and Makefile.
 
     Without --robot it holds a six-axis arm and three simulated logs in which something is that
@@ -21,10 +28,11 @@ def new(folder: Path, robot: str = "six-dof-arm") -> None:
     ```
 
     `make` in it writes what the logs determine and what the model misses; study.py does the same
-    from Python. 3-rps has logs as well, of a closed chain. With a robot of your own there are no
-    logs yet, but a template of the columns that they must have:
+    from Python. 3-rps has logs as well, of a closed chain. With a robot of your own, name your
+    logs, or get a template of the columns that they must have:
 
     ```
+    identifiability new mine monday.csv tuesday.csv --robot arm.urdf
     identifiability new mine --robot arm.urdf
     ```
 
@@ -32,11 +40,13 @@ def new(folder: Path, robot: str = "six-dof-arm") -> None:
     ----------
     folder
         Folder to make; nothing is written over.
+    logs
+        Your own logs, which stay where they are; the last of several judges and is not fitted.
     robot
         MJCF or URDF file, which is copied with its sidecar, or a shipped robot such as 3-rps.
     """
     with common.sentences():
         from identifiability.workflows.study import new_study  # noqa: PLC0415
 
-        made = new_study(folder, robot)
+        made = new_study(folder, robot, logs or ())
     common.print_end([made.statement], made.written)

@@ -225,6 +225,11 @@ class Log:
             return dt, ""
         return dt, f" (time stamps jitter by {100 * jitter:.0f} % of a step; taken as even)"
 
+    def __repr__(self) -> str:
+        """Return what it is, in one line."""
+        span = f"{len(self)} samples over {np.ptp(self.t):.4g} s"
+        return f"<Log {self.name}: {span}, {len(self.joints)} joints>"
+
     def to_frame(self) -> pd.DataFrame:
         """Return the log as a DataFrame that `from_frame` accepts."""
         import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
+import shlex
 import shutil
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 from string import Template
 from typing import Annotated
 
-from identifiability.foundation.errors import OutputError
+from identifiability.foundation.errors import LogError, OutputError, listing
 from identifiability.foundation.options import Expected, FilePath, checked
-from identifiability.foundation.output import check_writable, csv_text, write_text
+from identifiability.foundation.output import check_writable, write_text
 from identifiability.foundation.values import frozen
+from identifiability.logs.there import check_there
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot, shipped_robots
 from identifiability.workflows.inspect.machine import template_frame
@@ -35,29 +39,37 @@ class Study:
         Name of the robot file in it.
     written : tuple of Path
         Its files.
+    fitted : tuple of str
+        Logs that its script and Makefile fit, seen from the folder.
+    held_back : str or None
+        The log that judges.
     has_logs : bool
-        Whether there are logs to begin with.
+        Whether these are there.
     """
 
     folder: Path
     robot: str
     written: tuple[Path, ...]
+    fitted: tuple[str, ...]
+    held_back: str | None
     has_logs: bool
 
     @property
     def next_line(self) -> str:
         """The first command to type."""
         if self.has_logs:
-            *fitted, held = RUNS
-            given = f"{self.robot} {' '.join(fitted)} --validate {held} --report report.html"
-            return f"cd {self.folder} && identifiability analyze {given}"
-        return f"cd {self.folder} && identifiability inspect {self.robot}"
+            given = shlex.join([self.robot, *self.fitted])
+            judge = f" --validate {shlex.quote(self.held_back)}" if self.held_back else ""
+            verb = f"analyze {given}{judge} --report report.html"
+        else:
+            verb = f"inspect {shlex.quote(self.robot)}"
+        return f"cd {shlex.quote(str(self.folder))} && identifiability {verb}"
 
     @property
     def statement(self) -> str:
         """What is there, and what to do next."""
         if self.has_logs:
-            told = "with simulated logs, so that everything in it runs at once"
+            told = f"with {listing([*self.fitted, *filter(None, [self.held_back])])}"
         else:
             told = (
                 f"without logs: record {', '.join(RUNS)} with the columns of template.csv, or name "
@@ -70,6 +82,7 @@ class Study:
 def new_study(
     folder: FilePath,
     robot: Annotated[str | Path, Expected("a robot file, or a shipped robot's name")] = SHIPPED,
+    logs: Annotated[Sequence[str | Path], Expected("a list of log files")] = (),
 ) -> Study:
     """Make a folder to begin a study in.
 
@@ -79,15 +92,24 @@ def new_study(
         New, or empty.
     robot : str or Path
         MJCF or URDF file, which is copied with its sidecar, or a shipped robot's name.
+    logs : sequence of path, optional
+        Your own, which stay where they are: script and Makefile name them. The last of several
+        judges and is not fitted.
 
     Raises
     ------
     OutputError
         If something is in the folder.
+    LogError
+        If a log is not there.
     RobotError
         If the robot cannot be read.
     """
     folder, source = Path(folder), locate_robot(robot)
+    for log in logs:
+        check_there(Path(log))
+        if set(str(log)) & set(" #$:"):
+            raise LogError(f"A Makefile cannot name '{log}'; give a path without spaces, # and $.")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(
             f"{folder} is there already and nothing is written over; give a new folder."
@@ -98,15 +120,15 @@ def new_study(
     sidecar = source.with_suffix(".toml")
     if sidecar.is_file():
         files[sidecar.name] = sidecar
-    has_logs = all(name in files for name in RUNS)
-    told = {"ROBOT": source.name, "SIDECAR": sidecar.name}
-    texts = {
-        "study.py": _filled("study.py", told),
-        "Makefile": _filled("Makefile", told),
-    }
-    if not has_logs:
+    names = [os.path.relpath(log, folder) for log in logs] or list(RUNS)
+    fitted, held_back = (names[:-1], names[-1]) if len(names) > 1 else (names, None)
+    has_logs = bool(logs) or all(name in files for name in names)
+    told = _told(source.name, sidecar.name, fitted, held_back)
+    texts = {name: _filled(name, told) for name in ("study.py", "Makefile")}
+    if not has_logs or (logs and sidecar.name not in files):
         known = Robot.load(source)
-        texts["template.csv"] = csv_text(template_frame(known))
+        if not has_logs:
+            texts["template.csv"] = template_frame(known).to_csv(index=False)
         if sidecar.name not in files:
             texts[sidecar.name] = _filled("sidecar.toml", {**told, **_facts(known)})
     folder.mkdir(parents=True, exist_ok=True)
@@ -117,8 +139,23 @@ def new_study(
         folder=folder,
         robot=source.name,
         written=(*(folder / name for name in files), *written),
+        fitted=tuple(fitted),
+        held_back=held_back,
         has_logs=has_logs,
     )
+
+
+def _told(robot: str, sidecar: str, fitted: Sequence[str], held_back: str | None) -> dict[str, str]:
+    """Return what stands in script and Makefile."""
+    return {
+        "ROBOT": robot,
+        "SIDECAR": sidecar,
+        "LOGS": repr(list(fitted)),
+        "HELD_BACK": repr(held_back) if held_back else "()",
+        "MAKE_LOGS": " ".join(fitted),
+        "MAKE_HELD": held_back or "",
+        "VALIDATE": "--validate $(HELD_BACK)" if held_back else "",
+    }
 
 
 def _shipped(source: Path) -> dict[str, Path]:
