@@ -30,7 +30,7 @@ def build_comparison_page(result: Comparison) -> Page:
         overline="Comparison report",
         subtitle=f"{result.robot.title or result.robot.name} · {result.rung.name}",
         tiles=(
-            Tile(str(len(result.changes)), "causes changed something", "family-wise level 5 %"),
+            Tile(str(len(result.changes)), "sure changes", "family-wise level 5 %"),
             Tile(str(len(result.causes)), "causes were tested"),
             Tile(kind[result.difference.kind], "was compared"),
         ),

@@ -28,7 +28,7 @@ def build_payload_page(result: Load) -> Page:
         tiles=(
             Tile(value, f"at {result.body}", "95 % interval"),
             Tile(f"{len(told)} of {len(result.quantities)}", "quantities are told"),
-            Tile(str(len(result.pairs)), "paired logs", "with and without, one motion"),
+            Tile(str(len(result.pairs)), "pairs of logs", "with and without, one motion"),
         ),
     )
 

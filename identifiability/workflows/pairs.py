@@ -12,15 +12,18 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.checks import FEWEST
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.repetition import COVERED, find_lag
 from identifiability.logs.repeats import Recording
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
+from identifiability.workflows.opening import Logs, Recordings, read_recordings
 
 #: Times closer than this share of a step are the same.
 SAME = 1e-3
@@ -55,6 +58,36 @@ class Pair:
         )
         at, there = _match(t, other, SAME * float(np.median(np.diff(t))))
         return first[0][at], first[1][at], second[0][there], second[1][there]
+
+
+def read_sides(
+    first: Logs, second: Logs, known: Conventions, *, alone: bool = False
+) -> tuple[Recordings, Recordings]:
+    """Return the logs of two sides.
+
+    Parameters
+    ----------
+    first, second : Logs
+    known : Conventions
+    alone : bool
+        Whether the second side may have none.
+
+    Raises
+    ------
+    LogError
+        If a log stands on both.
+    """
+    one = read_recordings(first, known=known)
+    none = alone and isinstance(second, (list, tuple)) and not second
+    other = Recordings(()) if none else read_recordings(second, known=known)
+    seen = {r.sha256 for r in one.fitted if r.sha256}
+    twice = [r.name for r in other.fitted if r.sha256 in seen]
+    if twice:
+        raise LogError(
+            f"{listing(twice, 4)} stands on both sides, and differs in nothing from itself; give "
+            "another log."
+        )
+    return one, other
 
 
 def find_pairs(

@@ -23,10 +23,11 @@ MOTIONS = {"six-dof-arm": ("a", "b"), "two-link": ("a", "b"), "3-rps": ("601", "
 
 
 @cache
-def campaign(name: str) -> Campaign:
+def campaign(name: str, scale: float = 1.0) -> Campaign:
     robot = Robot.load(name)
     moves = [PrescribedMotion.of(shipped_trajectory(robot, m), 400) for m in MOTIONS[name]]
-    return Campaign.of(robot, moves)
+    wider = [replace(m, q=scale * m.q, dq=scale * m.dq, ddq=scale * m.ddq) for m in moves]
+    return Campaign.of(robot, wider)
 
 
 @cache
@@ -34,9 +35,9 @@ def units(name: str) -> np.ndarray:
     return unit_loads(campaign(name), BODY[name])
 
 
-def logs(name, load=None, seed=0, size=0.01, extra=None):
+def logs(name, load=None, seed=0, size=0.01, extra=None, scale=1.0):
     """Both motions, with a load, noise of a share of each joint's torque, and a further torque."""
-    own = campaign(name)
+    own = campaign(name, scale)
     torque = np.zeros_like(own.torque) if load is None else units(name) @ load.parameters
     if extra is not None:
         torque = torque + extra

@@ -71,7 +71,7 @@ def test_a_pair_cancels_what_the_model_gets_wrong(fit, make_logs, planted, moves
     move = moves(ARM).move
     wrong = 3.0 * np.sin(5 * move.q) * np.sign(move.q[:, ::-1])
     loaded = make_logs(ARM, planted, seed=4, extra=wrong)[1]
-    bare = make_logs(ARM, seed=5, extra=wrong)[1]
+    bare = make_logs(ARM, seed=5, extra=wrong, scale=1.02)[1]  # not followed quite alike
     alone, paired = payload(ARM, fit(ARM), loaded), payload(ARM, fit(ARM), loaded, bare)
     off = [abs(values(found) - planted.quantities) for found in (alone, paired)]
     assert (off[1] <= 1.5 * halves(paired)).all()
@@ -84,7 +84,7 @@ def test_one_log_without_for_two_with_counts_its_noise_for_both(fit, make_logs, 
     first, second = make_logs(ARM, planted, seed=7)[1], make_logs(ARM, planted, seed=8)[1]
     one = payload(ARM, fit(ARM), first, bare).mass.half
     both = payload(ARM, fit(ARM), [first, second], bare).mass.half
-    assert 0.7 * one < both < 1.1 * one  # sqrt(3/4), not sqrt(1/2)
+    assert 0.79 * one < both < 1.0 * one  # sqrt(3/4), not sqrt(1/2)
 
 
 def test_what_a_motion_does_not_tell_is_said(fit, make_logs, planted):
@@ -163,6 +163,8 @@ def test_bodies_and_results_that_do_not_fit_are_refused(fit, make_logs):
     log = make_logs(ARM)[1]
     with pytest.raises(IdentifiabilityError, match="'link_7' is no moving body"):
         payload(ARM, fit(ARM), log, body="link_7")
+    with pytest.raises(IdentifiabilityError, match="stands on both sides"):
+        payload(ARM, fit(ARM), log, log)
     with pytest.raises(IdentifiabilityError, match="about six-dof-arm, and the robot given"):
         payload("two-link", fit(ARM), make_logs("two-link")[1])
 

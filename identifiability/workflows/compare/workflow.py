@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,14 +11,13 @@ import numpy as np
 from identifiability.estimation.estimate import Kind, Method, find_estimator
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
-from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.logs.repeats import Recording
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
     LadderLike,
@@ -34,8 +32,8 @@ from identifiability.workflows.compare.changes import find_causes, find_changes
 from identifiability.workflows.compare.difference import Difference
 from identifiability.workflows.compare.result import Comparison
 from identifiability.workflows.instruments import add_instruments
-from identifiability.workflows.opening import Logs, Recordings, open_logs, read_recordings
-from identifiability.workflows.pairs import find_pairs
+from identifiability.workflows.opening import Logs, Recordings, open_logs
+from identifiability.workflows.pairs import find_pairs, read_sides
 from identifiability.workflows.predict import Fit, Predicts, read_fit
 
 
@@ -140,10 +138,8 @@ def _compare_logs(
     kind: Kind,
     engine: Engine,
 ) -> Comparison:
-    known = Conventions.of(robot)
-    sides = [read_recordings(side, known=known) for side in (before, after)]
+    sides = read_sides(before, after, Conventions.of(robot))
     first, second = (side.fitted for side in sides)
-    _refuse_twice(first, second)
     source = find_ladder(robot, ladder, beside=True)
     structure = Structure.of(robot, ladder_model(source.entry))
     rung = build_ladder(source.entry, structure)[0]
@@ -165,16 +161,6 @@ def _compare_logs(
     information = rung.reduce(gather_information(opening.regression, engine=engine))
     difference = Difference.of_logs(information, information.log >= len(first), chosen_estimator)
     return _conclude(structure, rung, difference, names, (), opening.hints)
-
-
-def _refuse_twice(first: Sequence[Recording], second: Sequence[Recording]) -> None:
-    seen = {r.sha256: r.name for r in first if r.sha256}
-    twice = [r.name for r in second if r.sha256 in seen]
-    if twice:
-        raise LogError(
-            f"{listing(twice, 4)} stands on both sides, and differs in nothing from itself; give "
-            "another log."
-        )
 
 
 def _conclude(

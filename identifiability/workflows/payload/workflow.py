@@ -26,8 +26,8 @@ from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.kinematics import WORLD
-from identifiability.workflows.opening import Logs, read_recordings, require_signal
-from identifiability.workflows.pairs import find_pairs
+from identifiability.workflows.opening import Logs, require_signal
+from identifiability.workflows.pairs import find_pairs, read_sides
 from identifiability.workflows.payload.body import nearest_body, state_quantities
 from identifiability.workflows.payload.estimate import estimate_load
 from identifiability.workflows.payload.result import Load
@@ -79,9 +79,10 @@ def payload(
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         fit = _fit_of(result, robot)
         place, columns = choose_body(fit.structure, body)
-        known = read_recordings(logs, without, Conventions.of(robot))
-        how = settle_cutoff(robot, known.fitted, fit.preparation)
-        pairs = find_pairs(robot, known.fitted, known.held, how)
+        sides = read_sides(logs, without, Conventions.of(robot), alone=True)
+        given, other = (side.fitted for side in sides)
+        how = settle_cutoff(robot, given, fit.preparation)
+        pairs = find_pairs(robot, given, other, how)
         runner = engine or Serial()
 
         def gather(recordings: tuple[Recording, ...], paired: set[int]) -> list[Information]:
@@ -93,9 +94,9 @@ def payload(
                 gather_information(fit.structure.regression([s]), engine=runner) for s in samples
             ]
 
-        hints: list[str] = list(known.hints)
-        loaded = gather(known.fitted, {p.at[0] for p in pairs})
-        bare = gather(known.held, {p.at[1] for p in pairs})
+        hints = [text for side in sides for text in side.hints]
+        loaded = gather(given, {p.at[0] for p in pairs})
+        bare = gather(other, {p.at[1] for p in pairs})
         found = estimate_load(fit, columns, loaded, bare, pairs)
         nearest = nearest_body(found)
         length = float(np.median(natural_scale(_bodies(fit.structure))[1]))
@@ -103,9 +104,9 @@ def payload(
         robot=robot,
         body=place,
         model=fit.rung.name,
-        logs=tuple(r.name for r in known.fitted),
-        without=tuple(r.name for r in known.held),
-        pairs=tuple((known.fitted[p.at[0]].name, known.held[p.at[1]].name) for p in pairs),
+        logs=tuple(r.name for r in given),
+        without=tuple(r.name for r in other),
+        pairs=tuple((given[p.at[0]].name, other[p.at[1]].name) for p in pairs),
         estimate=found,
         parameters=nearest,
         quantities=state_quantities(found, nearest, length),
