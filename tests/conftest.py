@@ -24,6 +24,8 @@ from identifiability.simulation import (
 from identifiability.workflows.analyze.belief import Effort
 
 ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
+#: Further mechanisms, which `make check-all` puts to the same laws.
+MECHANISMS = ("delta", "3-rrr", "palletizer", "six-actuators")
 PAPER_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
 
 
@@ -66,7 +68,9 @@ def load(name: str) -> Robot:
     return Robot.load(name)
 
 
-@pytest.fixture(params=ROBOTS)
+@pytest.fixture(
+    params=[*ROBOTS, *(pytest.param(name, marks=pytest.mark.everything) for name in MECHANISMS)]
+)
 def robot(request) -> Robot:
     return load(request.param)
 

@@ -94,6 +94,8 @@ def _energy(robot, motion):
     out = []
     for k in range(len(motion)):
         for dof, name in enumerate(robot.dofs):
+            if any(name == cable.name for cable in robot.cables):
+                continue  # it weighs nothing
             joint = model.joint(name)
             data.qpos[joint.qposadr[0]] = robot.dof_position(motion.q[[k]], name)[0]
             data.qvel[joint.dofadr[0]] = motion.v[k, dof]
