@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Option
 
 from identifiability.cli import common, options
+
+if TYPE_CHECKING:
+    from identifiability.workflows.excite import Excitation
 
 
 @options.command
@@ -27,6 +30,8 @@ def excite(
     parameter: list[str] | None = None,
     separate: list[str] | None = None,
     model: options.Model = None,
+    rate: Annotated[float, Option(min=1, max=100_000)] = 500.0,
+    periods: Annotated[int, Option(min=1, max=10_000)] = 1,
     evaluations: Annotated[int, Option(min=1)] = 15_000,
     time_limit: float | None = None,
     report: Path | None = None,
@@ -47,8 +52,9 @@ def excite(
     Parameters
     ----------
     out
-        File to write: .json (coefficients; 'simulate ROBOT FILE.json' follows it) or .csv
-        (one period of t, JOINT.q, JOINT.dq, JOINT.ddq).
+        File to write: .json (coefficients; 'simulate ROBOT FILE.json' follows one period), or what
+        a controller plays from rest to rest: .csv (t, JOINT.q, JOINT.dq, JOINT.ddq) or .mcap (a bag
+        with a JointTrajectory; extra ros).
     harmonics
         Harmonics of the Fourier series.
     duration
@@ -56,8 +62,8 @@ def excite(
     samples
         Samples a period, all checked.
     limits
-        TOML with JOINT = {q = [low, high], v = speed, a = acceleration} and
-        [workspace.BODY] x, y, z = [low, high]; replaces the robot's own.
+        TOML with JOINT = {q = [low, high], v = speed, a = acceleration, tau = torque,
+        power = power} and [workspace.BODY] x, y, z = [low, high]; replaces the robot's own.
     criterion
         Condition number, information about parameters, or separation of two effects;
         default: what the other options suggest.
@@ -67,6 +73,10 @@ def excite(
         Base parameter that the information is about. Repeatable.
     separate
         Effect to tell from another, as NAME or NAME@JOINT; give it twice.
+    rate
+        Samples a second of .csv and .mcap [Hz].
+    periods
+        Whole periods in them, between the lead-in from rest and the way back.
     evaluations
         Motions that the search looks at, at most.
     time_limit
@@ -80,7 +90,7 @@ def excite(
 
         read = [*machine.files, limits, *(start_from or ())]
         options.Outputs(report).check(out, inputs=read)
-        check_ending(out, ".json", ".csv")
+        check_ending(out, ".json", ".csv", ".mcap")
         result = run(
             machine.load(recorded),
             harmonics=harmonics,
@@ -100,7 +110,7 @@ def excite(
             engine=runner if any(astuple(place)) else None,
         )
         json = out.suffix.lower() == ".json"
-        first = result.to_json(out) if json else result.write_motion(out)
+        first = result.to_json(out) if json else result.write_motion(out, rate, periods)
         written = [first, *options.Outputs(report).write(result, say)]
     headings = ("joint", "from", "to", "speed", "of", "acceleration", "of")
     shown = ("least", "largest", "speed", "speed_limit", "acceleration", "acceleration_limit")
@@ -109,4 +119,11 @@ def excite(
         for row in result.to_frame().to_dict("records")
     ]
     common.print_table(f"{result.robot.title}: the motion", headings, rows, left=("joint",))
-    common.print_end([result.statement, *result.hints], written)
+    rest = "" if json else f"{out.name} begins and ends at rest: {state_rest(result, rate)}."
+    common.print_end([result.statement, *filter(None, [rest]), *result.hints], written)
+
+
+def state_rest(result: Excitation, rate: float) -> str:
+    """Return the pose in which a motion begins and ends, as ``joint1 = 0.3, …``."""
+    pose = result.play(rate).q[0]
+    return ", ".join(f"{n} = {x:.4g}" for n, x in zip(result.limits.joints, pose, strict=True))

@@ -213,6 +213,8 @@ class LimitEntry(_Strict):
     q: Span | None = None
     v: float | None = Field(default=None, gt=0)
     a: float | None = Field(default=None, gt=0)
+    tau: float | None = Field(default=None, gt=0)
+    power: float | None = Field(default=None, gt=0)
 
 
 class TimeEntry(_Strict):

@@ -37,10 +37,43 @@ def test_simulate_accepts_the_file(paper, tmp_path):
     np.testing.assert_allclose(log.q, paper.trajectory.motion(log.t)[0], atol=1e-9)
 
 
-def test_one_period_as_a_table_is_a_motion_too(paper, tmp_path):
-    file = paper.write_motion(tmp_path / "motion.csv")
+def test_what_a_controller_plays_begins_and_ends_at_rest_and_keeps_every_limit(paper, tmp_path):
+    file = paper.write_motion(tmp_path / "motion.csv", rate=200, periods=2)
     move = find_motion(paper.robot, str(file), None, np.random.default_rng(0))
-    np.testing.assert_allclose(move.ddq, paper.motion[3], atol=1e-12)
+    for x in (move.dq, move.ddq):
+        np.testing.assert_allclose(x[[0, -1]], 0, atol=1e-12)
+    np.testing.assert_allclose(move.q[0], move.q[-1], atol=1e-12)
+    limits, step = paper.limits, 1 / 200
+    assert np.all(move.q >= limits.low)
+    assert np.all(move.q <= limits.high)
+    assert np.all(np.abs(move.dq).max(0) <= 1.01 * limits.speed)
+    assert np.all(np.abs(move.ddq).max(0) <= 1.01 * limits.acceleration)
+    # Velocity and acceleration are those of the positions, the window's own share included.
+    np.testing.assert_allclose(np.gradient(move.q, step, axis=0)[2:-2], move.dq[2:-2], atol=2e-3)
+    np.testing.assert_allclose(np.gradient(move.dq, step, axis=0)[2:-2], move.ddq[2:-2], atol=0.03)
+    period = paper.trajectory.period
+    rise = (move.t[-1] - 2 * period) / 2
+    inside = (move.t >= rise) & (move.t <= rise + 2 * period)
+    whole = paper.trajectory.motion(move.t[inside] - rise)[0]
+    np.testing.assert_allclose(move.q[inside], whole, atol=1e-12)
+    assert (move.dq[inside].min(0) < 0).all()
+    assert (move.dq[inside].max(0) > 0).all()
+
+
+def test_a_bag_holds_the_trajectory_that_the_table_holds(paper, tmp_path):
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    table = pd.read_csv(paper.write_motion(tmp_path / "motion.csv", rate=50))
+    with highlevel.AnyReader([paper.write_motion(tmp_path / "motion.mcap", rate=50)]) as bag:
+        ((connection, _, content),) = bag.messages()
+        message = bag.deserialize(content, connection.msgtype)
+    assert message.joint_names == list(paper.limits.joints)
+    found = np.array([p.positions for p in message.points])
+    np.testing.assert_allclose(found, table[[f"{j}.q" for j in message.joint_names]], atol=1e-12)
+    times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
+    np.testing.assert_allclose(times, table["t"], atol=1e-8)
+
+
+def test_one_period_as_a_table(paper):
     assert list(paper.to_log_frame().columns)[:4] == ["t", "slider1.q", "slider1.dq", "slider1.ddq"]
 
 
@@ -110,7 +143,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["two-link", "--out", "m.txt"], "does not end in .json or .csv"),
+        (["two-link", "--out", "m.txt"], "does not end in .json, .csv or .mcap"),
         (["two-link", "--out", "no/m.json"], "does not exist"),
         (["two-link", "--out", "m.json", "--limits", "none.toml"], "no limits file 'none.toml'"),
         (["two-lnk", "--out", "m.json"], "two-lnk"),

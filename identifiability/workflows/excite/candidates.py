@@ -12,6 +12,8 @@ finite differences are one batch: candidate and all its neighbours.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from identifiability.foundation.errors import ClosureError
@@ -22,6 +24,7 @@ from identifiability.robot.dependence import invert, passes_singular
 from identifiability.robot.loop_equations import loop_jacobian
 from identifiability.robot.newton import LEAP
 from identifiability.simulation.motion import Trajectory
+from identifiability.workflows.excite.drive import Drive
 from identifiability.workflows.excite.limits import Box, Limits
 from identifiability.workflows.excite.question import Known, Question
 
@@ -127,17 +130,20 @@ class Workspace:
         Samples before which the dependent joints jump or pass a singular configuration.
     outside : (m,)
         Largest distance outside a box [m]; negative: the smallest distance inside.
+    load : (m,)
+        Largest share of a drive's torque or power that is asked for; zero where none is stated.
     """
 
     open: np.ndarray
     condition: Array
     leaps: np.ndarray
     outside: Array
+    load: Array
 
     def kept(self, bound: float) -> np.ndarray:
         """Return whether candidates stay within the workspace, (m,) bool."""
         closed = (self.open == 0) & (self.leaps == 0) & (self.condition <= bound)
-        kept: np.ndarray = closed & (self.outside <= 0)
+        kept: np.ndarray = closed & (self.outside <= 0) & (self.load <= 1)
         return kept
 
     def cost(self, bound: float) -> Array:
@@ -145,12 +151,19 @@ class Workspace:
         with np.errstate(divide="ignore"):
             near = np.maximum(np.log(np.minimum(self.condition, 1e12) / (INNER * bound)), 0.0)
         room = np.maximum(self.outside + 1e-3, 0.0)  # a millimetre inside
-        cost: Array = 20 * near**2 + 200 * room + 5.0 * (self.leaps > 0)
+        heavy = np.maximum(np.log(np.maximum(self.load, INNER) / INNER), 0.0)
+        cost: Array = 20 * near**2 + 200 * room + 5.0 * (self.leaps > 0) + 20 * heavy
         return cost
 
 
 def survey(
-    robot: Robot, limits: Limits, motion: Motion, samples: int, count: int, step: float
+    robot: Robot,
+    limits: Limits,
+    motion: Motion,
+    samples: int,
+    count: int,
+    step: float,
+    drive: Drive | None = None,
 ) -> Workspace:
     """Return what candidates do, from the motion of all of them one after the other.
 
@@ -164,6 +177,7 @@ def survey(
         Samples a candidate, and candidates.
     step : float [s]
         From sample to sample.
+    drive : Drive, optional
     """
     which = motion.kept // samples
     missing = samples - np.bincount(which, minlength=count)
@@ -177,7 +191,10 @@ def survey(
     outside = np.full(count, -np.inf)
     for box in limits.boxes:
         np.maximum.at(outside, which, _outside(robot, motion, box))
-    return Workspace(missing, condition, leaps, outside)
+    load = np.zeros(count)
+    if drive is not None:
+        np.maximum.at(load, which, drive.load(motion))
+    return Workspace(missing, condition, leaps, outside, load)
 
 
 def _closure(robot: Robot, motion: Motion, enough: float) -> tuple[Array, np.ndarray]:
@@ -236,6 +253,11 @@ class Objective:
         """Limits of the series."""
         return self.series.limits
 
+    @cached_property
+    def drive(self) -> Drive | None:
+        """What the drives can do, if it was stated."""
+        return Drive.of(self.question.structure.robot, self.limits)
+
     def __call__(self, x: Array) -> Array:
         """Return the costs of candidates (m, size), (m,)."""
         size = max(1, BATCH // self.samples)
@@ -260,9 +282,9 @@ class Objective:
             missing = np.full(m, samples)
             nowhere = np.full(m, np.inf)
             G = np.repeat(known.G[None], m, 0)
-            return G, Workspace(missing, nowhere, missing, nowhere)
+            return G, Workspace(missing, nowhere, missing, nowhere, nowhere)
         step = self.series.period / samples
-        space = survey(robot, self.limits, motion, samples, m, step)
+        space = survey(robot, self.limits, motion, samples, m, step, self.drive)
         W = self.question.model.regressor(robot, motion)[:, :, self.question.columns]
         W = W * np.sqrt(known.weights * known.samples / samples)[:, None]
         full = W if len(motion) == m * samples else _padded(W, motion.kept, m * samples)

@@ -3,6 +3,7 @@
 A limits file is TOML; every key is optional and replaces what the robot says::
 
     slider1 = {q = [0.62, 0.78], v = 0.16, a = 0.5}    # actuated joint [rad or m, per s, per s²]
+    slider2 = {tau = 400, power = 150}                 # of its drive [N·m or N; W]
 
     [workspace.platform]                               # body: where one of its points may be [m]
     point = [0.2, 0.1, 0.0]                            # in the body's frame (default: its origin)
@@ -83,6 +84,8 @@ class Limits:
     joints : tuple of str
     low, high : (n,) [rad or m]
     speed, acceleration : (n,) [rad/s or m/s; rad/s² or m/s²]
+    torque, power : (n,) [N·m or N; W]
+        Of the drives; infinite where nobody stated them.
     boxes : tuple of Box
     closure_bound : float
         Largest condition number of the closure of a closed chain.
@@ -95,6 +98,8 @@ class Limits:
     high: Array
     speed: Array
     acceleration: Array
+    torque: Array
+    power: Array
     boxes: tuple[Box, ...] = ()
     closure_bound: float = CLOSURE_BOUND
     assumed: tuple[str, ...] = ()
@@ -161,9 +166,17 @@ def find_limits(
         high=high,
         speed=filled["v"],
         acceleration=filled["a"],
+        torque=_of_drives(robot, entry, "tau"),
+        power=_of_drives(robot, entry, "power"),
         boxes=tuple(_box(robot, body, box) for body, box in entry.workspace.items()),
         assumed=tuple(assumed),
     )
+
+
+def _of_drives(robot: Robot, entry: LimitsFile, kind: str) -> Array:
+    """Return a limit of the drives, (n,); infinite where it is not stated."""
+    found = [getattr(entry.limits.get(name), kind, None) for name in robot.joints]
+    return np.array([np.inf if x is None else x for x in found])
 
 
 def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile]:

@@ -16,10 +16,12 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
+from identifiability.logs.trajectory_bag import write_trajectory_bag
 from identifiability.robot import Robot
-from identifiability.simulation.motion import Trajectory
+from identifiability.simulation.motion import PrescribedMotion, Trajectory
 from identifiability.workflows.excite.criteria import VISIBLE, Criterion
 from identifiability.workflows.excite.limits import Limits
+from identifiability.workflows.excite.playing import play
 from identifiability.workflows.excite.search import End, Step
 
 #: Similarity above which a diagnosis gives both names.
@@ -152,13 +154,25 @@ class Excitation(Result):
         return pd.DataFrame({"name": self.names, "unit": self.units, "sigma_ratio": self.gain})
 
     def to_log_frame(self) -> pd.DataFrame:
-        """Return one period of the motion as a table that `simulate` and controllers read."""
-        t, *parts = self.motion
-        columns = {"t": t}
-        for k, joint in enumerate(self.limits.joints):
-            for kind, x in zip(("q", "dq", "ddq"), parts, strict=True):
-                columns[f"{joint}.{kind}"] = x[:, k]
-        return pd.DataFrame(columns)
+        """Return one period of the motion, which begins at speed, as a table."""
+        return _motion_frame(self.limits.joints, PrescribedMotion(*self.motion))
+
+    def play(self, rate: float = 500.0, periods: int = 1) -> PrescribedMotion:
+        """Return what a controller plays: from rest, through whole periods, back to rest.
+
+        Parameters
+        ----------
+        rate : float [Hz]
+            Samples a second.
+        periods : int
+            Whole periods between lead-in and lead-out.
+
+        Raises
+        ------
+        LogError
+            If no lead-in keeps the limits.
+        """
+        return play(self.robot, self.trajectory, self.limits, rate, periods)
 
     def to_dict(self) -> dict[str, Any]:
         """Return a trajectory file with what is known of the trajectory beside it."""
@@ -196,9 +210,25 @@ class Excitation(Result):
         """Write a trajectory file: ``identifiability simulate ROBOT FILE.json`` follows it."""
         return super().to_json(path)
 
-    def write_motion(self, path: str | Path) -> Path:
-        """Write one period of the motion as CSV."""
-        return write_text(path, csv_text(self.to_log_frame()))
+    def write_motion(self, path: str | Path, rate: float = 500.0, periods: int = 1) -> Path:
+        """Write the motion as a controller plays it, from rest to rest (`play`).
+
+        Parameters
+        ----------
+        path : path
+            CSV with t, JOINT.q, JOINT.dq and JOINT.ddq; or an MCAP bag with one message of
+            ``trajectory_msgs/JointTrajectory`` (extra ``ros``).
+        rate : float [Hz]
+        periods : int
+
+        Raises
+        ------
+        LogError, OutputError
+        """
+        motion = self.play(rate, periods)
+        if Path(path).suffix.lower() == ".mcap":
+            return write_trajectory_bag(path, self.limits.joints, motion)
+        return write_text(path, csv_text(_motion_frame(self.limits.joints, motion)))
 
     @property
     def statement(self) -> str:
@@ -270,6 +300,14 @@ class Excitation(Result):
         if self.after.figure > CONFUSABLE:
             text += " Within these limits a diagnosis would still give both names."
         return text
+
+
+def _motion_frame(joints: tuple[str, ...], motion: PrescribedMotion) -> pd.DataFrame:
+    columns = {"t": motion.t}
+    for k, joint in enumerate(joints):
+        for kind, x in (("q", motion.q), ("dq", motion.dq), ("ddq", motion.ddq)):
+            columns[f"{joint}.{kind}"] = x[:, k]
+    return pd.DataFrame(columns)
 
 
 def _ceil(x: float) -> str:

@@ -1,0 +1,57 @@
+"""What a motion asks of the drives: torque and power by the nominal model of the robot file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identifiability.effects import default_effects
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.regression.model import Model
+from identifiability.robot import Motion, Robot
+from identifiability.workflows.excite.limits import Limits
+
+#: Effects of the nominal model beside those that the robot file states.
+EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+
+@frozen
+class Drive:
+    """The nominal model, and what its drives can do.
+
+    Attributes
+    ----------
+    robot : Robot
+    model : Model
+    values : (p,)
+        Nominal parameters; what the robot file does not state is zero.
+    torque, power : (n,) [N·m or N; W]
+        Largest of each drive; infinite where nobody stated it.
+    """
+
+    robot: Robot
+    model: Model
+    values: Array
+    torque: Array
+    power: Array
+
+    @staticmethod
+    def of(robot: Robot, limits: Limits) -> Drive | None:
+        """Return the drives of a robot; None where nobody stated what they can do."""
+        if not (np.isfinite(limits.torque).any() or np.isfinite(limits.power).any()):
+            return None
+        model = Model.of(*default_effects(robot, EFFECTS))
+        values = [robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)]
+        return Drive(robot, model, np.array(values), limits.torque, limits.power)
+
+    def torques(self, motion: Motion) -> Array:
+        """Return the torque that a motion takes, (N, n) [N·m or N]."""
+        out: Array = self.model.regressor(self.robot, motion) @ self.values
+        return out
+
+    def load(self, motion: Motion) -> Array:
+        """Return the largest share of a limit that each sample asks for, (N,)."""
+        torque = np.abs(self.torques(motion))
+        power = np.abs(torque * motion.actuated_v)
+        share: Array = np.maximum(torque / self.torque, power / self.power).max(1)
+        return share

@@ -1,0 +1,44 @@
+"""Limits of the drives: torque and power of the nominal model stay below them."""
+
+import numpy as np
+import pytest
+
+from identifiability import excite
+from identifiability.robot import Robot, complete_motion
+from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.workflows.excite.drive import Drive
+from identifiability.workflows.excite.limits import find_limits
+
+QUICK = {"evaluations": 400, "iterations": 10, "samples": 200, "duration": 4.0}
+
+
+@pytest.fixture(scope="module")
+def arm() -> Robot:
+    return Robot.load("two-link")
+
+
+def torque_of(robot, motion):
+    return simulate(robot, motion).tau
+
+
+def test_the_nominal_torque_is_that_of_the_simulated_robot(arm):
+    free = excite(arm, seed=0, **QUICK)
+    motion = PrescribedMotion(*free.motion)
+    limits = find_limits(arm, {arm.joints[0]: {"tau": 1e3}})
+    drive = Drive.of(arm, limits)
+    moved = complete_motion(arm, motion.t, motion.q, motion.dq, motion.ddq)
+    np.testing.assert_allclose(drive.torques(moved), torque_of(arm, motion), atol=1e-6)
+    assert Drive.of(arm, find_limits(arm)) is None
+
+
+@pytest.mark.parametrize("kind", ["tau", "power"])
+def test_a_motion_stays_below_what_the_drives_can_do(arm, kind):
+    free = excite(arm, seed=0, **QUICK)
+    tau = torque_of(arm, PrescribedMotion(*free.motion))
+    asked = np.abs(tau if kind == "tau" else tau * free.motion[2]).max(0)
+    most = {j: {kind: float(0.7 * a)} for j, a in zip(arm.joints, asked, strict=True)}
+    tame = excite(arm, seed=0, limits=most, **QUICK)
+    for motion in (PrescribedMotion(*tame.motion), tame.play(200.0)):
+        used = torque_of(arm, motion)
+        used = np.abs(used if kind == "tau" else used * motion.dq).max(0)
+        assert (used <= 1.02 * 0.7 * asked).all()
