@@ -16,9 +16,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.logs.trajectory_bag import write_trajectory_bag
 from identifiability.robot import Robot
 from identifiability.simulation.motion import PrescribedMotion, Trajectory
+from identifiability.simulation.trajectory_bag import write_trajectory_bag
 from identifiability.workflows.excite.criteria import VISIBLE, Criterion
 from identifiability.workflows.excite.limits import Limits
 from identifiability.workflows.excite.playing import play
