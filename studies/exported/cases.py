@@ -14,7 +14,7 @@ from real_data.study import data_folder
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot
-from identifiability.robot.files import shipped_robots
+from identifiability.robot.locate import shipped_robots
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
 
 #: Effects of the model, beside what the robot file states; the joints of real robots have offsets.

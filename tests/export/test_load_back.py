@@ -7,7 +7,7 @@ from identifiability import analyze, simulate
 from identifiability.effects.registry import default_effects
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.robot import Robot
-from identifiability.robot.files import shipped_robots
+from identifiability.robot.locate import shipped_robots
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import export
 
