@@ -22,7 +22,7 @@ def _stated(robot: Robot) -> Iterator[Parameter]:
     """Yield the parameters that the file of a robot can state."""
     places = {
         **dict.fromkeys(robot.bodies, INERTIAL_KINDS),
-        **dict.fromkeys((*robot.tree.single, *robot.tendons), joint_numbers(robot)),
+        **dict.fromkeys((*robot.tree.single, *robot.tendon_axes), joint_numbers(robot)),
     }
     for family in FAMILIES.values():
         for parameter in family.effect.parameters(robot):
@@ -44,7 +44,7 @@ def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
     if "stiffness" in joint_numbers(robot):
         held |= values.keys() - settle_springs(robot, values)[1].keys()
     out = {name: value if name in held else 0.0 for name, value in values.items()}
-    for joint in (*robot.tree.single, *robot.tendons):
+    for joint in (*robot.tree.single, *robot.tendon_axes):
         ways = [f"{joint}.{kind}" for kind in ("Fc+", "Fc-") if f"{joint}.{kind}" in values]
         out |= dict.fromkeys(ways, 0.5 * sum(values[name] for name in ways))
     return out
@@ -109,7 +109,7 @@ def complete_values(
 
 def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """Return what a file states of each joint, and tendon that is an axis: attributes by name."""
-    every = (*robot.tree.single, *robot.tendons)
+    every = (*robot.tree.single, *robot.tendon_axes)
     out = {joint: dict.fromkeys(joint_numbers(robot), 0.0) for joint in every}
     for p in {p.name: p for p in _stated(robot) if p.owner in out}.values():
         out[p.owner][p.stated_as] += values.get(p.name, 0.0)

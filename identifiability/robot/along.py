@@ -34,3 +34,14 @@ def known_torque(robot: Description, motion: Motion) -> Array:
             at = int(np.flatnonzero(robot.dependent == axis.dof)[0])
             tau -= force[:, None] * motion.X[:, at]
     return tau
+
+
+def rest_along(robot: Description, axis: Axis) -> float:
+    """Return where a spring along an axis is relaxed [rad or m]."""
+    if axis.name in robot.rest and (axis.row is None or axis.weights is not None):
+        return robot.rest[axis.name]
+    home = robot.actuated_positions(robot.home[None])[0]
+    if axis.row is None:
+        return float(robot.travel(axis, robot.home[None])[0])
+    rest = [robot.rest.get(j, zero) for j, zero in zip(robot.joints, home, strict=True)]
+    return float(np.asarray(rest) @ axis.row)

@@ -14,7 +14,7 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.renames import Renames
 from identifiability.robot.actuation import choose_joints
-from identifiability.robot.axes import combine_joints
+from identifiability.robot.axes import combine_joints, motor_tendons
 from identifiability.robot.bounds import read_bounds
 from identifiability.robot.description import Description
 from identifiability.robot.joints import body_names
@@ -49,6 +49,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     model, bodies = stated.model, body_names(stated.model)
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
     taken = (*bodies, *(d for j in stated.tree.joints for d in j.dofs), *stated.locked, *motors)
+    stated, driven = motor_tendons(stated, motors)
     axes = combine_joints(path, extra.axes, stated, taken)
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
     owners = Owners(bodies, (*dofs, *motors, *axes), (*stated.locked, *stated.welded))
@@ -103,7 +104,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
     robot = replace(
         robot,
-        nominal=_nominal(robot, extra, stated, axes),
+        nominal=_nominal(robot, extra, stated, {**axes, **driven}),
         limits=_position_limits(robot, limits),
         speed_limits=np.array([np.inf if limit.v is None else limit.v for limit in limits]),
         acceleration_limits=np.array([np.inf if limit.a is None else limit.a for limit in limits]),

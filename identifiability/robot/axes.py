@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from identifiability.foundation.errors import RobotError, listing, near_match
@@ -43,7 +44,7 @@ def combine_joints(
                 )
         moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
         if moving:
-            found[entry.name] = Combination(moving, rest=entry.rest)
+            found[entry.name] = _restated(found.get(entry.name), moving, entry.rest)
     for name in (*found, *(entry.name for entry in entries)):
         if name in taken:
             raise RobotError(
@@ -54,3 +55,22 @@ def combine_joints(
     if len(set(names)) < len(names):
         raise RobotError(f"The sidecar of {path}: the axes are {listing(names)}; name each once.")
     return found
+
+
+def _restated(
+    stated: Combination | None, weights: Mapping[str, float], rest: float | None
+) -> Combination:
+    """Return an axis of the sidecar, with what the file says of a tendon of its name and course."""
+    if stated is None or dict(stated.weights) != dict(weights):
+        return Combination(weights, rest=rest)
+    return Combination(weights, stated.numbers, stated.rest if rest is None else rest)
+
+
+def motor_tendons(stated: Stated, motors: Collection[str]) -> tuple[Stated, dict[str, Combination]]:
+    """Return what a file states without the tendons that have the names of motors, and these.
+
+    An export writes what a motor that mixes joints has of its own as a tendon.
+    """
+    own = {name: c for name, c in stated.combinations.items() if name in motors}
+    left = {name: c for name, c in stated.combinations.items() if name not in motors}
+    return replace(stated, combinations=left), own

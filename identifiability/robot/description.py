@@ -257,6 +257,12 @@ class Description:
         )
         return (*own, *(self._stated_axis(name) for name in self.combinations))
 
+    @cached_property
+    def tendon_axes(self) -> tuple[str, ...]:
+        """Axes along several joints of which its file can state numbers: tendons of an MJCF."""
+        own = (axis.name for axis in self.axes if axis.mixed and self.mjcf)
+        return tuple(dict.fromkeys((*self.tendons, *own)))
+
     def _stated_axis(self, name: str) -> Axis:
         weights, joints = self.combinations[name], self.joints
         inside = all(joint in joints for joint in weights)

@@ -31,6 +31,7 @@ from identifiability.robot.mjcf_text import (
     write_inertial,
 )
 from identifiability.robot.sidecar import read_sidecar
+from identifiability.robot.write_axes import write_axes
 
 
 def joint_numbers(robot: Description) -> tuple[str, ...]:
@@ -90,12 +91,12 @@ def write_robot(
     degrees = robot.mjcf and not in_radians(top)
     slides = {cable.name for cable in robot.cables}
     for name, stated in joints.items():
-        if name not in robot.tendons and name not in slides:
+        if name not in robot.tendon_axes and name not in slides:
             _write_joint(elements[name], robot, name, stated, degrees=degrees)
     if robot.mjcf:
         clear_mjcf(top)
-    for element in [e for e in top.iter("fixed") if e.get("name") in robot.tendons]:
-        _write_tendon(element, robot, joints[str(element.get("name"))])
+    if robot.mjcf:
+        write_axes(top, robot, joints)
     cables = {e.get("name"): e for e in top.iter("spatial")}
     for name in slides & set(joints):
         home = float(robot.dof_position(robot.home[None], name)[0])
@@ -215,14 +216,6 @@ def _write_joint(
         turned = not robot.is_prismatic(robot.dof_index(name))
         joint.set("stiffness", stiffness)
         joint.set("springref", f"{np.degrees(rest) if turned and degrees else rest:.17g}")
-
-
-def _write_tendon(element: ET.Element, robot: Description, stated: Mapping[str, float]) -> None:
-    """Write friction, rotor and spring of a tendon along several joints."""
-    parts = [(str(e.get("joint")), float(e.get("coef", 1.0))) for e in element.findall("joint")]
-    still = sum(c * robot.locked.get(joint, 0.0) for joint, c in parts)
-    element.attrib.update({word: f"{value:.17g}" for word, value in stated.items()})
-    element.set("springlength", f"{robot.rest[str(element.get('name'))] + still:.17g}")
 
 
 _MEANING = {

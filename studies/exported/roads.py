@@ -84,8 +84,9 @@ def _dry_tendons(model: Any, data: Any) -> np.ndarray:
 
 def in_pinocchio(path: Path, robot: Robot, motion: Motion) -> np.ndarray | None:
     """Return the same by Pinocchio's own reading; None where it has no word for what is there."""
-    springs = any(v for n, v in robot.nominal.items() if n.endswith(".K"))
-    if robot.cables or robot.tendons or springs:
+    owners = {n.rpartition(".")[0]: n for n, value in robot.nominal.items() if value}
+    springs = any(value for n, value in robot.nominal.items() if n.endswith(".K"))
+    if robot.cables or springs or owners.keys() & {*robot.tendon_axes}:
         return None
     build = pin.buildModelFromMJCF if path.suffix == ".xml" else pin.buildModelFromUrdf
     model = build(str(path))

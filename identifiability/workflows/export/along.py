@@ -12,6 +12,7 @@ from identifiability.effects.position_torque import DEGREE, PositionTorque
 from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
+from identifiability.robot.along import rest_along
 
 
 @dataclass(frozen=True)
@@ -140,14 +141,3 @@ def force_along(
         last=last,
     )
     return CURVES[effect](moving)
-
-
-def rest_along(robot: Robot, axis: Axis) -> float:
-    """Return where a spring along an axis is relaxed [rad or m]."""
-    if axis.name in robot.rest and (axis.row is None or axis.weights is not None):
-        return robot.rest[axis.name]
-    home = robot.actuated_positions(robot.home[None])[0]
-    if axis.row is None:
-        return float(robot.travel(axis, robot.home[None])[0])
-    rest = [robot.rest.get(j, zero) for j, zero in zip(robot.joints, home, strict=True)]
-    return float(np.asarray(rest) @ axis.row)
