@@ -73,7 +73,7 @@ def analyze(
             logs,
             held,
             ladder,
-            replicates=200 if quick else 2000,
+            quick=quick,
             posterior=posterior,
             seed=seed,
             progress=say,

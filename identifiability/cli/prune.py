@@ -87,7 +87,7 @@ def prune(
             criterion=criterion,
             propose=propose,
             reach=reach,
-            replicates=20 if quick else 200,
+            quick=quick,
             seed=seed,
             progress=say,
             engine=runner,

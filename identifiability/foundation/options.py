@@ -229,3 +229,10 @@ def _shown(value: Any) -> str:
 
 def _with_article(noun: str) -> str:
     return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"
+
+
+def settle_draws(given: int | None, usual: int, *, quick: bool) -> int:
+    """Return how many random draws are made: as said, else as usual, a tenth of it if quick."""
+    if given is not None:
+        return given
+    return usual // 10 if quick else usual

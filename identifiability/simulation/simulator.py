@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import Expected, Names, Rng, checked
+from identifiability.foundation.options import Expected, Names, Rng, Seed, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -38,6 +38,7 @@ def simulate(
     parameters: Mapping[str, float] | None = None,
     rng: Rng | None = None,
     derivatives: bool = True,
+    seed: Seed = 0,
 ) -> Log:
     """Return the log of a simulated robot along a prescribed motion.
 
@@ -58,16 +59,19 @@ def simulate(
         `identifiability.effects.effect_laws` gives those that were registered.
     parameters : mapping, optional
         Joint parameters that differ from the nominal ones (``slider1.Fv`` …).
-    rng : numpy.random.Generator
+    rng : numpy.random.Generator, optional
+        Draws the noise; by default one of `seed`.
     derivatives : bool
         Whether the log has velocities and accelerations.
+    seed : int
+        As in every verb, of every random choice; nothing where `rng` is given.
 
     Raises
     ------
     IdentifiabilityError
         If an effect cannot be hidden in this robot, or the motion leaves the workspace.
     """
-    rng = rng or np.random.default_rng(0)
+    rng = rng or np.random.default_rng(seed)
     noise = Noise.parse(noise) if isinstance(noise, str) else noise or Noise()
     robot = robot if isinstance(robot, Robot) else Robot.load(robot)
     campaign = Campaign.of(robot, [motion], parameters)

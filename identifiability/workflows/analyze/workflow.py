@@ -10,7 +10,7 @@ from identifiability.estimation.estimate import Kind, Method, find_estimator, se
 from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine
-from identifiability.foundation.options import NotNegative, Replicates, Seed, checked
+from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, settle_draws
 from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
@@ -59,12 +59,13 @@ def analyze(
     preparation: Preparation | None = None,
     method: Method = "wls",
     estimator: Kind = "auto",
-    replicates: Replicates = 2000,
+    replicates: Replicates | None = None,
     posterior: bool = False,
     cad_weight: NotNegative | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
+    quick: bool = False,
 ) -> Analysis:
     """Say which parameters the logs determine, and which model of a ladder to use.
 
@@ -87,8 +88,8 @@ def analyze(
         takes the latter if any log has a second record of its motion
         (`logs.prepare.instruments`), and else corrects the former by what new noise of the motion
         does to it (`logs.prepare.echo`).
-    replicates : int
-        Refits of the block bootstrap; 0 for none.
+    replicates : int, optional
+        Refits of the block bootstrap, 0 for none; by default 2000, or 200 if `quick`.
     posterior : bool
         Also sample the posteriors of the selected model; costs about as much as the rest. Off
         everywhere unless asked for: it says more of what the data leave open, and never changes a
@@ -104,6 +105,8 @@ def analyze(
     engine : Engine, optional
         Where stretches of logs that are too long for memory are worked on; by default in several
         processes.
+    quick : bool
+        A tenth of the random draws, where nobody says how many.
 
     Raises
     ------
@@ -111,7 +114,7 @@ def analyze(
         With one sentence on what to do.
     """
     say = progress or (lambda _text, _share: None)
-    base = find_estimator(method)
+    base, draws = find_estimator(method), settle_draws(replicates, 2000, quick=quick)
     streams = np.random.default_rng(seed).spawn(3)
     with one_thread("blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
@@ -151,7 +154,7 @@ def analyze(
         say("judging parameters", 0.9)
         thresholds, (out,) = Thresholds(), crossed or (fitted,)
         physical, (fitted, out) = settle_robots(robots, out, (fitted, out))
-        results = assess_ladder(models, physical, fitted, out, thresholds, streams[1], replicates)
+        results = assess_ladder(models, physical, fitted, out, thresholds, streams[1], draws)
         at = select_model(results)
         results, nothing = doubt(silence, results, at, out)
         bands = check_cutoff(opening, recordings, results[at], how)
@@ -163,7 +166,7 @@ def analyze(
             results, belief = believe(structure, information, results, at, streams[2], say, silence)
         settings = {
             "estimator": estimator,
-            "replicates": replicates,
+            "replicates": draws,
             "posterior": posterior,
             "cad_weight": cad_weight,
         }

@@ -18,6 +18,7 @@ from identifiability.foundation.options import (
     Replicates,
     Seed,
     checked,
+    settle_draws,
 )
 from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
@@ -86,11 +87,12 @@ def prune(
     preparation: Preparation | None = None,
     method: Method = "wls",
     estimator: Kind = "auto",
-    replicates: Replicates = 200,
+    replicates: Replicates | None = None,
     cad_weight: NotNegative | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
+    quick: bool = False,
 ) -> Ladder:
     """Reduce the full base model of a robot to the one worth using, from logs alone.
 
@@ -120,8 +122,8 @@ def prune(
     method : str or Estimator
     estimator : {"auto", "ls", "iv"}
         As for `analyze`.
-    replicates : int
-        Resampled logs on which the pruning is repeated.
+    replicates : int, optional
+        Resampled logs on which the pruning is repeated; by default 200, or 20 if `quick`.
     cad_weight : float, optional
         As for `analyze`: keeps the nearest real robot near the robot file.
     seed : int
@@ -131,6 +133,8 @@ def prune(
     engine : Engine, optional
         Where stretches of logs that are too long for memory are worked on, and the resampled logs
         are pruned; by default in several processes and here. The result does not depend on it.
+    quick : bool
+        A tenth of the random draws, where nobody says how many.
 
     Raises
     ------
@@ -138,7 +142,7 @@ def prune(
         With one sentence on what to do.
     """
     say = progress or (lambda _text, _share: None)
-    base = find_estimator(method)
+    base, draws = find_estimator(method), settle_draws(replicates, 200, quick=quick)
     streams = np.random.default_rng(seed).spawn(4)
     with one_thread("blas"), running(engine) as runner:
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
@@ -173,7 +177,7 @@ def prune(
         selected, physical = _choose(question, search, criterion, cad_weight)
         measuring = share(say, "measuring errors", 0.5, 0.7)
         measured = measure_rungs(
-            question, search, selected, physical, replicates, streams[2], runner, measuring
+            question, search, selected, physical, draws, streams[2], runner, measuring
         )
     with one_thread("blas"):
         say("resampling", 0.7)
@@ -183,7 +187,7 @@ def prune(
             chosen.step.partition,
             criterion,
             streams[3],
-            replicates=replicates,
+            replicates=draws,
             length=measured.result.uncertainty.block,
             progress=share(say, "resampling", 0.7, 1.0),
             engine=engine,
@@ -218,7 +222,7 @@ def prune(
                 "force": list(force),
                 "propose": propose,
                 "reach": reach,
-                "replicates": replicates,
+                "replicates": draws,
                 "cad_weight": cad_weight,
                 "preparation": preparation or Preparation(),
             },
