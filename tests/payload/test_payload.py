@@ -87,6 +87,22 @@ def test_one_log_without_for_two_with_counts_its_noise_for_both(fit, make_logs, 
     assert 0.79 * one < both < 1.0 * one  # sqrt(3/4), not sqrt(1/2)
 
 
+def test_another_motion_without_the_load_tells_of_the_robot(fit, make_logs, planted):
+    other, log = make_logs(ARM, seed=14)[0], make_logs(ARM, planted, seed=15)[1]
+    alone, beside = payload(ARM, fit(ARM), log), payload(ARM, fit(ARM), log, other)
+    assert not beside.pairs
+    assert beside.mass.half < alone.mass.half
+    assert (np.abs(values(beside) - planted.quantities) <= 1.5 * halves(beside)).all()
+
+
+def test_noise_of_the_motion_that_pulls_the_load_off_is_said(fit, make_logs, planted):
+    log = make_logs(ARM, planted, seed=16)[1]
+    shaken = replace(log, dq=None, ddq=None, q=log.q + 3e-3 * np.sin(1e4 * np.cumsum(log.q + 1, 0)))
+    found = payload(ARM, fit(ARM), replace(shaken, sha256="shaken"))
+    assert "noise of the measured motion" in found.statement
+    assert "noise of the measured motion" not in payload(ARM, fit(ARM), log).statement
+
+
 def test_what_a_motion_does_not_tell_is_said(fit, make_logs, planted):
     found = payload("two-link", fit("two-link"), make_logs("two-link", planted, seed=3)[1])
     told = {q.name: q.told for q in found.quantities}

@@ -23,6 +23,7 @@ from identifiability.estimation.memory import Noise
 from identifiability.estimation.motions import Motions, compare_motions
 from identifiability.estimation.scores import scatter_scores
 from identifiability.estimation.uncertainty import remembering_covariance
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.pseudo_inertia import entry_scale
@@ -114,6 +115,11 @@ def estimate_load(
     loaded, without : sequence of Information
         About the base parameters along each log with and without it that has no pair.
     pairs : sequence of Pair
+
+    Raises
+    ------
+    LogError
+        If the logs are too short.
     """
     nuisance = _Nuisance.of(fit)
     s = nuisance.directions.shape[1]
@@ -126,13 +132,15 @@ def estimate_load(
     ]
     parts += [_differences(pair, fit, nuisance.directions, load, names) for pair in pairs]
     whole = reduce(add, parts)
+    # Logs without the load tell of the robot only.
+    bare = range(len(loaded), len(loaded) + len(without))
+    with_load = whole.take(~np.isin(whole.log, bare))
     own, robot = np.eye(s + 10)[:, s:], np.zeros(s)
     for _ in range(ROUNDS):
-        part = whole.reduce(own, INERTIAL, np.append(robot, np.zeros(10)))
-        noise = _measure(part)
+        noise = _measure(with_load.reduce(own, INERTIAL, np.append(robot, np.zeros(10))))
         joint = _Joint.of(whole, noise, nuisance)
         robot = joint.robot
-    part = whole.reduce(own, INERTIAL, np.append(robot, np.zeros(10)))
+    part = with_load.reduce(own, INERTIAL, np.append(robot, np.zeros(10)))
     alone = estimate(part)
     factor, motions = _scatter(part, alone)
     serves = [pair.at[1] for pair in pairs]
@@ -227,11 +235,20 @@ def _measure(part: Information) -> Noise:
 
 
 def _scatter(part: Information, alone: Estimate) -> tuple[Array, Motions | None]:
-    """Return by how much the scatter over time exceeds the formula, (10,), and what logs say."""
-    factor = np.ones(10)
+    """Return by how much the scatter over time exceeds the formula, (10,), and what logs say.
+
+    Raises
+    ------
+    LogError
+    """
+    factor, kept = np.ones(10), list(alone.kept)
     scores = scatter_scores(part, alone, alone.memory)
+    if scores is None and kept:
+        raise LogError(
+            f"{part.samples} samples are too few to say how a load's numbers scatter; give longer "
+            "or more logs."
+        )
     if scores is not None:
-        kept = list(alone.kept)
         formula = np.sqrt(np.diag(remembering_covariance(part, alone)))
         factor[kept] = np.maximum(scores.widened[kept] / formula, 1.0)
     factor[~np.isfinite(factor)] = 1.0  # not told, and said so

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +16,10 @@ from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.threads import one_thread
+from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.echo import noise_share
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.repeats import Recording
@@ -26,6 +30,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.kinematics import WORLD
+from identifiability.workflows.instruments import LOUD
 from identifiability.workflows.opening import Logs, require_signal
 from identifiability.workflows.pairs import find_pairs, read_sides
 from identifiability.workflows.payload.body import nearest_body, state_quantities
@@ -95,6 +100,7 @@ def payload(
             ]
 
         hints = [text for side in sides for text in side.hints]
+        hints += _tell_noise(robot, given, how)
         loaded = gather(given, {p.at[0] for p in pairs})
         bare = gather(other, {p.at[1] for p in pairs})
         found = estimate_load(fit, columns, loaded, bare, pairs)
@@ -113,6 +119,28 @@ def payload(
         usual=fit.spread.low,
         hints=tuple(dict.fromkeys(hints)),
     )
+
+
+def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> list[str]:
+    """Return what noise of the motion does to the load, where it does."""
+    loud = {
+        log.name: share
+        for log in logs
+        if isinstance(log, Log) and (share := noise_share(robot, log, _cutoff(log, how))) > LOUD
+    }
+    if not loud:
+        return []
+    return [
+        f"{listing(loud, 4)}: noise of the measured motion has up to "
+        f"{100 * max(loud.values()):.2g} % of an acceleration (rms), which pulls the load's "
+        "numbers off, and intervals do not hold that; measure '<joint>.dq' and '<joint>.ddq', or "
+        "lower the cut-off of the result (analyze --cutoff)."
+    ]
+
+
+def _cutoff(log: Log, how: Preparation) -> float | None:
+    """Return the low-pass of computed derivatives; None where they were measured."""
+    return None if {"dq", "ddq"} <= set(log.channels) else how.cutoff
 
 
 def _fit_of(result: Fitted, robot: Robot) -> Fit:
