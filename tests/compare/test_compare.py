@@ -1,8 +1,11 @@
 """What changed is named, and nothing else; what did not change is not said to have."""
 
 import json
+import sys
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -141,3 +144,27 @@ def test_the_command_answers_first_and_writes_what_was_asked(tmp_path):
     out = CliRunner().invoke(app, ["compare", PLANAR, str(first), str(first)])
     assert out.exit_code == 2
     assert "monday.csv stands on both sides" in out.stderr.replace("\n", " ")
+
+
+def test_logs_that_show_only_large_changes_say_so():
+    rng = np.random.default_rng(0)
+    shape = campaign(PLANAR).torque.shape
+    shaken = 8.0 * np.cumsum(rng.standard_normal(shape), axis=0) / np.sqrt(shape[0])
+    before, after = (logs(PLANAR, s, extra=x)[0] for s, x in ((17, shaken), (18, shaken[::-1])))
+    found = compare(PLANAR, before, after)
+    assert not found.changes
+    assert min(found.found_from.values()) > 0.5
+    assert "but only large changes could be" in found.answer
+
+
+@pytest.mark.everything
+def test_the_study_holds_what_it_asks_for(tmp_path):
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies"))
+    study = import_module("compare")
+    frame = study.main(
+        ["--trials", "5", "--data", str(tmp_path), "--out", str(tmp_path / "c.json")]
+    )
+    null = frame[~frame["changed"]]
+    assert null["said"].mean() <= 0.1
+    assert frame[frame["changed"]]["found"].mean() >= 0.9
+    assert (tmp_path / "c.html").is_file()

@@ -21,6 +21,12 @@ from identifiability.workflows.compare.difference import Difference
 #: What else it may be where the motions are not the same.
 OR_ELSE = "or the model leaves out what the motions show differently"
 
+#: Where friction must change by more than this share everywhere, an unchanged robot is no news.
+BLIND = 0.5
+BUT_BLIND = (
+    ", but only large changes could be: compare logs of the same motion, or several on each side."
+)
+
 #: Changes, and joints, that a sentence names.
 NAMED = 6
 
@@ -64,7 +70,9 @@ class Comparison(OfStructure, Result):
     def answer(self) -> str:
         """What changed, in one sentence."""
         if not self.changes:
-            return "Nothing changed that can be told from chance."
+            known = [share for share in self.found_from.values() if np.isfinite(share)]
+            blind = known and min(known) > BLIND
+            return f"Nothing changed that can be told from chance{BUT_BLIND if blind else '.'}"
         found = [describe(change) for change in self.changes[:NAMED]]
         more = len(self.changes) - NAMED
         text = "; ".join([*found, *([f"{more} more"] if more > 0 else [])])
@@ -124,8 +132,9 @@ class Comparison(OfStructure, Result):
         if not known:
             return ""
         least, most = min(known, key=known.__getitem__), max(known, key=known.__getitem__)
-        text = f"Friction is mostly found when it changes by {100 * known[least]:.2g} % ({least})"
-        return f"{text} to {100 * known[most]:.2g} % ({most})." if least != most else f"{text}."
+        low, high = (f"{float(f'{100 * known[j]:.2g}'):g} % ({j})" for j in (least, most))
+        text = f"Friction is mostly found when it changes by {low}"
+        return f"{text} to {high}." if least != most else f"{text}."
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a number that changed: what, by how much, interval, p (family-wise)."""
