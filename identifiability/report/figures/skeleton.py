@@ -222,7 +222,7 @@ def _names(robot: Robot, parts: Mapping[str, Part], places: Mapping[str, Array])
         shift = 12.0 * aside + 0.5 * room * np.array([np.clip(2 * aside[0], -1, 1), aside[1]])
         at = np.clip(at + shift, 0.5 * room + 2, [WIDTH, HEIGHT] - 0.5 * room - 2)
         while any((np.abs(at - other) < 0.5 * (room + size)).all() for other, size in taken):
-            at[1] += 7.0
+            at[1] += 7.0 if aside[1] > 0 else -7.0  # away from its own body
         taken.append((at, room))
         x, y = at
         texts.append(
