@@ -88,7 +88,8 @@ def _answers(ladder: Ladder, notes: tuple[Note, ...]) -> Answers:
     question = "Which model is worth using?"
     share = ladder.stability
     if ladder.nothing:
-        use = Answer(question, "None.", f"Because {ladder.nothing}.", "vermilion")
+        short = f"None: 0 of {len(full)} parameters are worth using."
+        use = Answer(question, short, f"Because {ladder.nothing}.", "vermilion")
     else:
         short = f"{size} of {len(full)} parameters, {found} of them identifiable."
         real = (
