@@ -126,8 +126,9 @@ def force_along(
     family = FAMILIES[effect]
     if family.build is not None and shape is None:
         shape = dict(family.effect.shapes(robot))[f"{axis.name}.{effect}"]
-    if effect == PositionTorque.name:
-        first, last = PositionTorque(given=shape).grid(robot, axis)
+    own = family.at(shape, axis.name)
+    if isinstance(own, PositionTorque):
+        first, last = own.grid(robot, axis)
     moving = Moving(
         ca=ca,
         position=position,
