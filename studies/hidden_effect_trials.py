@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 
+from identifiability.effects import FAMILIES as KNOWN_FAMILIES
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.base_parameters import find_base_parameters
@@ -39,6 +40,26 @@ REALISTIC = {
     "gravity_tilt": 0.02,
 }
 FAMILIES = tuple(REALISTIC)
+#: All that may be named.
+EVERY = tuple(KNOWN_FAMILIES)
+#: Effects that are held back from the dictionary, with what would be another name for each.
+OUTSIDE = {
+    "rising_friction": ("sigmoid_friction",),
+    "sigmoid_friction": ("rising_friction",),
+    "stribeck_friction": (),
+    "quadratic_friction": (),
+    "velocity_leak": (),
+    "torque_scale": (),
+    "load_dependent_friction": ("position_friction",),
+    "position_friction": ("load_dependent_friction",),
+    "torque_leak": (),
+    "hysteresis": (),
+    "backlash": (),
+    "friction_drift": (),
+    "thermal_drift": ("torque_drift",),
+}
+#: Those of them that are smooth functions of what a diagnosis looks at.
+SMOOTH = tuple(OUTSIDE)[:8]
 #: Share of an effect outside the base model below which this motion cannot name it.
 ALIASED = 0.03
 #: Effects that are hidden in the whole robot.
@@ -227,20 +248,34 @@ def run(job: Job) -> Trial | None:
     torque = np.zeros_like(campaign(name).torque)
     visible, sd = 1.0, np.inf if job.hidden else 0.0
     for family, joint in zip(job.hidden, places, strict=True):
-        if job.study != "outside":
-            _, _, seen, _ = unit_torque(name, family, joint)
-            visible = min(visible, seen)
-            sd = min(sd, _size(job.size, family, seen))
+        _, _, seen, _ = unit_torque(name, family, joint)
+        visible = min(visible, seen)
+        sd = min(sd, _size(job.size, family, seen))
         if visible < ALIASED:
             return _trial(job, places, (visible, sd), "aliased", None, right=True, truth=np.nan)
         torque = torque + hidden_torque(name, family, joint, job.size)
     logs = simulated(name, torque, seed, job.rho, job.motion)
-    d = diagnose(campaign(name).robot, logs[:4], logs[4:], seed=seed, forward=False)
+    known = None
+    if job.study == "outside":
+        held_back = {job.hidden[0], *OUTSIDE[job.hidden[0]]}
+        known = [f for f in EVERY if f not in held_back]
+    d = diagnose(campaign(name).robot, logs[:4], logs[4:], effects=known, seed=seed, forward=False)
     outcome, right = judge(d, set(job.hidden), set(places) - {""})
-    if job.study in ("outside", "null"):
+    if job.study == "null":
         outcome, right = ("false name" if d.effects else "no name"), True
+    elif job.study == "outside":
+        outcome, right = _judge_outside(d, set(places))
     truth = true_error(name, seed) if job.study in ("single", "pair") else np.nan
     return _trial(job, places, (visible, sd), outcome, d, right=right, truth=truth)
+
+
+def _judge_outside(d: Diagnosis, joints: set[str]) -> tuple[str, bool]:
+    """Return what became of an effect that has no name, and whether its joint was found."""
+    if any(not e.unnamed for e in d.effects):
+        return "false name", False
+    return ("function" if d.effects else "no name"), {
+        j for e in d.effects for j in e.joints
+    } == joints
 
 
 def _size(size: str, family: str, visible: float) -> float:

@@ -14,7 +14,7 @@ from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
 
 #: Degree of the pieces, and how many there are along one coordinate, and along each of two.
-DEGREE, PIECES, PIECES_OF_TWO = 2, 6, 3
+DEGREE, PIECES, PIECES_OF_TWO = 2, 4, 3
 #: Speed that motions are taken to reach where no limit is stated [rad/s, m/s].
 TYPICAL_SPEED = (2.0, 0.3)
 

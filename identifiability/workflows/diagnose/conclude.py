@@ -23,6 +23,7 @@ from identifiability.workflows.diagnose.gates import Naming, keep_surviving
 from identifiability.workflows.diagnose.held_out import Gap
 from identifiability.workflows.diagnose.lookalikes import find_rivals, leave_to_model
 from identifiability.workflows.diagnose.material import Material
+from identifiability.workflows.diagnose.payload import fit_body, is_body
 from identifiability.workflows.diagnose.residual import (
     Remainder,
     find_discrepancies,
@@ -110,6 +111,7 @@ def _verify(
             shown=_show(gap, m, [naming.chosen[at].place for at in own], k, k + 1, apart),
             real=(real[k], real[k + 1]),
             unnamed=naming.chosen[own[0]].family.unnamed,
+            rare=naming.chosen[own[0]].family.unnamed or naming.chosen[own[0]].family.late,
             nearest=tuple(n for at in own for n in naming.nearest.get(naming.chosen[at].group, ())),
         )
         effects.append(effect)
@@ -188,6 +190,8 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
         D = m.train.D.take(c.columns)
         rest = [other for other in naming.chosen if other is not c]
         value, error = found
+        if is_body(c):
+            value = fit_body(m.white, rest, c)
         if c.family.flexible:
             value, error = leave_to_model(m.white, rest, c, value, m.setting.rules.alias)
         added, spread = D @ value, np.sqrt((D**2) @ error**2)

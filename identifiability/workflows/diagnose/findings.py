@@ -136,8 +136,9 @@ class NamedEffect:
     real : (float, float)
         The same errors where every fit is a real robot; nan where the model has no bodies or
         keeps its values.
-    unnamed : bool
-        Whether it is a function without a name.
+    unnamed, rare : bool
+        Whether it is a function without a name; whether it must be confirmed: such a function, or
+        of a family of the second pass.
     nearest : tuple of Nearest
         Names that were refused in its stead.
     """
@@ -154,6 +155,7 @@ class NamedEffect:
     shown: Shown
     real: tuple[float, float] = (float("nan"), float("nan"))
     unnamed: bool = False
+    rare: bool = False
     nearest: tuple[Nearest, ...] = ()
 
     @property
@@ -166,12 +168,12 @@ class NamedEffect:
     def refuted(self) -> bool:
         """Whether the motion that verifies contradicts it.
 
-        It surely has more error with it, or what is shown where it is contradicts it. A function
-        without a name must be confirmed.
+        It surely has more error with it, or what is shown where it is contradicts it. What is rare
+        must be confirmed.
         """
         if self.confirmed:
             return False
-        return self.unnamed or self.joints_interval[0] > 0 or self.shown.contradicts
+        return self.rare or self.joints_interval[0] > 0 or self.shown.contradicts
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -34,16 +34,19 @@ class Survival:
     variation : str
     score : float
     same_sign : bool
+    grown : bool
+        Whether it grows with the noise of the motion, as what that noise makes does.
     """
 
     variation: str
     score: float
     same_sign: bool
+    grown: bool = False
 
     @property
     def survived(self) -> bool:
         """Whether the effect would still be believed."""
-        return self.score > SURVIVES and self.same_sign
+        return self.score > SURVIVES and self.same_sign and not self.grown
 
     @property
     def refutes(self) -> bool:

@@ -17,7 +17,7 @@ from identifiability.effects import Family, find_families
 from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_evenly
 from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.gates import Chosen, Naming
-from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.held_out import Gain, HeldOut
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.residual import find_discrepancies
@@ -106,13 +106,19 @@ def predicts_better(
     held: HeldOut, naming: Naming, wider: HeldOut, again: Naming, least: float
 ) -> bool:
     """Whether the second naming surely predicts better than the first, as real robots."""
+    gain = gain_over(held, naming, wider, again)
+    return gain.share > max(least, gain.error)
+
+
+def gain_over(held: HeldOut, naming: Naming, wider: HeldOut, again: Naming) -> Gain:
+    """Return what a second naming gains over the first on the motion that chooses."""
     before, after = held.errors(naming.chosen, real=True), wider.errors(again.chosen, real=True)
     level = float(before.mean()) or 1.0
     parts = [p.mean() / level for p in split_evenly(before - after, DRAWN_STRETCHES)]
-    gain, error = float(np.mean(before - after)) / level, np.inf
+    error = np.inf
     if len(parts) > 1:
         error = float(np.std(parts, ddof=1) / np.sqrt(len(parts)))
-    return gain > max(least, error)
+    return Gain(float(np.mean(before - after)) / level, error)
 
 
 def merge_springs(naming: Naming, candidates: Sequence[Candidate]) -> Naming:

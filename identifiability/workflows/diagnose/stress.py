@@ -28,6 +28,10 @@ Prepare = Callable[[Recording, float | None, Callable[[Log], Log]], Samples]
 #: Samples anew, from a log and its samples as they were.
 Variation = Callable[[Recording, Samples], Samples]
 
+#: A variation under which the evidence for what noise of the motion makes grows: with twice its
+#: variance the effect grows by 2 to the half, its evidence by 2. That for what is in the robot does
+#: not grow; half way between is the limit.
+NOISIER, GROWN = "twice the noise in the motion", 2.0**0.5
 #: Differences of this order leave white noise of smooth motion.
 ORDER = 8
 
@@ -54,7 +58,7 @@ def list_variations(
 
     out = {name: shift(by) for name, by in zip(CLOCK, (1, -1), strict=True)}
     blur = partial(blur_motion, rng=rng)
-    out["twice the noise in the motion"] = lambda log, _: prepare(log, None, blur)
+    out[NOISIER] = lambda log, _: prepare(log, None, blur)
     if cutoff is not None:
         for name, factor in (("filter 20 % lower", 0.8), ("filter 20 % higher", 1.2)):
             out[name] = filter_at(cutoff * factor)
@@ -97,6 +101,7 @@ def stress_effects(
     noise: ARNoise,
     chosen: Sequence[Candidate],
     values: Sequence[float],
+    scores: Sequence[float] = (),
 ) -> list[list[Survival]]:
     """Return how every named candidate fares under every variation.
 
@@ -109,6 +114,8 @@ def stress_effects(
     chosen : sequence of Candidate
     values : sequence of float
         First parameter of each candidate, for its sign.
+    scores : sequence of float, optional
+        Of each candidate in the motion as it is.
     """
     out: list[list[Survival]] = [[] for _ in chosen]
     # Columns in these rows; a sign that cannot be is said, not scored.
@@ -120,9 +127,17 @@ def stress_effects(
             others = [o for o in local if o is not c]
             score = score_candidates(white, white.columns(others), [c], null=False).fit[0]
             value = solve_chosen(white, [*others, c])[-1][0]
+            grown = bool(name == NOISIER and scores and score > GROWN * scores[k])
             same_sign = np.sign(value[0]) == np.sign(values[k]) or len(value) > 1
-            out[k].append(Survival(name, float(score), bool(same_sign)))
+            out[k].append(Survival(name, float(score), bool(same_sign), grown))
     return out
+
+
+def _score_as_it_is(material: Material, chosen: Sequence[Candidate], c: Candidate) -> float:
+    """Return the score of a named candidate beside the others, whatever its sign."""
+    beside = material.white.columns([o for o in chosen if o is not c])
+    unsigned = replace(c, positive=False)
+    return float(score_candidates(material.white, beside, [unsigned], null=False).fit[0])
 
 
 def stress_named(
@@ -152,7 +167,8 @@ def stress_named(
 
     variations = list_variations(train[0].cutoff if computed else None, prepare, rng)
     firsts = [value[0] for value, _ in solve_chosen(material.white, naming.chosen)]
-    fares = stress_effects(build, variations, material.noise, naming.chosen, firsts)
+    scores = [_score_as_it_is(material, naming.chosen, c) for c in naming.chosen]
+    fares = stress_effects(build, variations, material.noise, naming.chosen, firsts, scores)
     refuted = [
         c for c, each in zip(naming.chosen, fares, strict=True) if any(s.refutes for s in each)
     ]

@@ -19,7 +19,7 @@ from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.evidence import score_candidates
 from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, keep_surviving
 from identifiability.workflows.diagnose.held_out import HeldOut
-from identifiability.workflows.diagnose.late import SHARE, predicts_better, what_is_left
+from identifiability.workflows.diagnose.late import SHARE, gain_over, what_is_left
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
 from identifiability.workflows.diagnose.naming import Say, name_effects, signature
 from identifiability.workflows.diagnose.rows import Candidate, Rows, find_same
@@ -52,22 +52,36 @@ def name_unnamed(
     if not functions or not what_is_left(material, naming):
         return material, naming
     setting = material.setting
-    known = list(dict.fromkeys(c.family.name for c in naming.chosen))
-    wider = gather(setting, choose, rng, [*known, *functions], draws)
-    start = [find_same(c, wider.candidates) for c in naming.chosen]
-    taken = signature(start)
-    options = [c for c in wider.candidates if c.family.unnamed or c.slot in taken]
+    named = list(dict.fromkeys(c.family.name for c in naming.chosen))
+    wider = gather(setting, choose, rng, [*named, *functions], draws)
     rules = replace(
         setting.rules, level=max(SHARE * setting.rules.level, 1.0 / (draws + 1)), most=MOST
     )
     present = setting.structure.model.names
-    again = name_effects(wider.bench, options, wider.held, rules, present, say, start)
-    found = [c for c in again.chosen if c.family.unnamed]
-    if not found or not predicts_better(
-        material.held, naming, wider.held, again, setting.rules.gain
+    found: tuple[float, Naming] | None = None
+    for known in dict.fromkeys(
+        (naming.chosen, tuple(c for c in naming.chosen if not c.family.late))
     ):
+        start = [find_same(c, wider.candidates) for c in known]
+        taken = signature(start)
+        options = [c for c in wider.candidates if c.family.unnamed or c.slot in taken]
+        again = name_effects(wider.bench, options, wider.held, rules, present, say, start)
+        if not any(c.family.unnamed for c in again.chosen):
+            continue
+        gain = gain_over(material.held, naming, wider.held, again)
+        # Beside a name that does not fit a function need not predict better, only not surely
+        # worse; in the stead of late names that nothing spoke against it must predict better.
+        least = max(setting.rules.gain, gain.error)
+        if not signature(known) <= signature(again.chosen):
+            least = -gain.error
+        if known != naming.chosen:
+            least = max(least, 0.0)
+        if gain.share > max(least, -np.inf if found is None else found[0]):
+            found = gain.share, again
+    if found is None:
         return material, naming
-    whole = _extend(material, wider, found)
+    again = found[1]
+    whole = _extend(material, wider, [c for c in again.chosen if c.family.unnamed])
     chosen = tuple(find_same(c, whole.candidates) for c in again.chosen)
     groups = {c.group for c in chosen}
     gone = [c for c in naming.chosen if c.group not in groups]

@@ -127,6 +127,8 @@ def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
     change = _change(own.before, own.after, own.interval)
     if own.interval[0] > 0:
         return f"{start} it raises the error of its joints, each on its own scale, {change}."
+    if not own.contradicts:
+        return f"{start} the error of its joints, each on its own scale, only goes {change}."
     expected = f"{100 * own.expected:+.2g}".replace("-", "−")
     return (
         f"{start} the error of its joints, each on its own scale, goes {change}, where an effect "

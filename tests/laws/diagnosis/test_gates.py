@@ -131,8 +131,8 @@ def test_an_effect_large_enough_to_show_that_does_not_show_is_refuted(interval, 
                          joints_interval=(-0.5, 0.5), shown=Shown(0.2, 0.1, interval, expected),
                          )  # fmt: skip
     assert effect.refuted == refuted
-    # What has no name must be confirmed; what harms elsewhere is refuted, whatever its own joints.
-    assert replace(effect, unnamed=True).refuted == (interval[1] >= 0)
+    # What is rare must be confirmed; what harms elsewhere is refuted, whatever its own joints.
+    assert replace(effect, rare=True).refuted == (interval[1] >= 0)
     assert replace(effect, joints_interval=(0.1, 0.2)).refuted
     # What surely helps over all joints is confirmed, unless its own surely suffer.
     assert replace(effect, joints_interval=(-0.5, -0.1)).confirmed

@@ -46,6 +46,14 @@ def test_an_effect_survives_at_one_per_cent_and_with_its_sign(score, same, survi
         assert not Survival(variation=clock, score=score, same_sign=same).refutes
 
 
+def test_what_grows_with_the_noise_of_the_motion_does_not_survive():
+    grown = Survival(
+        variation="twice the noise in the motion", score=50.0, same_sign=True, grown=True
+    )
+    assert not grown.survived
+    assert grown.refutes
+
+
 def test_the_clock_the_noise_and_the_filter_are_varied(rng):
     asked = []
 
@@ -117,6 +125,21 @@ def test_a_named_effect_is_scored_anew_beside_the_other_names(
     assert s.score == pytest.approx(-np.log(2) - stats.norm.logsf(abs(z)))
     assert s.survived == (level == 30.0)
     assert rest[0].survived
+
+
+def test_evidence_that_grows_with_the_noise_of_the_motion_speaks_against(
+    world, candidate, white_noise
+):
+    e = world.basis
+    rows = world.make(30 * e[:, 0], [e[:, 0]])
+    chosen = [candidate("a", "j", 0)]
+    variations = dict.fromkeys(("twice the noise in the motion", "any"))
+    (whole,) = stress_effects(lambda v: rows, variations, white_noise(1.0), chosen, [30.0])
+    for share, grown in ((0.6, True), (0.8, False)):
+        (fares,) = stress_effects(
+            lambda v: rows, variations, white_noise(1.0), chosen, [30.0], [share * whole[0].score]
+        )
+        assert [s.grown for s in fares] == [grown, False]
 
 
 def test_several_columns_have_no_sign(world, candidate, white_noise):
