@@ -47,7 +47,7 @@ OUTSIDE = {
     "rising_friction": ("sigmoid_friction",),
     "sigmoid_friction": ("rising_friction",),
     "stribeck_friction": (),
-    "quadratic_friction": (),
+    "quadratic_friction": ("stribeck_friction",),
     "velocity_leak": (),
     "torque_scale": (),
     "load_dependent_friction": ("position_friction",),

@@ -44,10 +44,10 @@ class FunctionOfLoad(SmoothFunction):
     equation = "τ = f(τ_load), f = Σ cₖ Bₖ(τ_load)"
     units = (("fl", "N·m", "N"),)
 
-    def coordinates(self, at: Along) -> tuple[Array, ...]:
+    def coordinate(self, at: Along) -> Array:
         """Return the load over the largest one."""
         load = carried_load(rigid_torque(at.robot, at.motion), at)
-        return (load / self.shape(at.robot, at.axis),)
+        return load / self.shape(at.robot, at.axis)
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return a load of some size [N·m or N]."""

@@ -3,7 +3,7 @@
 from identifiability.effects.effect import Along
 from identifiability.effects.family import SPEEDS, Span
 from identifiability.effects.registry import declare
-from identifiability.effects.smooth_function import OfTwo, fine_at_rest, largest_speed
+from identifiability.effects.smooth_function import WithVelocity
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
 
@@ -24,17 +24,16 @@ def _farthest(span: Span) -> tuple[float, ...]:
     told_by=SPEEDS,
     rank=35,
 )
-class FunctionOfPositionAndVelocity(OfTwo):
+class FunctionOfPositionAndVelocity(WithVelocity):
     """``τ = f(q, q̇)``. Its shape is the largest distance from home [rad or m]."""
 
     name = "function_of_position_and_velocity"
-    equation = "τ = f(q, q̇), f = Σ cₖₗ Bₖ(q) Bₗ(√|q̇/v| sign q̇)"
+    equation = "τ = f₀(q) + f₁(q) sign(q̇) + f₂(q) q̇, f = Σ cₖ Bₖ"
     units = (("fqv", "N·m", "N"),)
 
-    def coordinates(self, at: Along) -> tuple[Array, ...]:
-        """Return the position from home, and the root of the speed over its limit."""
-        speed = fine_at_rest(at.speed, largest_speed(at.robot, at.axis))
-        return at.travel / self.shape(at.robot, at.axis), speed
+    def coordinate(self, at: Along) -> Array:
+        """Return the position from home over the largest one."""
+        return at.travel / self.shape(at.robot, at.axis)
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return a distance of some size [rad or m]."""

@@ -31,9 +31,9 @@ class FunctionOfTime(SmoothFunction):
     equation = "τ = f(t), f = Σ cₖ Bₖ(t)"
     units = (("ft", "N·m", "N"),)
 
-    def coordinates(self, at: Along) -> tuple[Array, ...]:
+    def coordinate(self, at: Along) -> Array:
         """Return the time, from −1 to 1."""
-        return (2.0 * at.motion.t / self.shape(at.robot, at.axis) - 1.0,)
+        return 2.0 * at.motion.t / self.shape(at.robot, at.axis) - 1.0
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return half a minute."""

@@ -28,9 +28,9 @@ class FunctionOfVelocity(SmoothFunction):
     equation = "τ = f(q̇), f = Σ cₖ Bₖ(√|q̇/v| sign q̇)"
     units = (("fv", "N·m", "N"),)
 
-    def coordinates(self, at: Along) -> tuple[Array, ...]:
+    def coordinate(self, at: Along) -> Array:
         """Return the root of the speed."""
-        return (fine_at_rest(at.speed, self.shape(at.robot, at.axis)),)
+        return fine_at_rest(at.speed, self.shape(at.robot, at.axis))
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return the limit of the speed [rad/s or m/s]."""

@@ -5,7 +5,7 @@ from identifiability.effects.function_of_load import TYPICAL, largest_load
 from identifiability.effects.load_dependent_friction import carried_load
 from identifiability.effects.nominal import needs_masses, rigid_torque
 from identifiability.effects.registry import declare
-from identifiability.effects.smooth_function import OfTwo, fine_at_rest, largest_speed
+from identifiability.effects.smooth_function import WithVelocity
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
 
@@ -20,18 +20,17 @@ from identifiability.robot import Axis, Robot
     told_by="move with and without a load",
     rank=36,
 )
-class FunctionOfVelocityAndLoad(OfTwo):
+class FunctionOfVelocityAndLoad(WithVelocity):
     """``τ = f(q̇, τ_load)``. Its shape is the largest load by the file's masses [N·m or N]."""
 
     name = "function_of_velocity_and_load"
-    equation = "τ = f(q̇, τ_load), f = Σ cₖₗ Bₖ(√|q̇/v| sign q̇) Bₗ(τ_load)"
+    equation = "τ = f₀(τ_load) + f₁(τ_load) sign(q̇) + f₂(τ_load) q̇, f = Σ cₖ Bₖ"
     units = (("fvl", "N·m", "N"),)
 
-    def coordinates(self, at: Along) -> tuple[Array, ...]:
-        """Return the root of the speed over its limit, and the load."""
+    def coordinate(self, at: Along) -> Array:
+        """Return the load over the largest one."""
         load = carried_load(rigid_torque(at.robot, at.motion), at)
-        speed = fine_at_rest(at.speed, largest_speed(at.robot, at.axis))
-        return speed, load / self.shape(at.robot, at.axis)
+        return load / self.shape(at.robot, at.axis)
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return a load of some size [N·m or N]."""

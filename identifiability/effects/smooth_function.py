@@ -13,7 +13,7 @@ from identifiability.effects.family import Span
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
 
-#: Degree of the pieces, and how many there are along one coordinate, and along each of two.
+#: Degree of the pieces, and how many there are: alone, and of what goes with the velocity.
 DEGREE, PIECES, PIECES_OF_TWO = 2, 4, 3
 #: Speed that motions are taken to reach where no limit is stated [rad/s, m/s].
 TYPICAL_SPEED = (2.0, 0.3)
@@ -47,15 +47,15 @@ def largest_speed(robot: Robot, axis: Axis) -> float:
 
 
 class SmoothFunction(Shaped):
-    """``τ = f(u)``: quadratic splines of one coordinate, −1 … 1, or of two."""
+    """``τ = f(u)``: quadratic splines of a coordinate from −1 to 1."""
 
     equation = "τ = f(u), f = Σ cₖ Bₖ"
     source = "[de Boor 1978; Eilers & Marx 1996]"
     units = (("f", "N·m", "N"),)
 
     @abstractmethod
-    def coordinates(self, at: Along) -> tuple[Array, ...]:
-        """Return the one or two coordinates, (N,) each."""
+    def coordinate(self, at: Along) -> Array:
+        """Return the coordinate, (N,)."""
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every spline."""
@@ -67,23 +67,23 @@ class SmoothFunction(Shaped):
         return tuple(f"{self.units[0][0]}{k + 1}" for k in range(count))
 
     def curves(self, at: Along) -> list[Array]:
-        """Return the splines, or their products."""
-        found = self.coordinates(at)
-        if len(found) == 1:
-            return list(splines(found[0]).T)
-        first, second = (splines(u, PIECES_OF_TWO) for u in found)
-        return list((first[:, :, None] * second[:, None, :]).reshape(len(first), -1).T)
+        """Return the splines."""
+        return list(splines(self.coordinate(at)).T)
 
 
-class OfTwo(SmoothFunction):
-    """``τ = f(u, w)``: products of splines of two coordinates."""
-
-    equation = "τ = f(u, w), f = Σ cₖₗ Bₖ Bₗ"
+class WithVelocity(SmoothFunction):
+    """``τ = f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``: splines of a coordinate, each for itself."""
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
-        """Return one for every product."""
+        """Return one for every spline and part."""
         del robot, axis
-        return self.numbered((PIECES_OF_TWO + DEGREE) ** 2)
+        return self.numbered(3 * (PIECES_OF_TWO + DEGREE))
+
+    def curves(self, at: Along) -> list[Array]:
+        """Return the splines, alone and times direction and speed."""
+        columns, speed = splines(self.coordinate(at), PIECES_OF_TWO), at.speed[:, None]
+        largest = largest_speed(at.robot, at.axis)
+        return [*columns.T, *(columns * np.sign(speed)).T, *(columns * speed / largest).T]
 
 
 def fastest(span: Span) -> tuple[float, ...]:

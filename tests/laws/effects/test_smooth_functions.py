@@ -41,7 +41,6 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
     m = move(polar, T)
     v, x = m.actuated_v[:, 0], m.actuated_q[:, 0] - 0.3
     root = np.sign(v) * np.sqrt(np.abs(v) / 0.8)
-    capped = np.sign(v) * np.sqrt(np.abs(v) / 2.0)  # a hinge without a limit
     load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)[:, 0]
     other = m.actuated_v[:, 1]
     other = np.sign(other) * np.sqrt(np.minimum(np.abs(other) / 0.3, 1.0))
@@ -50,13 +49,14 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
         (FunctionOfLoad(90.0, "lift"), 6, (load / 90) ** 2),
         (FunctionOfTime(2.5, "lift"), 6, m.t**2 - m.t),
         (FunctionOfOtherVelocity(2.0, "lift"), 6, other**2 + other),
-        (FunctionOfPositionAndVelocity(0.6, "lift"), 25, x**2 * capped),
-        (FunctionOfVelocityAndLoad(90.0, "lift"), 25, capped**2 * load),
+        (FunctionOfPositionAndVelocity(0.6, "lift"), 15, x**2 * v - np.sign(v) * x),
+        (FunctionOfVelocityAndLoad(90.0, "lift"), 15, load**2 * np.sign(v)),
     ):
         W = Model((Placed([Part(effect, "lift")]),)).regressor(polar, m)
         assert W.shape[2] == count
         assert not W[:, 1].any()
-        np.testing.assert_allclose(W[:, 0].sum(1), 1.0)
+        whole = W[:, 0, : count // 3 if count == 15 else count]
+        np.testing.assert_allclose(whole.sum(1), 1.0)
         assert spanned(W[:, 0], target) < 1e-9 * np.abs(target).max(), effect.name
         assert spanned(W[:, 0], np.sin(40 * T)) > 0.5
 
