@@ -24,6 +24,8 @@ def diagnose(
     effects: str | None = None,
     model: options.Model = None,
     out: Path | None = None,
+    motion: Annotated[Path | None, Option("--next")] = None,
+    limits: Path | None = None,
     fixed: Annotated[bool, Option("--fixed")] = False,
     fixed_from: Path | None = None,
     fixed_share: float | None = None,
@@ -55,6 +57,10 @@ def diagnose(
         Families that may be named, such as stribeck_friction,time_delay.
     out
         Write the model with the named effects here, as a model file for every other verb.
+    motion
+        Write the motion to log next here, which tells an "A or B" apart; --limits holds for it.
+    limits
+        TOML with limits of the joints, as for excite.
     fixed
         Keep the robot file's values instead of refitting, as if they were exact.
     fixed_from
@@ -66,6 +72,7 @@ def diagnose(
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
+        from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
 
         held = validate or ()
         ways = [w for w in (fixed_from, fixed_share, fixed or None) if w is not None]
@@ -75,7 +82,7 @@ def diagnose(
                 "(--fixed-from) or within a share (--fixed-share); give one of these."
             )
         kept = [fixed_from] if fixed_from else []
-        outputs.check(out, inputs=[*machine.files, *logs, *held, *kept])
+        outputs.check(out, motion, inputs=[*machine.files, *logs, *held, *kept])
         result = run(
             machine.load(recorded),
             logs,
@@ -92,6 +99,12 @@ def diagnose(
         written = outputs.write(result, say)
         if out is not None:
             written.append(result.write_model(out))
+        told = [result.statement]
+        if motion is not None:
+            found = find_next(result, limits=limits, seed=seed, progress=say)
+            told.append(found.statement)
+            if not found.same:
+                written.append(found.to_json(motion))
     if result.effects:
         headings = ("effect", "where", "p", "unseen error before", "after")
         rows = [
@@ -119,4 +132,4 @@ def diagnose(
     common.print_table(
         title, ("joint", "before", "after", "rms after", "raw after"), table, left=("joint",)
     )
-    common.print_end([result.statement], written)
+    common.print_end(told, written)

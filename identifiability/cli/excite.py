@@ -22,6 +22,7 @@ def excite(
     place: options.Place,
     out: Annotated[Path, Option()],
     harmonics: Annotated[int, Option(min=1, max=50)] = 5,
+    at_rest: Annotated[bool, Option("--at-rest")] = False,
     duration: float = 7.5,
     samples: Annotated[int, Option(min=5)] = 750,
     limits: Path | None = None,
@@ -57,6 +58,8 @@ def excite(
         with a JointTrajectory; extra ros).
     harmonics
         Harmonics of the Fourier series.
+    at_rest
+        Begin and end without speed and acceleration.
     duration
         Period of the motion [s].
     samples
@@ -94,6 +97,7 @@ def excite(
         result = run(
             machine.load(recorded),
             harmonics=harmonics,
+            at_rest=at_rest,
             duration=duration,
             samples=samples,
             limits=limits,

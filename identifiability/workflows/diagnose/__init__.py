@@ -14,6 +14,7 @@ from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.lookalikes import Alias, find_aliases
 from identifiability.workflows.diagnose.material import Material, Rules, Setting, gather
 from identifiability.workflows.diagnose.naming import name_effects
+from identifiability.workflows.diagnose.next_motion import NextMotion, find_next
 from identifiability.workflows.diagnose.residual import Discrepancy, find_discrepancies
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.workflow import BASE_EFFECTS, diagnose
@@ -28,12 +29,14 @@ __all__ = [
     "Material",
     "NamedEffect",
     "Naming",
+    "NextMotion",
     "Placement",
     "Rules",
     "Setting",
     "diagnose",
     "find_aliases",
     "find_discrepancies",
+    "find_next",
     "gather",
     "measure_false_names",
     "name_effects",

@@ -52,11 +52,14 @@ class Series:
     period : float [s]
     harmonics : int
         H.
+    at_rest : bool
+        Whether speed and acceleration are zero where the period begins and ends.
     """
 
     limits: Limits
     period: float
     harmonics: int
+    at_rest: bool = False
 
     @property
     def joints(self) -> int:
@@ -82,6 +85,8 @@ class Series:
         m, n, H = len(x), self.joints, self.harmonics
         limits = self.limits
         amplitude = x[:, : 2 * n * H].reshape(m, n, 2 * H) * limits.speed[:, None] / np.sqrt(H)
+        if self.at_rest:
+            amplitude = _from_rest(amplitude)
         q, v, a = self._motion(np.zeros((m, n)), amplitude, FINENESS * H)
         top, bottom = q.max(1), q.min(1)
         half = 0.5 * OVERSHOOT * (top - bottom)
@@ -114,6 +119,18 @@ class Series:
         many = Trajectory("", self.period, samples, offset.reshape(-1), sin, cos)
         q, v, a = (x.reshape(samples, m, n).transpose(1, 0, 2) for x in many.motion(many.times()))
         return q, v, a
+
+
+def _from_rest(amplitude: Array) -> Array:
+    """Return the nearest velocity amplitudes (…, 2H) that begin without speed or acceleration.
+
+    The amplitudes are those of sines and cosines of position, so the first sum up to no speed, and
+    the second, times their harmonics, to no acceleration.
+    """
+    sin, cos = np.split(amplitude, 2, axis=-1)
+    order = np.arange(1, sin.shape[-1] + 1)
+    cos = cos - (cos @ order)[..., None] * order / (order @ order)
+    return np.concatenate([sin - sin.mean(-1, keepdims=True), cos], axis=-1)
 
 
 @frozen

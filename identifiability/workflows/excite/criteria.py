@@ -10,6 +10,7 @@ figure that a reader knows it by.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 
 import numpy as np
 
@@ -128,6 +129,10 @@ class Separation(Criterion):
         """Return the similarity of visible effects."""
         return float(np.sqrt(np.maximum(1 - np.exp(-2 * cost), 0.0)))
 
+    def _model(self, G: Array) -> np.ndarray:
+        """Return the columns of neither effect."""
+        return np.setdiff1d(np.arange(G.shape[1]), [*self.first, *self.second])
+
     def angles(self, G: Array) -> tuple[Array, Array]:
         """Return similarities (m,) and remaining shares of both effects (m, 2).
 
@@ -135,7 +140,7 @@ class Separation(Criterion):
         """
         unit, _ = scaled(G)
         a, b = self.first, self.second
-        model = np.setdiff1d(np.arange(G.shape[1]), [*a, *b])
+        model = self._model(G)
         both = np.concatenate([a, b])
         S = unit[:, both][:, :, both]
         if len(model):
@@ -151,6 +156,70 @@ class Separation(Criterion):
         C = _inverse_root(S[:, :n, :n]) @ S[:, :n, n:] @ _inverse_root(S[:, n:, n:])
         similarity = np.minimum(np.linalg.norm(C, 2, axis=(1, 2)), 1.0)
         return similarity, remaining
+
+
+@frozen
+class Discrimination(Separation):
+    """What of an effect of known size neither the model nor another effect explains.
+
+    T-optimality [Atkinson & Fedorov 1975]: half of it is the expected logarithm of the likelihood
+    ratio of the two. Gram matrices are in units of the noise. The other effect may have any of
+    several shapes: the one that explains most counts.
+
+    Attributes
+    ----------
+    values : (p,)
+        Of the first effect.
+    shapes : tuple of (q,) int
+        Columns of the second effect with each of its shapes.
+    effects : (·,) int
+        Columns of both effects, whatever their shapes; all others are the model.
+    reverse : Discrimination, optional
+        The same where the second one is true; the worse of the two counts.
+    """
+
+    values: Array
+    shapes: tuple[np.ndarray, ...]
+    effects: np.ndarray
+    reverse: Discrimination | None = None
+
+    @property
+    def each(self) -> list[Discrimination]:
+        """The same about one shape each."""
+        return [replace(self, second=own, shapes=(own,), reverse=None) for own in self.shapes]
+
+    def cost(self, G: Array) -> Array:
+        """Return minus half the logarithm of the squares that only the first effect explains."""
+        least = np.min([one.squares(G)[1] for one in self.each], axis=0)
+        cost: Array = -0.5 * np.log(np.maximum(least, 1e-12))
+        return cost if self.reverse is None else np.maximum(cost, self.reverse.cost(G))
+
+    def figure(self, cost: float) -> float:
+        """Return the root of these squares."""
+        return float(np.exp(-cost))
+
+    def _model(self, G: Array) -> np.ndarray:
+        return np.setdiff1d(np.arange(G.shape[1]), self.effects)
+
+    def squares(self, G: Array) -> tuple[Array, Array]:
+        """Return what of the first effect is outside the model (m,), and of the second too (m,)."""
+        unit, length = scaled(G)
+        a = self.first
+        size = length[:, a] * self.values
+        other = self._model(G)
+        both = np.concatenate([other, self.second])
+        return _squares(unit, a, other, size), _squares(unit, a, both, size)
+
+
+def _squares(unit: Array, own: np.ndarray, others: np.ndarray, size: Array) -> Array:
+    """Return the squares of columns times sizes (m, p) outside of other columns, (m,)."""
+    S = unit[:, own][:, :, own]
+    if len(others):
+        base = unit[:, others][:, :, others] + 1e-12 * np.eye(len(others))
+        cross = unit[:, others][:, :, own]
+        S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(base, cross)
+    squares: Array = np.maximum(np.einsum("mi,mij,mj->m", size, S, size), 0.0)
+    return squares
 
 
 def scaled(G: Array) -> tuple[Array, Array]:

@@ -89,7 +89,7 @@ def pose_question(
     criterion: str,
     model: ModelLike | None,
     parameters: Sequence[str] | None,
-    separate: Sequence[str] | None,
+    separate: Sequence[str | Effect] | None,
 ) -> Question:
     """Return the question that the arguments of `excite` ask.
 
@@ -99,7 +99,7 @@ def pose_question(
     """
     check_choice("criterion", criterion, tuple(EFFECTS))
     _check_fit(criterion, parameters, separate)
-    pair = [_place_effect(robot, text) for text in separate or ()]
+    pair = [e if isinstance(e, Effect) else _place_effect(robot, e) for e in separate or ()]
     own = EFFECTS[criterion]
     usual = own if criterion == "condition" else default_effects(robot, own)
     chosen_model = choose_model(model, usual)
@@ -114,7 +114,7 @@ def pose_question(
     names = tuple(every[k].name for k in columns)
     units = tuple(every[k].unit for k in columns)
     rule: Criterion = Condition()
-    chosen = tuple(separate or ())
+    chosen = tuple(e.texts[0] if isinstance(e, Effect) else e for e in separate or ())
     if criterion == "information":
         at = _find_parameters(base, parameters)
         rule, chosen = LogDet(at), tuple(base.names[k] for k in at) if parameters else ()
@@ -141,7 +141,7 @@ def gather_known(question: Question, samples: Sequence[Prepared], planned: int) 
 
 
 def _check_fit(
-    criterion: str, parameters: Sequence[str] | None, separate: Sequence[str] | None
+    criterion: str, parameters: Sequence[str] | None, separate: Sequence[str | Effect] | None
 ) -> None:
     """Refuse arguments that belong to another criterion."""
     if criterion == "separate" and (separate is None or len(separate) != 2):

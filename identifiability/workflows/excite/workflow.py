@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,6 +15,7 @@ from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     Names,
+    OptionError,
     Positive,
     Seed,
     at_least,
@@ -35,7 +36,7 @@ from identifiability.simulation.motion import MOST_SAMPLES
 from identifiability.workflows.excite.candidates import OPEN, Objective, Series, Workspace
 from identifiability.workflows.excite.criteria import Separation, scaled
 from identifiability.workflows.excite.limits import Limits, find_limits
-from identifiability.workflows.excite.question import Question, gather_known, pose_question
+from identifiability.workflows.excite.question import Known, Question, gather_known, pose_question
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import Search, search
 from identifiability.workflows.opening import Logs, Progress, read_logs
@@ -53,6 +54,7 @@ def excite(
     robot: RobotLike,
     *,
     harmonics: Annotated[int, counted(1, 50)] = 5,
+    at_rest: bool = False,
     duration: Annotated[float, within(1e-3, 1e6)] = 7.5,
     samples: int = 750,
     limits: Limits | Mapping[str, Any] | str | Path | None = None,
@@ -77,6 +79,8 @@ def excite(
     robot : Robot, path or shipped name
     harmonics : int
         Of the finite Fourier series [Swevers 1997].
+    at_rest : bool
+        Begin and end without speed and acceleration, which takes two harmonics of each joint.
     duration : float [s]
         The period.
     samples : int
@@ -128,7 +132,8 @@ def excite(
     """
     say = progress or (lambda _text, _share: None)
     check_option("samples", samples, Annotated[int, counted(4 * harmonics + 1, MOST_SAMPLES)])
-    begin = time.monotonic()
+    if at_rest and harmonics < 2:
+        raise OptionError("To begin and end at rest takes at least 2 harmonics; give more.")
     with one_thread("blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         rule = criterion or _suggested(parameters, start_from, separate)
@@ -141,25 +146,77 @@ def excite(
         logs = [prepare_log(robot, log, how, engine=engine or Serial()) for log in start]
         if start_from is not None and not logs:
             raise LogError("No log was given to start from; give at least one, or none at all.")
-        known, series = gather_known(question, logs, samples), Series(bounds, duration, harmonics)
-        objective = Objective(question, known, series, min(samples, LOOKS * harmonics))
-        aim = question.criterion
-
-        def show(cost: float, share: float) -> None:
-            say(f"{aim.title}: {aim.figure(cost):.4g}", min(share, 0.99))
-
-        found = search(
-            objective,
-            np.random.default_rng(seed),
+        hints = (*wrong, *free_again(model), *unused_ladder(robot, model))
+        series = Series(bounds, duration, harmonics, at_rest)
+        asked = {"iterations": iterations, "evaluations": evaluations, "time_limit": time_limit}
+        options = {**asked, "preparation": preparation or Preparation()}
+        return find_motion(
+            question,
+            gather_known(question, logs, samples),
+            series,
+            samples=samples,
             iterations=iterations,
             evaluations=evaluations,
-            time_limit=np.inf if time_limit is None else time_limit,
-            say=show,
+            time_limit=time_limit,
+            seed=seed,
+            name=name,
+            say=say,
+            hints=hints,
+            provenance=state_provenance(robot, logs, seed, None, options),
         )
-        x, G, space = _best(objective, found, samples)
-        before = _before(objective, found, samples)
-    asked = {"iterations": iterations, "evaluations": evaluations, "time_limit": time_limit}
-    options = {**asked, "preparation": preparation or Preparation()}
+
+
+def find_motion(
+    question: Question,
+    known: Known,
+    series: Series,
+    *,
+    samples: int,
+    iterations: int,
+    evaluations: int,
+    time_limit: float | None,
+    seed: int,
+    name: str,
+    say: Progress,
+    hints: Sequence[str] = (),
+    provenance: Mapping[str, str] | None = None,
+) -> Excitation:
+    """Find the motion that answers a question best beside what is known.
+
+    Parameters
+    ----------
+    question : Question
+    known : Known
+        What was measured already.
+    series : Series
+        All motions that may be found.
+    samples, iterations, evaluations, time_limit, seed, name
+        As for `excite`.
+    say : callable(str, float)
+    hints : sequence of str
+    provenance : mapping, optional
+
+    Raises
+    ------
+    IdentifiabilityError
+        If no candidate keeps the workspace.
+    """
+    begin, robot = time.monotonic(), question.structure.robot
+    objective = Objective(question, known, series, min(samples, LOOKS * series.harmonics))
+    aim = question.criterion
+
+    def show(cost: float, share: float) -> None:
+        say(f"{aim.title}: {aim.figure(cost):.4g}", min(share, 0.99))
+
+    found = search(
+        objective,
+        np.random.default_rng(seed),
+        iterations=iterations,
+        evaluations=evaluations,
+        time_limit=np.inf if time_limit is None else time_limit,
+        say=show,
+    )
+    x, G, space = _best(objective, found, samples)
     return Excitation(
         robot=robot,
         trajectory=series.trajectory(x, samples, name),
@@ -169,9 +226,9 @@ def excite(
         units=question.units,
         chosen=question.chosen,
         logs=known.logs,
-        before=_merit(question, before),
+        before=_merit(question, _before(objective, found, samples)),
         after=_merit(question, G),
-        limits=bounds,
+        limits=series.limits,
         closure=float(space.condition[0]),
         room=float(-space.outside[0]),
         history=found.steps,
@@ -179,8 +236,8 @@ def excite(
         seconds=time.monotonic() - begin,
         end=found.end,
         seed=seed,
-        hints=(*wrong, *free_again(model), *unused_ladder(robot, model)),
-        provenance=state_provenance(robot, logs, seed, None, options),
+        hints=tuple(hints),
+        provenance=provenance or {},
     )
 
 
