@@ -15,7 +15,8 @@ from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import OfStructure, Structure
-from identifiability.workflows.compare.changes import LEVEL, Cause, Change, find_from
+from identifiability.workflows.compare.causes import Cause
+from identifiability.workflows.compare.changes import LEVEL, Change, find_from
 from identifiability.workflows.compare.difference import Difference
 
 #: What else it may be where the motions are not the same.

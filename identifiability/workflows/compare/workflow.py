@@ -28,13 +28,14 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.compare.changes import find_causes, find_changes
+from identifiability.workflows.compare.causes import find_causes
+from identifiability.workflows.compare.changes import find_changes
 from identifiability.workflows.compare.difference import Difference
 from identifiability.workflows.compare.result import Comparison
 from identifiability.workflows.instruments import add_instruments
 from identifiability.workflows.opening import Logs, Recordings, open_logs
 from identifiability.workflows.pairs import find_pairs, read_sides
-from identifiability.workflows.predict import Fit, Predicts, read_fit
+from identifiability.workflows.predict import Fit, Predicts, find_fit
 
 
 @checked
@@ -99,7 +100,7 @@ def _is_result(side: Any) -> bool:
 
 
 def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
-    fits = [_fit_of(side, robot) for side in (before, after)]
+    fits = [find_fit(side, robot) for side in (before, after)]
     one, other = fits
     same = one.names == other.names and one.rung.M.shape == other.rung.M.shape
     if (
@@ -119,13 +120,6 @@ def _compare_results(robot: Robot, before: Any, after: Any) -> Comparison:
     ]
     difference = Difference.of_fits(one, other)
     return _conclude(one.structure, one.rung, difference, ((names[0],), (names[1],)))
-
-
-def _fit_of(side: Any, robot: Robot) -> Fit:
-    if isinstance(side, (str, Path)):
-        return read_fit(side, robot)
-    fit: Fit = side if isinstance(side, Fit) else side.fit
-    return fit
 
 
 def _compare_logs(

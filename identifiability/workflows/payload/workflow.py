@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 
@@ -14,7 +12,7 @@ from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import Expected, OptionError, checked
+from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.threads import one_thread
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -36,18 +34,13 @@ from identifiability.workflows.pairs import find_pairs, read_sides
 from identifiability.workflows.payload.body import nearest_body, state_quantities
 from identifiability.workflows.payload.estimate import estimate_load
 from identifiability.workflows.payload.result import Load
-from identifiability.workflows.predict import Fit, Predicts, read_fit
-
-Fitted = Annotated[
-    Fit | Predicts | str | Path,
-    Expected("a result of analyze, prune or diagnose, or the path of its JSON"),
-]
+from identifiability.workflows.predict import FitLike, find_fit
 
 
 @checked
 def payload(
     robot: RobotLike,
-    result: Fitted,
+    result: FitLike,
     logs: Logs,
     without: Logs = (),
     *,
@@ -82,7 +75,7 @@ def payload(
     """
     with one_thread("blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
-        fit = _fit_of(result, robot)
+        fit = find_fit(result, robot)
         place, columns = choose_body(fit.structure, body)
         sides = read_sides(logs, without, Conventions.of(robot), alone=True)
         given, other = (side.fitted for side in sides)
@@ -141,19 +134,6 @@ def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> li
 def _cutoff(log: Log, how: Preparation) -> float | None:
     """Return the low-pass of computed derivatives; None where they were measured."""
     return None if {"dq", "ddq"} <= set(log.channels) else how.cutoff
-
-
-def _fit_of(result: Fitted, robot: Robot) -> Fit:
-    """Return the fitted model of a result, however it is given."""
-    if isinstance(result, (str, Path)):
-        return read_fit(result, robot)
-    fit = result if isinstance(result, Fit) else result.fit
-    if fit.robot.joints != robot.joints or fit.robot.bodies != robot.bodies:
-        raise OptionError(
-            f"The result is about {fit.robot.name}, and the robot given is {robot.name}; give the "
-            "robot that the result was made with."
-        )
-    return fit
 
 
 def choose_body(structure: Structure, body: str | None) -> tuple[str, Array]:
