@@ -130,23 +130,28 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
     assert row["order"] >= 0
     assert row["autocorrelation_time"] > 0
     assert "rank of the planted value" in html
-    few = ["--quick", "--trials", "4", "--no-sbc", "--names", "0"]
-    run = CliRunner().invoke(app, ["calibrate", "two-link", str(log), *few])
-    assert run.exit_code == 0, run.output
-    assert "posterior" not in run.output
 
 
-def test_planted_values_rank_uniformly_in_their_posterior(analysis):
-    # A thousand experiments once gave one of the 37 by chance what six thousand do not show.
+@pytest.mark.parametrize(
+    ("model", "size", "replicates"),
+    [
+        (3, 12, 1000),
+        # A thousand experiments once gave one of the 37 by chance what six thousand do not show.
+        pytest.param(0, 37, 3000, marks=pytest.mark.everything),
+    ],
+    ids=["small", "full"],
+)
+def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, size, replicates):
+    result = analysis.models[model] if model else analysis.full
     found = check_ranks(
-        analysis.full, analysis.full.rung.reduce(analysis.information), np.random.default_rng(0),
-        replicates=3000,
+        result, result.rung.reduce(analysis.information), np.random.default_rng(0),
+        replicates=replicates,
     )  # fmt: skip
     assert found.uniform
-    assert found.counts.shape == (37, 8)
-    assert (found.counts.sum(1) == 3000).all()
+    assert found.counts.shape == (size, 8)
+    assert (found.counts.sum(1) == replicates).all()
     assert stats.kstest(found.p_values, "uniform").pvalue > 1e-3
-    assert found.to_dict()["parameters"][0]["name"] == analysis.full.rung.columns[0]
+    assert found.to_dict()["parameters"][0]["name"] == result.rung.columns[0]
 
 
 def test_a_posterior_that_ranks_badly_is_said_to_be_wrong():

@@ -38,7 +38,7 @@ def test_faults_that_the_laws_know_are_noticed_and_unknown_ones_named():
         command = [sys.executable, SCRIPT, "--only", named, "--jobs", "1"]
         return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
 
-    done = run("Holm")
+    done = run("verdict: Holm is dropped")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "dies  verdict: Holm is dropped\n" in done.stdout
     assert ", 0 survive, 0 unexplained" in done.stdout

@@ -87,6 +87,7 @@ def paper_logs(rps, parameters=None, excess=0.0, seed=1):
     return c.logs(added, noise, np.random.default_rng([seed, 5]))
 
 
+@pytest.mark.everything
 def test_the_papers_nonlinear_friction_is_named(rps, named):
     logs = paper_logs(rps, excess=372.0)
     d = diagnose(rps, logs[:4], logs[4:], quick=True, draws=398)
