@@ -16,9 +16,12 @@ from identifiability.workflows.diagnose import motion as motion_of
 from identifiability.workflows.diagnose.motion import prepare_rows
 
 
+MOST = 400
+
+
 @pytest.fixture
 def few(sizes, monkeypatch):
-    monkeypatch.setattr(motion_of, "MOST_SAMPLES", 400)
+    monkeypatch.setattr(motion_of, "MOST_SAMPLES", MOST)
     monkeypatch.setattr(motion_of, "STRETCH", 40)
 
 
@@ -26,8 +29,8 @@ def few(sizes, monkeypatch):
 def test_the_same_stretches_are_looked_at(derivatives, few, frame_of, saved):
     path = saved(frame_of("two-link", periods=6, samples=2000, derivatives=derivatives))
     robot = Robot.load("two-link")
-    whole, parts = (prepare_rows(robot, kind.read(path), None) for kind in (Log, LogFile))
-    assert 200 < parts.outputs == whole.outputs <= 400
+    whole, parts = (prepare_rows(robot, kind.read(path), None, MOST) for kind in (Log, LogFile))
+    assert MOST / 2 < parts.outputs == whole.outputs <= MOST
     assert parts.notes == whole.notes
     np.testing.assert_array_equal(parts.motion.kept, whole.motion.kept)
     for name in ("actuated_q", "actuated_v", "actuated_a"):
@@ -49,9 +52,10 @@ def test_samples_may_be_changed_before_they_are_prepared(few, frame_of, saved):
     path = saved(frame_of("two-link", periods=6, samples=2000, derivatives=False))
     robot, file = Robot.load("two-link"), LogFile.read(path)
     plain, changed = (
-        motion_of.prepare_thin(robot, file, Preparation(), change)
+        motion_of.prepare_thin(robot, file, Preparation(), change, most=MOST)
         for change in (lambda log: log, lambda log: replace(log, tau=2 * log.tau))
     )
+    assert plain.outputs <= MOST
     np.testing.assert_array_equal(changed.tau, 2 * plain.tau)
 
 
