@@ -29,7 +29,9 @@ def data(study):
     ("train", "test", "found", "shrink"),
     [
         (1, 3, {"coulomb_friction", "torque_offset"}, 0.5),
-        pytest.param(3, 1, {"coulomb_friction", "torque_offset"}, 0.8, marks=pytest.mark.everything),
+        pytest.param(
+            3, 1, {"coulomb_friction", "torque_offset"}, 0.8, marks=pytest.mark.everything
+        ),
     ],
 )
 def test_friction_and_offset_are_named_and_the_classic_mistakes_are_not(
