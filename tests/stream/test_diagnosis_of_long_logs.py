@@ -15,7 +15,6 @@ from identifiability.robot import Robot
 from identifiability.workflows.diagnose import motion as motion_of
 from identifiability.workflows.diagnose.motion import prepare_rows
 
-
 MOST = 400
 
 
