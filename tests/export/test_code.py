@@ -5,6 +5,7 @@ import importlib.util
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -114,6 +115,24 @@ def test_a_result_becomes_code_that_predicts_as_its_real_robot(tmp_path):
     tau = model.regressor(robot, m) @ np.array([phi[p.name] for p in model.parameters(robot)])
     found = code.inverse_dynamics(m.actuated_q, m.actuated_v, m.actuated_a)
     np.testing.assert_allclose(found, tau, rtol=0, atol=1e-10)
+
+
+@pytest.mark.everything
+def test_names_of_a_robot_file_are_no_code(tmp_path):
+    text = Robot.load("two-link").path.read_text()
+    bad = "*/ int x; /* \\\"\"\" + open('x', 'w').write('x') + \"\"\""
+    told = bad.replace('"', "&quot;")
+    text = text.replace('"two-link"', f'"{told}"').replace('"shoulder"', f'"{told}"')
+    path = tmp_path / "robot.xml"
+    path.write_text(text)
+    robot = Robot.load(path)
+    assert bad in robot.joints
+    code = load_python(write_code(robot, dict(robot.nominal), {}, tmp_path / "code.py", "python"))
+    assert robot.joints == code.JOINTS
+    assert not Path("x").exists()
+    c = write_code(robot, dict(robot.nominal), {}, tmp_path / "code.c", "c")
+    subprocess.run([*STRICT, "-c", c, "-o", tmp_path / "code.o"], check=True)
+    assert "int x" not in c.read_text().partition("#include")[2]
 
 
 def test_without_casadi_the_line_that_installs_it_is_said(tmp_path, monkeypatch):

@@ -12,6 +12,7 @@ from identifiability.workflows.export.closed_code import CLOSED_PYTHON, closed_p
 from identifiability.workflows.export.statements import (
     FUNCTIONS,
     Language,
+    comment_text,
     indent,
     names_text,
     write_statements,
@@ -95,11 +96,13 @@ def write_code(
     lines = list(write_statements(function, language, ("q", "v", "a", "slope"), ("tau",)))
     known = "; what is known of its torque beforehand is not in it" if robot.known_torque else ""
     texts = {
-        "title": robot.title,
+        "title": comment_text(robot.title),
         "count": f"{len(lines)} statements",
         "values": f"Generated with the {sum(map(bool, values.values()))} values of a fitted "
         f"model{known}.",
-        "joints": names_text(robot.joints) if language == "python" else ", ".join(robot.joints),
+        "joints": names_text(robot.joints)
+        if language == "python"
+        else ", ".join(map(comment_text, robot.joints)),
         "n": len(robot.joints),
         "torque": indent(lines),
         "functions": FUNCTIONS,

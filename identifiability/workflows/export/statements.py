@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Literal
 
@@ -22,7 +24,8 @@ _OWN: dict[Language, dict[str, str]] = {
 }
 
 #: What statements of Python call: of one sample with plain numbers, which is three times faster.
-FUNCTIONS = '''\
+FUNCTIONS = '''
+
 def _sign(x):
     """Return the sign of a number."""
     return (x > 0) - (x < 0)
@@ -91,7 +94,12 @@ def _places(sparsity: Any) -> list[str]:
 
 def names_text(names: Iterable[str]) -> str:
     """Return names as a tuple of Python."""
-    return f"({''.join(f'{n!r}, ' for n in names).rstrip()})".replace("'", '"')
+    return f"({' '.join(f'{json.dumps(name)},' for name in names)})"
+
+
+def comment_text(text: str) -> str:
+    """Return a text of a robot file as it may stand in a comment, which it cannot end."""
+    return " ".join(re.sub(r"[^\w .,:()+-]", " ", text).split())
 
 
 def indent(lines: Iterable[str]) -> str:
