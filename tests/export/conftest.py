@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from identifiability.effects import FAMILIES
@@ -20,64 +19,15 @@ from identifiability.robot import Robot
 from identifiability.workflows.export import export
 from identifiability.workflows.instruments import follow
 
+STUDIES = Path(__file__).resolve().parents[2] / "studies"
+if str(STUDIES) not in sys.path:
+    sys.path.insert(0, str(STUDIES))
+
+from exported.roads import in_mujoco, in_pinocchio, project  # noqa: E402
+
 
 def error_ra(tau, predicted):
     return np.abs(predicted - tau).sum() / np.abs(tau - tau.mean()).sum()
-
-
-def in_mujoco(path, robot, motion):
-    """Torque of the tree (N, nv) by MuJoCo from the file alone, in the robot's order."""
-    model = load_mujoco(path)
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    data, out = mujoco.MjData(model), np.zeros((len(motion), robot.nv))
-    places = []
-    for j in robot.tree.joints:
-        name = j.dofs[0] if j.nv == 1 else j.dofs[0].rpartition(".")[0]
-        places.append((j, int(model.joint(name).qposadr[0]), int(model.joint(name).dofadr[0])))
-    for k in range(len(motion)):
-        for j, at, dof in places:
-            q = motion.q[k, j.iq : j.iq + j.nq]
-            if j.nv == 1:
-                data.qpos[at] = q[0]
-            else:
-                data.qpos[at : at + 4] = np.roll(q, 1)
-            data.qvel[dof : dof + j.nv] = motion.v[k, j.iv : j.iv + j.nv]
-            data.qacc[dof : dof + j.nv] = motion.a[k, j.iv : j.iv + j.nv]
-        mujoco.mj_inverse(model, data)
-        force = data.qfrc_inverse + model.dof_frictionloss * np.sign(data.qvel)
-        for j, _, dof in places:
-            out[k, j.iv : j.iv + j.nv] = force[dof : dof + j.nv]
-    return out
-
-
-def load_mujoco(path):
-    if path.suffix == ".xml":
-        return mujoco.MjModel.from_xml_path(str(path))
-    text = path.read_text()
-    assert "<robot" in text
-    options = '<mujoco><compiler fusestatic="false" discardvisual="true"/></mujoco></robot>'
-    return mujoco.MjModel.from_xml_string(text.replace("</robot>", options))
-
-
-def in_pinocchio(path, robot, motion):
-    """The same by Pinocchio's own reading of the file, which knows no springs."""
-    build = pin.buildModelFromMJCF if path.suffix == ".xml" else pin.buildModelFromUrdf
-    model = build(str(path))
-    assert model.nv == robot.nv
-    data, out = model.createData(), np.zeros((len(motion), robot.nv))
-    friction = np.where(np.isfinite(model.upperDryFrictionLimit), model.upperDryFrictionLimit, 0.0)
-    for k in range(len(motion)):
-        v = motion.v[k]
-        out[k] = pin.rnea(model, data, motion.q[k], v, motion.a[k])
-        out[k] += model.damping * v + friction * np.sign(v)
-    return out
-
-
-def project(robot, motion, tree):
-    tau = tree[:, robot.actuated]
-    if motion.X is not None:
-        tau = tau - np.einsum("nij,ni->nj", motion.X, tree[:, robot.dependent])
-    return tau
 
 
 @dataclass
@@ -116,6 +66,7 @@ def replay(robot: Robot, result, log, folder: Path) -> Replayed:
         alone.setdefault("tau", []).append(piece.down(piece.tau))
         for engine in (in_mujoco, in_pinocchio):
             tree = engine(exported.robot, copy, piece.motion)
+            tree = np.full((len(piece.tau), copy.nv), np.nan) if tree is None else tree
             alone.setdefault(engine, []).append(piece.down(project(copy, piece.motion, tree)))
     tau = np.concatenate(alone["tau"])
     errors = [error_ra(tau, np.concatenate(alone[e])) for e in (in_mujoco, in_pinocchio)]

@@ -5,19 +5,13 @@ runs the exported file forward.
 """
 
 import importlib
-import sys
-from pathlib import Path
 
 import pytest
-
-STUDIES = Path(__file__).resolve().parents[2] / "studies"
 
 
 @pytest.fixture(scope="module")
 def study():
-    sys.path.insert(0, str(STUDIES))
-    yield importlib.import_module("exported_robot")
-    sys.path.remove(str(STUDIES))
+    return importlib.import_module("exported_robot")
 
 
 def row_of(study, name, folder):
