@@ -117,7 +117,7 @@ def compare_logs(
     odd = motions.odd()
     hint = (
         f"{names[odd][0].upper()}{names[odd][1:]} of {log} disagrees with the rest of it: "
-        f"{_differences(motions, columns, odd)}{_worse(motions, joints, odd)}. Something changed "
+        f"{differences(motions, columns, odd)}{_worse(motions, joints, odd)}. Something changed "
         "while it was logged (a temperature, a load, a contact), or the model leaves out what only "
         "a part of the motion shows: compare it with another log."
     )
@@ -129,12 +129,12 @@ def _blame(
 ) -> str:
     if len(names) == 2:
         return (
-            f"{names[0]} and {names[1]} disagree: {_differences(motions, columns, 0)}. Two logs "
+            f"{names[0]} and {names[1]} disagree: {differences(motions, columns, 0)}. Two logs "
             f"cannot tell which is odd: {CAUSE}, {LEFT_OUT}. Fit each by itself; together, "
             "intervals are widened to hold both."
         )
     odd = motions.odd()
-    found = f"{_differences(motions, columns, odd)}{_worse(motions, joints, odd)}"
+    found = f"{differences(motions, columns, odd)}{_worse(motions, joints, odd)}"
     if motions.without(odd) < LEVEL or not motions.moved.any():
         return (
             f"The logs disagree with each other, {names[odd]} most: {found}. {CAUSE.capitalize()}, "
@@ -146,8 +146,8 @@ def _blame(
     )
 
 
-def _differences(motions: Motions, columns: Sequence[str], odd: int) -> str:
-    """Return which parameters differ, and by how much."""
+def differences(motions: Motions, columns: Sequence[str], odd: int) -> str:
+    """Return which parameters differ in one motion, and by how much."""
     mean, z = motions.away(odd)
     at = np.flatnonzero(motions.moved)
     if not len(at):

@@ -34,6 +34,7 @@ from identifiability.workflows.diagnose.late import early, name_late
 from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting, gather
 from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows, samples_each
 from identifiability.workflows.diagnose.naming import name_effects
+from identifiability.workflows.diagnose.odd_log import state_odd_log
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.stress import stress_named
 from identifiability.workflows.diagnose.unnamed import name_unnamed
@@ -158,6 +159,7 @@ def diagnose(
         simulated = max(draws // 2, FEWEST) if quick else draws
         first = [f.name for f in early(find_families(effects))]
         material = gather(setting, choose, streams[0], first, simulated)
+        doubts = [EXACT] * (fixed is True) if fixed is not False else _doubt_logs(opening)
         say("naming effects", 0.4)
         present = setting.structure.model.names
         naming = name_effects(
@@ -171,7 +173,6 @@ def diagnose(
         naming = stress_named(material, naming, roles.fit, how, streams[1])
         say("verifying", 0.9)
         found = conclude(material, naming, streams[2])
-        decided = EXACT if fixed is True else _state_decisive(opening) if fixed is False else ""
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed is True if known is None else known.words,
@@ -183,7 +184,7 @@ def diagnose(
         found = replace(
             found,
             hints=(
-                *filter(None, [decided]),
+                *doubts,
                 *opening.hints,
                 *say_band(how),
                 *free_again(model),
@@ -197,11 +198,13 @@ def diagnose(
         return replace(found, forward=simulate_forward(found, streams[3]))
 
 
-def _state_decisive(opening: Opening) -> str:
-    """Return one sentence on stretches of the fitted logs that decide a value, or none."""
+def _doubt_logs(opening: Opening) -> list[str]:
+    """Return a sentence on a log that disagrees, and one on stretches that decide a value."""
     information = gather_information(opening.regression)
     fit = find_estimator("wls").fit(information)
-    return state_decisive(opening.robot.joints, opening.samples, information, fit)
+    odd = state_odd_log(opening.regression, information, fit)
+    decided = state_decisive(opening.robot.joints, opening.samples, information, fit)
+    return [text for text in (odd, decided) if text]
 
 
 def _settle_values(
