@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.effects import find_effect, title_of
+from identifiability.effects import title_of
 from identifiability.estimation.estimator import PAPER_FACTOR
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.names import Array
@@ -128,11 +128,10 @@ def section_parameters(analysis: Analysis) -> Section:
 def name_key(analysis: Analysis) -> Fold:
     """Return what the names of parameters mean."""
     terms = [Term("NAME.KIND", sentence("analysis.key")), Term(*INERTIAL_KEY)]
-    for name in analysis.effects:
-        effect = find_effect(name)
+    for effect in analysis.structure.model.effects:
         kinds = dict.fromkeys(p.kind for p in effect.parameters(analysis.robot))
-        if name != "rigid_body" and kinds:
-            terms.append(Term(", ".join(kinds), title_of(name), formula=effect.equation))
+        if effect.name != "rigid_body" and kinds:
+            terms.append(Term(", ".join(kinds), title_of(effect.name), formula=effect.equation))
     robot = analysis.robot
     short = {**robot.body_symbols, **robot.joint_symbols}
     named = [f"{symbol} is {name}" for name, symbol in short.items() if symbol != name]
