@@ -106,7 +106,7 @@ def test_the_readme_runs_from_top_to_bottom(tmp_path):
     said = " ".join(said for said, _ in run(ROOT / "README.md", tmp_path, quick=True))
     assert "it predicts motion that it has not seen" in said  # the decision
     assert "Stribeck friction in joint_2" in said  # what the logs have and the robot file has not
-    for name in ("report.html", "missing.html", "inspection.html"):
+    for name in ("report.html", "missing.html", "inspection.html", "better.html"):
         assert (tmp_path / "study" / name).stat().st_size > 100_000
     for name in ("torque.csv", "fitted.xml", "again.csv", "template.csv", "result.json"):
         assert (tmp_path / "study" / name).is_file()
