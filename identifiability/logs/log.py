@@ -58,7 +58,7 @@ class Log:
     q_ref : (N, n) or None
         Commanded positions, where the log has them for every joint.
     motion_alone : bool
-        Whether it came without torque, for which zeros stand; only a prediction takes that.
+        Whether it came without torque, for which zeros stand.
     """
 
     name: str
