@@ -176,6 +176,11 @@ def _condition(evidence: Evidence, k: int) -> str:
     left = evidence.left_out
     if left is None:
         return ""
+    if np.isfinite(left.disputed[k]):
+        return (
+            f" The unpruned model puts it at {left.disputed[k]:.3g}: what this model leaves out "
+            "matters more than the robot file says, and σ holds both."
+        )
     if left.unknown:
         return (
             " That holds in this model: the robot file states no inertias, so how far what is left "

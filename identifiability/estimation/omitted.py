@@ -8,6 +8,10 @@ so no interval of the residual holds it. How large it can be is what the robot f
 their masses and where these lie to ± `SHARE`, and what the logs say of the parameters that are left
 out: the residual of the rung holds what they do and no kept parameter can take over. Both together
 are a normal posterior. Friction, rotors and offsets are taken to be as the file says.
+
+A file can be further from the robot than that, and the logs can leave out what no file states. The
+unpruned model knows: where its own interval for a label does not reach that of the rung, σ grows
+until it does, and the verdict says so.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.foundation.names import INERTIAL, Array
+from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
@@ -55,12 +60,16 @@ class LeftOut:
         where it is its label.
     unknown : bool
         Whether something is left out of which the robot file knows nothing.
+    disputed : (k,)
+        What the unpruned model finds for the label, where that contradicts what file and logs make
+        likely; NaN elsewhere.
     """
 
     sigma: Array
     projected: Array
     stands_for: tuple[str, ...]
     unknown: bool
+    disputed: Array
 
 
 def body_scatter(structure: Structure) -> Array:
@@ -120,8 +129,11 @@ def find_left_out(
         mean, root = _learn(left / np.sqrt(density))
         shift, spread = shift + spread @ mean, spread @ root
     sigma, projected = np.zeros(len(rung)), np.full(len(rung), np.nan)
+    disputed = projected.copy()
     sigma[kept] = np.hypot(shift, np.linalg.norm(spread, axis=1))
     projected[kept] = P @ stated
+    if full is not None:
+        sigma[kept], disputed[kept] = _settle(rung, fit, full, sigma[kept])
     texts = [""] * len(rung)
     size = np.linalg.norm(structure.G * scatter, axis=1)
     for row, column in enumerate(kept):
@@ -135,7 +147,32 @@ def find_left_out(
         projected=projected,
         stands_for=tuple(texts),
         unknown=bool(lost and not scatter.any()),
+        disputed=disputed,
     )
+
+
+def _settle(rung: Rung, fit: Estimate, full: Estimate, sigma: Array) -> tuple[Array, Array]:
+    """Return σ that reaches what the unpruned model finds, and that, where it had to grow, (k,).
+
+    Parameters
+    ----------
+    rung : Rung
+    fit, full : Estimate
+        Of the rung, and of all base parameters.
+    sigma : (k,)
+        By file and logs, of the parameters that `fit` determines.
+    """
+    kept = list(fit.kept)
+    meant = np.linalg.pinv(rung.M)[kept]
+    meant[np.abs(meant) < ROUNDING * np.abs(meant).max(1, initial=0.0, keepdims=True)] = 0.0
+    known = ~(meant[:, ~full.determined] != 0).any(1)
+    value = meant @ (np.where(full.determined, full.value, 0.0) - rung.held)
+    at = list(full.kept)
+    own = np.einsum("ka,ab,kb->k", meant[:, at], full.covariance[np.ix_(at, at)], meant[:, at])
+    reach = REACH * np.sqrt(np.maximum(own, 0.0) * float(np.max(full.times)))
+    apart = np.abs(fit.value[kept] - value) - reach
+    grown = known & (apart > REACH * np.hypot(sigma, fit.sigma[kept]))
+    return np.where(grown, apart / REACH, sigma), np.where(grown, value, np.nan)
 
 
 def _project(information: Information, fit: Estimate, M: Array) -> Array:

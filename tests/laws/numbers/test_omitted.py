@@ -10,6 +10,7 @@ from identifiability.estimation.judge import Evidence, judge
 from identifiability.estimation.omitted import SHARE, LeftOut, body_scatter, find_left_out
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import INERTIAL
+from identifiability.foundation.shares import REACH
 from identifiability.regression.reduction import Rung
 
 from .made import fit_of, gather
@@ -116,12 +117,13 @@ def verdict_of(left, sigma=0.01):
     return verdict
 
 
-def out(sigma, *, unknown=False):
+def out(sigma, *, unknown=False, disputed=np.nan):
     return LeftOut(
         sigma=np.array([sigma]),
         projected=np.array([1.05]),
         stands_for=("p + 0.5·q",),
         unknown=unknown,
+        disputed=np.array([disputed]),
     )
 
 
@@ -145,6 +147,11 @@ def test_a_verdict_is_conditional_where_the_file_knows_no_inertias():
     assert "states no inertias" not in verdict_of(out(0.0)).reason
 
 
+def test_a_verdict_says_what_the_unpruned_model_finds_instead():
+    assert "unpruned model puts it at 4.2: " in verdict_of(out(0.1, disputed=4.2)).reason
+    assert "puts it at" not in verdict_of(out(0.1)).reason
+
+
 def quiet(motion, seed=0, size=1e-6):
     return size * np.random.default_rng(seed).standard_normal(motion.shape[:2])
 
@@ -161,6 +168,33 @@ def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
     theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
     found, fit = known_by_logs(motion, rung_of(kept), theta, quiet(motion))
     np.testing.assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
+
+
+@pytest.mark.parametrize("size", [1e-6, 0.3])
+def test_what_no_file_states_is_noticed_by_the_unpruned_model(motion, size):
+    """Friction far from the file's is left out: its scatter is zero, but the logs know better."""
+    kept = [0, 5, 9]
+    theta = FILE + np.where(np.arange(12) == 10, 40.0, 0.0)
+    every = gather(motion, motion @ theta + quiet(motion, size=size), columns=NAMES)
+    rung, own = rung_of(kept), find_estimator("ols")
+    fit, full = own.fit(rung.reduce(every)), own.fit(every)
+    found = find_left_out(structure_of(FILE), rung, every, fit, full)
+    apart = np.abs(fit.value - full.value[kept])
+    own = REACH * full.sigma[kept] * np.sqrt(full.times.max())
+    assert (apart > 10 * own).any()  # else nothing would be tested
+    # The interval of the label reaches that of the unpruned model, and no further than its value.
+    reach = REACH * found.sigma
+    assert (reach >= (apart - own) * (1 - 1e-6)).all()
+    told = np.isfinite(found.disputed)
+    np.testing.assert_allclose(reach[told], (apart - own)[told], rtol=1e-6)
+    np.testing.assert_allclose(found.disputed[told], full.value[kept][told])
+
+
+def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
+    rung = rung_of([0, 5, 9, 10, 11])
+    theta = FILE + np.where(np.arange(12) == 3, 40.0, 0.0)
+    found, _ = known_by_logs(motion, rung, theta, quiet(motion, size=1e7))
+    assert np.isnan(found.disputed).all()
 
 
 def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):
