@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from hidden_effect_trials import FAMILIES, OUTSIDE, PAPER, RHO, SMOOTH, Job, run
+from hidden_effect_outside import OUTSIDE, SMOOTH
+from hidden_effect_trials import FAMILIES, PAPER, RHO, Job, run
 from joblib import Parallel, delayed
 from scipy import stats
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from hidden_effect_outside import EVERY, OUTSIDE
 
-from identifiability.effects import FAMILIES as KNOWN_FAMILIES
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.base_parameters import find_base_parameters
@@ -40,26 +40,6 @@ REALISTIC = {
     "gravity_tilt": 0.02,
 }
 FAMILIES = tuple(REALISTIC)
-#: All that may be named.
-EVERY = tuple(KNOWN_FAMILIES)
-#: Effects that are held back from the dictionary, with what would be another name for each.
-OUTSIDE = {
-    "rising_friction": ("sigmoid_friction",),
-    "sigmoid_friction": ("rising_friction",),
-    "stribeck_friction": (),
-    "quadratic_friction": ("stribeck_friction",),
-    "velocity_leak": (),
-    "torque_scale": (),
-    "load_dependent_friction": ("position_friction",),
-    "position_friction": ("load_dependent_friction",),
-    "torque_leak": (),
-    "hysteresis": (),
-    "backlash": (),
-    "friction_drift": (),
-    "thermal_drift": ("torque_drift",),
-}
-#: Those of them that are smooth functions of what a diagnosis looks at.
-SMOOTH = tuple(OUTSIDE)[:8]
 #: Share of an effect outside the base model below which this motion cannot name it.
 ALIASED = 0.03
 #: Effects that are hidden in the whole robot.

@@ -19,9 +19,9 @@ from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.gates import Chosen, Naming
 from identifiability.workflows.diagnose.held_out import Gain, HeldOut
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
-from identifiability.workflows.diagnose.naming import Say, name_effects
+from identifiability.workflows.diagnose.naming import Say, find_same, name_effects
 from identifiability.workflows.diagnose.residual import find_discrepancies
-from identifiability.workflows.diagnose.rows import Candidate, find_same
+from identifiability.workflows.diagnose.rows import Candidate
 
 #: The second pass has this share of the level of the first: together they keep to the level but
 #: for a fifth.

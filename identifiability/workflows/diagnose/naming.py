@@ -130,6 +130,7 @@ class _Search:
             useful = after < before
             if not useful:
                 trial, after = self.chosen, before
+                self.barred.update(c.group for c in members)
         new = signature(trial) != signature(self.chosen)
         reason = "" if new else "what it adds is explained better by what is there"
         if not useful:
@@ -189,6 +190,16 @@ class _Search:
 def signature(chosen: Sequence[Candidate]) -> set[tuple[str, str, tuple[str, ...]]]:
     """Return what is in a set of candidates, whatever the shapes."""
     return {c.slot for c in chosen}
+
+
+def find_same(c: Candidate, candidates: Iterable[Candidate]) -> Candidate:
+    """Return the candidate that is the same effect with the same shape."""
+    own = [c.shape, len(c.columns)]
+    return next(
+        o
+        for o in candidates
+        if o.slot == c.slot and np.array_equal([o.shape, len(o.columns)], own, equal_nan=True)
+    )
 
 
 def best_by_group(options: Sequence[Candidate], scores: Array) -> dict[tuple[str, str], float]:

@@ -6,7 +6,7 @@ columns of the base model, then one or more columns for every candidate (family,
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -242,16 +242,6 @@ def number(candidates: Sequence[Candidate]) -> list[Candidate]:
         replace(c, columns=tuple(range(end - len(c.columns), end)))
         for c, end in zip(candidates, ends, strict=True)
     ]
-
-
-def find_same(c: Candidate, candidates: Iterable[Candidate]) -> Candidate:
-    """Return the candidate that is the same effect with the same shape."""
-    own = [c.shape, len(c.columns)]
-    return next(
-        o
-        for o in candidates
-        if o.slot == c.slot and np.array_equal([o.shape, len(o.columns)], own, equal_nan=True)
-    )
 
 
 def build_rows(

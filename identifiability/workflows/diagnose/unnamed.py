@@ -21,8 +21,8 @@ from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, ke
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.late import SHARE, gain_over, what_is_left
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
-from identifiability.workflows.diagnose.naming import Say, name_effects, signature
-from identifiability.workflows.diagnose.rows import Candidate, Rows, find_same
+from identifiability.workflows.diagnose.naming import Say, find_same, name_effects, signature
+from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Steps of the search, and names that are said beside a function.
 MOST, NEAREST = 4, 3
@@ -66,7 +66,9 @@ def name_unnamed(
         taken = signature(start)
         options = [c for c in wider.candidates if c.family.unnamed or c.slot in taken]
         again = name_effects(wider.bench, options, wider.held, rules, present, say, start)
-        if not any(c.family.unnamed for c in again.chosen):
+        basic = signature([c for c in known if c.family.basic])
+        # A function that stands in for what every joint has says nothing new.
+        if not any(c.family.unnamed for c in again.chosen) or basic - signature(again.chosen):
             continue
         gain = gain_over(material.held, naming, wider.held, again)
         # Beside a name that does not fit a function need not predict better, only not surely

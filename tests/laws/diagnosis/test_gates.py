@@ -12,6 +12,7 @@ from identifiability.workflows.diagnose.gates import (
     add_places,
     keep_possible,
     keep_useful,
+    keep_where,
     list_units,
 )
 from identifiability.workflows.diagnose.held_out import Gain
@@ -63,6 +64,15 @@ def test_names_are_taken_out_one_at_a_time_the_least_useful_first(candidate):
 
     assert groups(keep_useful(Pair(), [a, b], Rules())) == [("a", "j")]
     assert groups(keep_useful(Pair(), [b], Rules())) == []
+
+
+def test_a_family_keeps_the_places_where_it_predicts_better_and_others_are_not_asked(candidate):
+    old = [candidate("b", "j", 3)]
+    new = [candidate("a", place, k) for k, place in enumerate("jlm")]
+    held = Told({("a", "j"): 0.3, ("a", "l"): -0.2, ("a", "m"): 0.1})
+    assert groups(keep_where(held, old, new, Rules())) == [("a", "j"), ("a", "m")]
+    assert all(("b", "j") in rest and ("b", "j") in whole for rest, whole, _ in held.asked)
+    assert keep_where(Told({g.group: -0.1 for g in new}), old, new, Rules()) == []
 
 
 def test_a_family_is_judged_at_each_place_and_as_a_whole(candidate):

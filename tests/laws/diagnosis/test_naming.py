@@ -288,6 +288,38 @@ def test_what_errs_least_as_a_real_robot_is_kept_and_not_what_came_after(world, 
     assert found.steps[1].gain > 0.05
 
 
+def test_a_family_that_helps_nowhere_is_taken_back_and_the_search_goes_on(world, candidate):
+    """Added everywhere it would do harm; what comes after it is named beside nothing of it."""
+
+    class Harm(HeldOut):
+        def errors(self, chosen, *, real=False, **more):
+            found = super().errors(chosen)
+            return found + 5.0 * sum(c.family.name == "a" for c in chosen)
+
+        def error(self, chosen, *, real=False, **more):
+            return float(np.mean(self.errors(chosen)))
+
+    e = world.basis
+    options = [candidate("a", "j", 0), candidate("a", "l", 1), candidate("b", "j", 2)]
+    rows = world.make(quiet(world, 60.0, 55.0, 30.0), list(e[:, :3].T))
+    held = Harm(train=rows, choosing=replace(rows))
+    found = name_effects(world.bench(rows, 99), options, held, Rules())
+    assert found.steps[0].best == ("a", "all joints")
+    assert found.steps[0].gain == 0.0
+    assert found.steps[0].reason == "it does not predict unseen motion better"
+    assert named(found) == [("b", "j")]
+
+
+def test_a_search_may_start_from_what_is_named_and_drop_what_it_makes_needless(world, candidate):
+    e = world.basis
+    options = [candidate("a", "j", 0), candidate("b", "j", 1)]
+    torque, columns = quiet(world, 60.0), [e[:, 0], world.unit(0.9, 0.436)]
+    rows = world.make(torque, columns)
+    bench, held = world.bench(rows, 99), world.held(rows)
+    found = name_effects(bench, options, held, Rules(), start=[options[1]])
+    assert named(found) == [("a", "j")]
+
+
 def test_a_gain_that_a_real_robot_does_not_have_takes_a_special_name_away(world, candidate):
     class Possible(HeldOut):
         """As a real robot no effect changes any error; the search goes by plain fits."""
