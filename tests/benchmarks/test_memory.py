@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from peers.running import STUDIES, make_samples, run_contender
 from peers.tables import all_agree
 
@@ -37,6 +38,7 @@ def test_a_hundred_thousand_samples_of_the_arm_are_fitted_in_300_mb():
     assert found.peak <= 300.0, f"{found.peak:.0f} MB"
 
 
+@pytest.mark.everything
 def test_contenders_agree_and_a_wrong_answer_is_seen():
     names = ("ours", "bare loop", "ours, physical", "cvxpy, all rows")
     with make_samples(300, 0) as folder:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import figure_5_split_forces
+import pytest
 import table_1_base_parameters
 import table_3_noise
 import table_6_no_actuators
@@ -39,6 +40,7 @@ def test_a_dropped_column_of_model_4_fails_its_size_rows_and_count(changed_robot
     } <= wrong
 
 
+@pytest.mark.everything
 def test_a_robot_without_actuator_inertia_fails_table_6_and_figure_5(changed_robot):
     """Nothing is neglected then, so no model can be the worse for it."""
     robot = changed_robot("make_robot.py", 'armature="483.1"', 'armature="0"')

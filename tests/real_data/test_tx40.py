@@ -159,6 +159,7 @@ def test_groupings_are_parsed_as_data(tx40):
     assert tx40.parse_grouping("fs6") == {"joint_6.Fc": 1.0}
 
 
+@pytest.mark.everything
 def test_the_study_writes_its_table_and_a_report(tx40, folder, tmp_path, capsys):
     out = tmp_path / "staubli_tx40.json"
     summaries = tx40.main(["--data", str(folder.parent), "--out", str(out), "--quick"])
