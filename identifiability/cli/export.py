@@ -32,7 +32,7 @@ def export(
 
         identifiability analyze arm.urdf run.csv --json result.json
         identifiability export arm.urdf result.json --out fitted.urdf
-        identifiability export arm.urdf result.json --out fitted.xml  # rotors and friction too
+        identifiability export arm.urdf result.json --out simulator.xml  # rotors and friction too
         identifiability export arm.urdf result.json --out values.json
         identifiability export arm.urdf result.json --out torque.c  # for a controller
 

@@ -6,7 +6,7 @@ A command names a group as one parameter, ``place: Place``, and is made by `comm
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import mkdtemp
@@ -305,10 +305,10 @@ class Place:
 _LOGS = ("logs", "validate", "loaded", "start_from")
 
 
-def _look(given: Mapping[str, Any]) -> None:
+def _look(given: Mapping[str, Any], *, motion_alone: bool = False) -> None:
     """Refuse robots and logs that are not there, and logs with other columns, in no time.
 
-    What takes a second to import is imported later.
+    Logs of motion alone have no torque. What takes a second to import is imported later.
     """
     machine, recorded = given.get("machine"), given.get("recorded")
     if machine is None:
@@ -328,13 +328,16 @@ def _look(given: Mapping[str, Any]) -> None:
             from identifiability.logs.conventions import Conventions  # noqa: PLC0415
             from identifiability.logs.header import check_header  # noqa: PLC0415
 
-            known = Conventions.of(machine.load(recorded))
+            known = replace(Conventions.of(machine.load(recorded)), motion_alone=motion_alone)
             for path in tables:
                 check_header(path, known)
 
 
 #: Makes a function a command: groups become their options, and files are looked at first.
 command = partial(grouping.command, first=_look)
+
+#: The same for one that takes logs without torque.
+command_along_motion = partial(grouping.command, first=partial(_look, motion_alone=True))
 
 
 def split_names(text: str | None) -> list[str] | None:

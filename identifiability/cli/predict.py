@@ -11,7 +11,7 @@ from typer import Option
 from identifiability.cli import common, options
 
 
-@options.command
+@options.command_along_motion
 def predict(
     machine: options.Machine,
     recorded: options.Recorded,

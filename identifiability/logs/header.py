@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.measured import call_currents
+from identifiability.logs.measured import call_currents, missing_torque
 from identifiability.logs.naming import name_columns
 from identifiability.logs.scan import BEGINNING, begin_csv
 
@@ -34,8 +34,10 @@ def check_header(path: Path, known: Conventions) -> None:
     line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]
     row = dict(zip(table.columns, table.form.split(line), strict=False))
     texts = {name: text for name, text in row.items() if not table.form.is_number(text)}
-    called = call_currents(list(table.columns), known)
-    sources = dict(zip(called, table.columns, strict=True))
+    made = missing_torque(table.columns, known) if known.motion_alone else []
+    found = [*table.columns, *made]
+    called = call_currents(found, known)
+    sources = dict(zip(called, found, strict=True))
     units = dict(zip(called, table.form.units, strict=False))
     currents = {name for name, column in sources.items() if name != column}
-    name_columns(called, str(path), known, units, texts, currents=currents)
+    name_columns(called, str(path), known, units, texts, currents=currents, made=made)

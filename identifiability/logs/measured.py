@@ -9,7 +9,7 @@ from dataclasses import replace
 from identifiability.foundation.errors import LogError, listing
 from identifiability.logs.aliases import CHANNEL_WORDS, COMMANDED, words_of
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.naming import Column, Naming
+from identifiability.logs.naming import Column, Naming, rename
 
 #: What columns of motor currents are called.
 CURRENT = ".current"
@@ -42,17 +42,21 @@ def _has_torque(owner: str, names: Sequence[str], known: Conventions) -> bool:
     return bool({f"{owner}.tau", f"{known.columns.apply(owner)}.tau"} & set(names))
 
 
-def missing_torque(columns: Iterable[str]) -> list[str]:
+def missing_torque(columns: Iterable[str], known: Conventions) -> list[str]:
     """Return what torques of a table would be called that holds none, nor a current; else none.
 
-    They are called as its positions are, so that what is understood of these is so of them.
+    They are called as its positions are, so that what is understood of these is so of them; where
+    a rule renames positions alone, as they become. Torque is what a rule makes torque, too.
     """
-    said = {name: {*words_of(name)} for name in columns}
+    new = {name: rename(name.strip(), known) for name in columns}
+    said = {name: {*words_of(name), *words_of(becomes)} for name, becomes in new.items()}
     if any(words & _TORQUES for words in said.values()):
         return []
-    measured = [name for name, words in said.items() if not words & COMMANDED]
-    called = dict.fromkeys(_POSITION.sub(r"\1tau", name, count=1) for name in measured)
-    return [name for name in called if name not in said]
+    called: list[str] = []
+    for name in (name for name, words in said.items() if not words & COMMANDED):
+        own, becomes = (_POSITION.sub(r"\1tau", n, count=1) for n in (name, new[name]))
+        called.append(own if rename(own, known) == becomes else becomes)
+    return [name for name in dict.fromkeys(called) if name not in {*new, *new.values()}]
 
 
 def settle_torque(naming: Naming, known: Conventions, source: str) -> Naming:

@@ -118,7 +118,7 @@ def name_columns(
         If there is no time, a column that is needed is missing, there twice or ambiguous, or its
         unit is none of its channel's.
     """
-    names = {name: _rename(name.strip(), known) for name in found}
+    names = {name: rename(name.strip(), known) for name in found}
     notes = _tell_renamed(names)
     twice = [n for n, count in Counter(c.strip() for c in found).items() if count > 1]
     if known.joints and not twice and not _needed(list(names.values()), known):
@@ -126,7 +126,7 @@ def name_columns(
             names, source, known, notes, units or {}, first or {}, proposed=proposed, made=made
         )
     columns = [
-        Column(_rename(name.strip(), known), name, current=name in currents) for name in found
+        Column(rename(name.strip(), known), name, current=name in currents) for name in found
     ]
     kept = _needed([c.name for c in columns], known)
     if kept:
@@ -244,7 +244,7 @@ def _in_units(naming: Naming, stated: Mapping[str, Unit | None], source: str) ->
     return replace(naming, columns=tuple(columns), notes=notes)
 
 
-def _rename(name: str, known: Conventions) -> str:
+def rename(name: str, known: Conventions) -> str:
     """Return a column by its new name, or by its joint's."""
     whole = known.columns.apply(name)
     if whole != name or not known.columns:

@@ -118,7 +118,7 @@ class Reading:
         frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
         self._form = form
         if self.known.motion_alone:
-            self.made = missing_torque(frame.columns)
+            self.made = missing_torque(frame.columns, self.known)
             frame = frame.assign(**dict.fromkeys(self.made, 0.0))
         if not self._naming.columns:
             self._begin(frame)

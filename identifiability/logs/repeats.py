@@ -42,13 +42,16 @@ def drop_repeats(
 ) -> tuple[list[Recording], list[Recording], tuple[str, ...]]:
     """Return fitted and held-out logs without rows that came before, and a hint for each such log.
 
+    Motion alone is a plan and no measurement: it may go round as often as it likes.
+
     Raises
     ------
     LogError
         If nothing is left of a held-out log.
     """
-    first = [_first_pass(log) for log in (*logs, *held)]
-    left = [_keep(*pair) for pair in zip(first, _find_copies(first), strict=True)]
+    first = [log if log.motion_alone else _first_pass(log) for log in (*logs, *held)]
+    pairs = zip(first, _find_copies(first), strict=True)
+    left = [_keep(log, copied & (not log.motion_alone)) for log, copied in pairs]
     hints = tuple(
         f"{log.name} repeats rows that were given before, noise and all ({len(log) - count} of "
         f"{len(log)}): they count once; give each measurement once."

@@ -30,6 +30,7 @@ from identifiability.robot.mjcf_text import (
     write_cable,
     write_inertial,
 )
+from identifiability.robot.shared_sidecar import check_shared
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.robot.write_axes import write_axes
 
@@ -106,6 +107,7 @@ def write_robot(
     beside = path.with_suffix(".toml")
     extra = _sidecar_text(robot, tables)
     _check_beside(robot, beside, path, needed=extra is not None)
+    check_shared(path, "" if extra is None else extra)
     pair = [] if extra is None else [(beside, extra.encode())]
     write_together([*pair, (path, text.encode())])
     return None if extra is None else beside

@@ -193,3 +193,18 @@ def test_nominal_values_that_cannot_be_replaced_are_said(tmp_path):
         write_parameters(
             Robot.load(path), {"elbow.Fc+": 3.0, "elbow.Fc-": 2.0}, tmp_path / "copy.xml"
         )
+
+
+def test_two_robot_files_that_need_other_sidecars_do_not_share_one(tmp_path):
+    """A URDF has its rotors there, and its MJCF does not: either would spoil the other."""
+    arm = Robot.load("six-dof-arm")
+    rotor = {f"{arm.joints[0]}.Ia": 0.3}
+    write_parameters(arm, rotor, tmp_path / "fitted.urdf")
+    before = {path: path.read_bytes() for path in files_in(tmp_path)}
+    with pytest.raises(OutputError, match=r"the sidecar of .*fitted.urdf' too, which is there"):
+        write_parameters(arm, rotor, tmp_path / "fitted.xml")
+    assert {path: path.read_bytes() for path in files_in(tmp_path)} == before
+    write_parameters(arm, rotor, tmp_path / "fitted.urdf")  # its own again
+    write_parameters(arm, rotor, tmp_path / "simulator.xml")
+    with pytest.raises(OutputError, match=r"the sidecar of .*simulator.xml' too"):
+        write_parameters(arm, rotor, tmp_path / "simulator.urdf")

@@ -85,6 +85,34 @@ def test_a_load_is_seen_and_said(analysis, make_log):
     assert "Of elbow too few do" in found.statement
 
 
+def told(*words):
+    out = CliRunner().invoke(app, [*map(str, words)])
+    assert out.exit_code == 0, out.output
+    return " ".join(out.output.split())
+
+
+def test_the_command_takes_columns_by_any_name_and_motion_alone(analysis, make_log, tmp_path):
+    """Torque that a rule names is torque; a plan goes round, and every round is predicted."""
+    result, log, out = (tmp_path / name for name in ("result.json", "log.csv", "torque.csv"))
+    analysis.to_json(result)
+    frame = make_log("two-link", "b", 2).to_frame()
+    kept = [c for c in frame if not c.endswith("dq")]
+    motors = {"shoulder.tau": "m1", "elbow.tau": "m2"}
+    frame[kept].rename(columns=motors).to_csv(log, index=False)
+    rules = [word for j, m in motors.items() for word in ("--map", f"{m}={j}")]
+    assert "with an error of" in told("predict", "two-link", result, log, *rules)
+
+    arms = {"shoulder.q": "s", "elbow.q": "e"}
+    t = np.arange(1200) / 100
+    wave = {name: np.sin(k * np.pi * t) for k, name in enumerate(arms.values(), 1)}
+    pd.DataFrame({"t": t, **wave}).to_csv(log, index=False)
+    rules = [word for j, m in arms.items() for word in ("--map", f"{m}={j}")]
+    answer = told("predict", "two-link", result, log, *rules, "--out", out)
+    assert "none was measured" in answer
+    assert "repeats rows" not in answer
+    assert pd.read_csv(out).t.max() > 11
+
+
 def test_the_command_writes_tables_and_a_page(analysis, make_log, tmp_path):
     result, log = tmp_path / "result.json", tmp_path / "b.csv"
     analysis.to_json(result)
