@@ -1,4 +1,4 @@
-"""How likely it is that logs tell two effects apart, by the rule that calls names undecided."""
+"""What tells two effects apart, and how likely: by the rule that calls names undecided."""
 
 from __future__ import annotations
 
@@ -6,10 +6,54 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
-from identifiability.workflows.excite.criteria import Discrimination
+from identifiability.workflows.excite.criteria import Discrimination, Separation
+from identifiability.workflows.excite.question import Question
 
 #: Experiments that are drawn for a chance.
 DRAWN = 20_000
+
+
+def aim_at(
+    question: Question, G: Array, counts: list[int], at: int, values: Array
+) -> Discrimination:
+    """Return what tells the first effect, as it was found, from the second, and the reverse.
+
+    Where the second is true it is as large as the logs take it for the first.
+
+    Parameters
+    ----------
+    question : Question
+        By `Separation`, whose effects are a number of shapes each.
+    G : (k, k)
+        What the logs say.
+    counts : list of int
+        Shapes of both effects.
+    at : int
+        The shape of the first that was found.
+    values : (p,)
+        Of the first, with that shape.
+    """
+    aim = question.criterion
+    assert isinstance(aim, Separation)
+    effects = np.concatenate([aim.first, aim.second])
+    firsts, seconds = (
+        tuple(np.split(own, count))
+        for own, count in zip((aim.first, aim.second), counts, strict=True)
+    )
+    model = np.setdiff1d(np.arange(len(G)), effects)
+    length = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    unit = G / np.outer(length, length)
+    base = np.linalg.pinv(unit[np.ix_(model, model)], rcond=1e-12, hermitian=True)
+    left = unit - unit[:, model] @ base @ unit[model]
+    true, best, likeliest = values * length[firsts[at]], -np.inf, (seconds[0], np.zeros(1))
+    for own in seconds:
+        cross = left[np.ix_(own, firsts[at])] @ true
+        level = np.linalg.pinv(left[np.ix_(own, own)], rcond=1e-9, hermitian=True) @ cross
+        if float(level @ cross) > best:
+            best, likeliest = float(level @ cross), (own, level / length[own])
+    own, level = likeliest
+    back = Discrimination(own, aim.first, level, firsts, effects)
+    return Discrimination(firsts[at], aim.second, values, seconds, effects, back)
 
 
 def decision_chance(aim: Discrimination, G: Array, alike: float) -> float:

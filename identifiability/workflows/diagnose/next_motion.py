@@ -26,17 +26,19 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.model import Model
 from identifiability.regression.regression import Regression
 from identifiability.robot import complete_motion
-from identifiability.workflows.diagnose.decision_chance import decision_chance
+from identifiability.workflows.diagnose.decision_chance import aim_at, decision_chance
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Placement
+from identifiability.workflows.diagnose.rows import list_candidates
 from identifiability.workflows.excite import Excitation, Limits, find_limits
 from identifiability.workflows.excite.candidates import Series
-from identifiability.workflows.excite.criteria import Discrimination, Separation
 from identifiability.workflows.excite.question import Known, Question, pose_question
 from identifiability.workflows.excite.workflow import find_motion
 from identifiability.workflows.opening import Progress
 
 #: Periods that a motion may be logged for: the fewest that are likely to decide.
 PERIODS, LIKELY = (1, 2, 4, 8), 0.95
+#: Share of its rms speed below which a joint counts for nothing.
+SLOW = 0.05
 #: Similarity from which on two effects are the same torque, and another motion changes nothing.
 SAME = 0.999
 #: Looks of the search, and samples a period.
@@ -100,7 +102,10 @@ class NextMotion:
         """Return a trajectory file with what is known of the motion beside it."""
         told = {"separates": list(self.names), "chance": self.chance, "before": self.before}
         told |= {"periods": self.periods, "similarity": self.similarity}
-        return {**self.excitation.to_dict(), "comment": self.statement, "next": told}
+        content = {**self.excitation.to_dict(), "comment": self.statement, "next": told}
+        # Of the shapes that a rival may have the most alike one counts, not all of them together.
+        del content["before"], content["after"]
+        return content
 
 
 @checked
@@ -132,13 +137,16 @@ def find_next(
     with one_thread("blas"):
         effect, placement, rival = _choose_pair(d)
         place, bounds = placement.place, find_limits(d.robot, limits)
-        pair = tuple(_place_all(d, name, place, bounds) for name in (effect.name, rival))
+        (named, shapes), (other, _) = (
+            _place_all(d, name, place, bounds) for name in (effect.name, rival)
+        )
         left = [text for text in d.model.texts if text != _text(effect.name, placement)]
-        question = pose_question(d.robot, "separate", Model.of(*left), None, pair)
+        question = pose_question(d.robot, "separate", Model.of(*left), None, (named, other))
         weights = _weigh(d)
         known = _gram(question, d, weights)
-        at = int(np.argmin(np.abs(np.nan_to_num(_shapes(pair[0]) - placement.shape))))
-        aim = _aim(question, known, [len(e.parts) for e in pair], at, placement.values)
+        at = _find_part(d, placement, named, shapes)
+        counts = [len(named.parts), len(other.parts)]
+        aim = aim_at(question, known, counts, at, placement.values)
         question = replace(question, criterion=aim)
         step = float(np.median(np.diff(d.samples[0].output_times())))
         found = find_motion(
@@ -161,7 +169,7 @@ def find_next(
         likely = [k for k, chance in enumerate(chances) if chance >= LIKELY and k]
         at = likely[0] if likely else int(np.argmax(chances[1:])) + 1
         return NextMotion(
-            names=(_text(effect.name, placement), pair[1].texts[0]),
+            names=(_text(effect.name, placement), other.texts[0]),
             excitation=found,
             periods=(0, *PERIODS)[at],
             chance=chances[at],
@@ -195,12 +203,14 @@ def _text(name: str, placement: Placement) -> str:
     return f"{name}@{place}" if np.isnan(shape) else f"{name}@{place}:{float(shape)!r}"
 
 
-def _place_all(d: Findings, name: str, place: str, limits: Limits) -> Placed:
+def _place_all(d: Findings, name: str, place: str, limits: Limits) -> tuple[Placed, list[float]]:
     """Return a family at a place with all of its shapes, those of a wider motion too."""
-    spans, family = measure_spans(d.robot, [s.motion for s in d.samples]), find_family(name)
+    motions, family = [s.motion for s in d.samples], find_family(name)
+    listed, _ = list_candidates(d.robot, [family], d.base, motions, fixed=d.fixed)
+    kinds = list(dict.fromkeys(c.kinds for c in listed if c.place == place))
+    span = measure_spans(d.robot, motions).get(place)
     shapes: tuple[float, ...] = (float("nan"),)
-    if place in spans:
-        span = spans[place]
+    if span is not None:
         shapes = family.grid(span)
         if place in limits.joints and family.shapes is not None:
             j = limits.joints.index(place)
@@ -212,54 +222,19 @@ def _place_all(d: Findings, name: str, place: str, limits: Limits) -> Placed:
                 largest_speed=speed,
             )
             shapes = tuple(dict.fromkeys((*shapes, *family.grid(wider))))
-    parts = [Part(family.at(shape, place), place) for shape in shapes]
-    return Placed(parts, [f"{name}@{place}", *map(str, shapes)])
+    every = [(shape, own) for shape in shapes for own in kinds]
+    parts = [Part(family.at(shape, place), place, own) for shape, own in every]
+    return Placed(parts, [f"{name}@{place}"]), [shape for shape, _ in every]
 
 
-def _shapes(effect: Placed) -> Array:
-    """Return the shapes of its parts, (·,)."""
-    return np.array([float(text) for text in effect.texts[1:]])
-
-
-def _aim(question: Question, G: Array, counts: list[int], at: int, values: Array) -> Discrimination:
-    """Return what tells the first effect, as it was found, from the second, and the reverse.
-
-    Where the second is true it is as large as the logs take it for the first.
-
-    Parameters
-    ----------
-    question : Question
-        By `Separation`, whose effects are a number of shapes each.
-    G : (k, k)
-        What the logs say.
-    counts : list of int
-        Shapes of both effects.
-    at : int
-        The shape of the first that was found.
-    values : (p,)
-        Of the first, with that shape.
-    """
-    aim = question.criterion
-    assert isinstance(aim, Separation)
-    effects = np.concatenate([aim.first, aim.second])
-    firsts, seconds = (
-        tuple(np.split(own, count))
-        for own, count in zip((aim.first, aim.second), counts, strict=True)
-    )
-    model = np.setdiff1d(np.arange(len(G)), effects)
-    length = np.sqrt(np.maximum(np.diag(G), 1e-300))
-    unit = G / np.outer(length, length)
-    base = np.linalg.pinv(unit[np.ix_(model, model)], rcond=1e-12, hermitian=True)
-    left = unit - unit[:, model] @ base @ unit[model]
-    true, best, likeliest = values * length[firsts[at]], -np.inf, (seconds[0], np.zeros(1))
-    for own in seconds:
-        cross = left[np.ix_(own, firsts[at])] @ true
-        level = np.linalg.pinv(left[np.ix_(own, own)], rcond=1e-9, hermitian=True) @ cross
-        if float(level @ cross) > best:
-            best, likeliest = float(level @ cross), (own, level / length[own])
-    own, level = likeliest
-    back = Discrimination(own, aim.first, level, firsts, effects)
-    return Discrimination(firsts[at], aim.second, values, seconds, effects, back)
+def _find_part(d: Findings, placement: Placement, effect: Placed, shapes: list[float]) -> int:
+    """Return which part of an effect with all of its shapes was found."""
+    own = [
+        tuple(p.name for p in Placed.part_parameters(d.robot, part)) == placement.parameters
+        for part in effect.parts
+    ]
+    away = np.abs(np.nan_to_num(np.array(shapes) - placement.shape))
+    return int(np.argmin(np.where(own, away, np.inf)))
 
 
 def _weigh(d: Findings) -> Array:
@@ -287,6 +262,8 @@ def _gram_of_motion(question: Question, d: Findings, weights: Array, found: Exci
     step = float(np.median(np.diff(d.samples[0].output_times())))
     rows = found.trajectory.period / step
     W = W * np.sqrt(weights * rows / len(W))[:, None]
+    # Near a reversal friction hangs on how its sign is smoothed, and logs leave rest out.
+    W[np.abs(v) < SLOW * np.sqrt(np.mean(v**2, axis=0))] = 0.0
     flat = W.reshape(-1, W.shape[2])
     gram: Array = flat.T @ flat
     return gram

@@ -180,6 +180,8 @@ class Discrimination(Separation):
 
     values: Array
     shapes: tuple[np.ndarray, ...]
+    title = "what only the true effect explains, in standard deviations"
+    short = "standard deviations"
     effects: np.ndarray
     reverse: Discrimination | None = None
 
