@@ -74,16 +74,19 @@ def test_nothing_is_asked_for_where_nothing_is_undecided():
 
 @pytest.mark.everything
 def test_the_next_motion_is_written_with_its_chance(tmp_path):
-    """Motions of one harmonic show quadratic friction at hardly more than one speed."""
-    robot, rng = Robot.load("two-link"), np.random.default_rng(4)
-    motions = [random_trajectory(robot, rng, harmonics=1) for _ in range(3)]
+    """Case 4 of the study of next experiments."""
+    robot, rng = Robot.load("two-link"), np.random.default_rng([4, 17])
+    rng.integers(7), rng.integers(2)
+    share, count = rng.choice((0.02, 0.05)), int(rng.choice((1, 2, 3)))
+    motions = [random_trajectory(robot, rng, harmonics=count) for _ in range(3)]
     noise = Noise(additive=0.012, correlation=0.9, encoder=2e-5)
-    logs = Campaign.of(robot, motions).logs(["quadratic_friction@shoulder=0.05"], noise, rng)
+    hidden = [f"quadratic_friction@shoulder={share}"]
+    logs = Campaign.of(robot, motions).logs(hidden, noise, np.random.default_rng([4, 77]))
     paths = [str(tmp_path / f"run{k}.csv") for k in range(3)]
     for log, path in zip(logs, paths, strict=True):
         log.to_frame().to_csv(path, index=False)
     out = tmp_path / "motion.json"
-    argv = ["diagnose", "two-link", *paths[:2], "--validate", paths[2], "--quick"]
+    argv = ["diagnose", "two-link", *paths[:2], "--validate", paths[2], "--quick", "--seed", "4"]
     done = CliRunner().invoke(app, [*argv, "--next", str(out)])
     text = " ".join(done.output.split())
     assert done.exit_code == 0, text
