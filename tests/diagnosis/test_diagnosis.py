@@ -173,13 +173,7 @@ def test_the_frame_has_the_error_before_and_after(diagnosis):
     ("robot", "hidden", "name", "place"),
     [
         ("two-link", "payload=0.1", "payload", "link2"),
-        pytest.param(
-            "six-dof-arm",
-            "gravity_tilt=0.03",
-            "gravity_tilt",
-            "base",
-            marks=pytest.mark.everything,
-        ),
+        ("six-dof-arm", "gravity_tilt=0.03", "gravity_tilt", "base"),
     ],
 )
 def test_a_fixed_simulation_can_miss_payload_and_tilt(robot, hidden, name, place, diagnosis_of):
