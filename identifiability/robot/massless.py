@@ -66,8 +66,8 @@ def merge_axes(
         out.appendBodyToJoint(index[k], model.inertias[k], pin.SE3.Identity())
         parts = []
     _copy_frames(model, out, index)
-    for limits in ("lowerPositionLimit", "upperPositionLimit", "damping", "armature",
-                   "upperDryFrictionLimit", "lowerDryFrictionLimit"):  # fmt: skip
+    for limits in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit", "damping",
+                   "armature", "upperDryFrictionLimit", "lowerDryFrictionLimit"):  # fmt: skip
         setattr(out, limits, np.array(getattr(model, limits)))
     return out, names
 

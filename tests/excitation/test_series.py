@@ -10,7 +10,7 @@ from identifiability.workflows.excite.limits import Limits, find_limits
 
 LIMITS = Limits(
     ("a", "b"), np.array([-1.0, 0.6]), np.array([2.0, 0.8]), np.array([3.0, 0.16]),
-    np.array([9.0, 0.5]),
+    np.array([9.0, 0.5]), np.full(2, np.inf), np.full(2, np.inf),
 )  # fmt: skip
 
 
@@ -90,3 +90,23 @@ def test_wrong_limits_are_refused_in_one_sentence(tmp_path, text, sentence):
     with pytest.raises(RobotError, match=sentence.replace("[", r"\[")) as error:
         find_limits(Robot.load("3-rps"), file)
     assert "\n" not in str(error.value)
+
+
+JOINT = """<link name="l{k}"><inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1"
+  ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j{k}" type="revolute">
+  <parent link="l{below}"/><child link="l{k}"/><axis xyz="0 1 0"/>
+  <limit lower="-1" upper="1"{more}/></joint>"""
+
+
+def test_the_speeds_of_a_urdf_are_kept_where_no_sidecar_states_any(tmp_path):
+    """A slow joint is not driven at what is assumed of others; zero and nothing state nothing."""
+    speeds = ("0.4", "3", "0", None)
+    more = [' effort="9"' + (f' velocity="{v}"' if v else "") for v in speeds]
+    joints = [JOINT.format(k=k, below=k - 1, more=m) for k, m in enumerate(more, 1)]
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="a"><link name="l0"/>{"".join(joints)}</robot>')
+    found = find_limits(Robot.load(path), {"j2": {"v": 1.5}})
+    assert found.speed.tolist() == [0.4, 1.5, 2.0, 2.0]
+    assert [a for a in found.assumed if a.endswith(".v")] == ["j3.v", "j4.v"]
+    path.with_suffix(".toml").write_text("[limits]\nj1 = {v = 0.2}\n")
+    assert find_limits(Robot.load(path)).speed.tolist() == [0.2, 3.0, 2.0, 2.0]

@@ -35,6 +35,9 @@ CLOSURE_BOUND = 300.0
 #: of random trajectories.
 ASSUMED = {"q": (1.0, 0.1), "v": (2.0, 0.3), "a": (10.0, 1.0)}
 
+#: A speed from which on a file means that there is no limit [rad/s or m/s].
+ENDLESS = 1e6
+
 
 class BoxEntry(BaseModel):
     """Where a point of a body may be, in the world."""
@@ -145,7 +148,7 @@ def find_limits(
     _check_names(source, "body", entry.workspace, robot.bodies)
     slides = np.array([int(robot.is_prismatic(int(k))) for k in robot.actuated])
     home = robot.actuated_positions(robot.home[None])[0]
-    own = {"q": robot.limits, "v": robot.speed_limits, "a": robot.acceleration_limits}
+    own = {"q": robot.limits, "v": _speeds(robot), "a": robot.acceleration_limits}
     filled, assumed = {}, []
     for kind, values in own.items():
         stated, likely = values.copy(), np.array(ASSUMED[kind])[slides]
@@ -171,6 +174,19 @@ def find_limits(
         boxes=tuple(_box(robot, body, box) for body, box in entry.workspace.items()),
         assumed=tuple(assumed),
     )
+
+
+def _speeds(robot: Robot) -> Array:
+    """Return limits of speed, (n,): of the sidecar, or else the velocities of a URDF."""
+    speeds = robot.speed_limits.copy()
+    of_file = np.asarray(() if robot.mjcf else robot.model.velocityLimit, float)
+    for k, name in enumerate(robot.joints):
+        joint = robot.tree.single.get(name)
+        if joint is None or not np.isinf(speeds[k]) or joint.iv >= len(of_file):
+            continue
+        if 0 < of_file[joint.iv] < ENDLESS:  # zero where the file is silent
+            speeds[k] = of_file[joint.iv]
+    return speeds
 
 
 def _of_drives(robot: Robot, entry: LimitsFile, kind: str) -> Array:
