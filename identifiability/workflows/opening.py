@@ -162,7 +162,10 @@ def _notes(logs: Sequence[Log | LogFile]) -> list[str]:
     for log in logs:
         if log.notes:
             said.setdefault("; ".join(log.notes), []).append(log.name)
-    return [f"How {listing(names, 4)} was read: {text}." for text, names in said.items()]
+    return [
+        f"How {listing(names, 4)} {'was' if len(names) == 1 else 'were'} read: {text}."
+        for text, names in said.items()
+    ]
 
 
 def check_held_out(

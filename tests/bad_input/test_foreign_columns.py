@@ -45,6 +45,9 @@ def test_renamed_joints_are_read_short_and_long_alike_and_the_note_says_so(forei
     assert read_recordings(path, (), names).hints == (
         f"How log.csv was read: {'; '.join(file.notes)}.",
     )
+    again = write("again.csv", foreign.assign(t=foreign["t"] + 1))
+    hint, *_ = read_recordings([path, again], (), names).hints
+    assert hint.startswith("How log.csv, again.csv were read: ")
 
 
 def test_the_sidecar_and_the_option_rename_and_the_option_comes_first(foreign, write, tmp_path):

@@ -345,3 +345,13 @@ def test_the_command_writes_both_files_and_never_over_a_sidecar_of_the_users(tmp
         assert done.exit_code == 2
         assert "Error: " in done.stderr
     assert out.with_suffix(".toml").read_text() == "name = 'mine'\n"
+
+
+def test_a_robot_of_the_tables_own_name_is_refused_and_the_reason_is_said(tmp_path):
+    table = tmp_path / "dh.toml"
+    table.write_text('convention = "modified"\n[[links]]\nname = "a"\njoint = "j"\n')
+    before = table.read_bytes()
+    with pytest.raises(OutputError, match=r"dh.toml', which is the table.*as in 'dh_robot.xml'"):
+        convert_dh(table, tmp_path / "dh.xml")
+    assert table.read_bytes() == before
+    assert not (tmp_path / "dh.xml").exists()

@@ -69,7 +69,12 @@ def convert_dh(table: str | Path | Mapping[str, Any], out: str | Path) -> Conver
     beside = out.with_suffix(".toml")
     check_ending(out, ".xml")
     given = [] if isinstance(table, Mapping) else [table]
-    check_apart([out, beside], given)
+    if beside.resolve() in [Path(path).resolve() for path in given]:
+        raise OutputError(
+            f"The sidecar of '{out}' would be '{beside}', which is the table; give --out another "
+            f"name, as in '{out.stem}_robot{out.suffix}'."
+        )
+    check_apart([out], given)
     _check_own(beside)
     source = "the table" if isinstance(table, Mapping) else Path(table).name
     read = _read_table(table)
