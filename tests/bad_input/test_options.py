@@ -81,7 +81,7 @@ DIAGNOSE = {
         "model must be a Model, a list of effects, the path of a model file or",
     ),
     "effects": ({"effects": "payload"}, "effects must be a list of names or None, not 'payload'"),
-    "fixed": ({"fixed": 1}, "fixed must be True or False, not 1"),
+    "fixed": ({"fixed": 2}, "may be off by a share above 0 and up to 1, 2 was given"),
     "rules": ({"rules": {"level": 0.1}}, "rules must be a Rules or None, not a dict"),
 }
 OF_LOGS = {
