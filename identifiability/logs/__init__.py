@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -14,6 +15,6 @@ def __getattr__(name: str) -> Any:
     """Import `Log` when it is first used: who only looks at columns does not wait for it."""
     if name != "Log":
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    from identifiability.logs.log import Log  # noqa: PLC0415
-
-    return Log
+    value = import_module(f"{__name__}.log").Log
+    globals()[name] = value  # where those look who read a module instead of using it
+    return value
