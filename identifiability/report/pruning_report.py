@@ -112,7 +112,7 @@ def _answers(ladder: Ladder, notes: tuple[Note, ...]) -> Answers:
 
 
 def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
-    robot, logs = source_name(ladder.robot), log_names(ladder.samples)
+    robot, logs = source_name(ladder.robot), log_names(ladder.robot, ladder.samples)
     if ladder.nothing:
         return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
     return [

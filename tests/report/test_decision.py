@@ -1,6 +1,8 @@
 """The first screen: graded errors, trust, commands, and the robot drawn from its kinematics."""
 
 import re
+import shlex
+import shutil
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -18,6 +20,7 @@ from identifiability.report.sections.decision import (
     grade_of,
     log_names,
     quote,
+    reading_options,
     source_name,
 )
 from identifiability.robot import Robot
@@ -138,4 +141,19 @@ def test_a_body_is_as_good_as_its_best_parameter(paper_analysis):
 def test_parts_of_a_log_are_one_file_in_a_command(paper_analysis):
     (s,) = paper_analysis.samples
     parts = [replace(s, name=f"run.csv, part {k}") for k in (1, 2)]
-    assert log_names(parts) == "run.csv"
+    assert log_names(paper_analysis.robot, parts) == "run.csv"
+
+
+def test_commands_read_robot_and_logs_as_they_were_read(tmp_path):
+    path = tmp_path / "two.xml"
+    path.write_text(Robot.load("two-link").path.read_text())
+    shutil.copy(Robot.load("two-link").sidecar, tmp_path / "two.toml")
+    columns = {r"axis(\d)_pos": r"joint\1.q"}
+    robot = Robot.load(path, lock=["elbow=0.5"], columns=columns, time_unit="ms", angles="deg")
+    assert source_name(robot) == "two.xml --lock elbow=0.5"
+    words = shlex.split(reading_options(robot))
+    assert words == [
+        *("--map", r"axis(\d)_pos=joint\1.q", "--time-unit", "ms", "--angles", "deg"),
+    ]
+    assert source_name(Robot.load("3-rps")) == "3-rps"
+    assert reading_options(Robot.load("3-rps")) == ""

@@ -69,7 +69,7 @@ def _answer_use(analysis: Analysis) -> Answer:
 
 def _next_commands(analysis: Analysis) -> list[tuple[str, str]]:
     """Return at most three lines for the terminal, the most useful first."""
-    robot, logs = source_name(analysis.robot), log_names(analysis.samples)
+    robot, logs = source_name(analysis.robot), log_names(analysis.robot, analysis.samples)
     if analysis.nothing:
         return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
     chosen, out = analysis.chosen, []
@@ -82,12 +82,8 @@ def _next_commands(analysis: Analysis) -> list[tuple[str, str]]:
         more = "--report pruned.html --json result.json"
         out.append((text, f"identifiability prune {robot} {logs} {more}"))
         text = "Or measure what these logs leave open:"
-        out.append(
-            (
-                text,
-                f"identifiability excite {robot} --start-from {logs.split(' ')[0]} --out next.json",
-            )
-        )
+        first = log_names(analysis.robot, analysis.samples, most=1)
+        out.append((text, f"identifiability excite {robot} --start-from {first} --out next.json"))
     text = "Take the robot into a simulator (result.json is what --json wrote):"
     out.append((text, f"identifiability export {robot} result.json --out fitted.xml"))
     return out[:3]

@@ -86,16 +86,29 @@ def answer_next(commands: Sequence[tuple[str, str]], text: str = "") -> Answer:
 
 
 def source_name(robot: Robot) -> str:
-    """Return how a command names the robot: by its file, a shipped one by its name."""
-    if robot.path.parent.parent == shipped_folder():
-        return robot.path.parent.name
-    return quote(robot.path.name)
+    """Return how a command names the robot, with what was locked by an option.
+
+    It is the name of its file, or that of a shipped robot.
+    """
+    shipped = robot.path.parent.parent == shipped_folder()
+    name = robot.path.parent.name if shipped else quote(robot.path.name)
+    locks = (f"{joint}={robot.locked[joint]:g}" for joint in robot.lock_option)
+    return " ".join([name, *(f"--lock {quote(lock)}" for lock in locks)])
 
 
-def log_names(samples: Sequence[Prepared]) -> str:
-    """Return the logs of a command, by the names of their files."""
+def reading_options(robot: Robot) -> str:
+    """Return the options by which a command reads logs as they were read; begins with a space."""
+    words = [f"--map {quote(f'{old}={new}')}" for old, new in robot.columns.rules]
+    words += [f"--time-unit {robot.time_unit}"] if robot.time_unit else []
+    words += [f"--angles {robot.angles}"] if robot.angles is not None else []
+    return "".join(f" {word}" for word in words)
+
+
+def log_names(robot: Robot, samples: Sequence[Prepared], most: int = 3) -> str:
+    """Return the logs of a command, by the names of their files, and how they are read."""
     files = list(dict.fromkeys(re.sub(r", part \d+$", "", s.name) for s in samples))
-    return " ".join(map(quote, files[:3])) + (" …" if len(files) > 3 else "")
+    more = " …" if len(files) > most > 1 else ""
+    return f"{' '.join(map(quote, files[:most]))}{more}{reading_options(robot)}"
 
 
 def quote(name: str) -> str:

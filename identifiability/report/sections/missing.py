@@ -62,7 +62,7 @@ def _left(d: Diagnosis) -> Answer:
 
 
 def _next_commands(d: Diagnosis) -> list[tuple[str, str]]:
-    robot, logs = source_name(d.robot), log_names(d.samples)
+    robot, logs = source_name(d.robot), log_names(d.robot, d.samples)
     if not d.effects:
         what = "See which parameters these logs determine:"
         return [(what, f"identifiability analyze {robot} {logs} --report report.html")]
