@@ -15,6 +15,7 @@ from identifiability import Robot, analyze, compare
 from identifiability.cli import app
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
+from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.simulator import Campaign
@@ -67,6 +68,22 @@ def test_friction_that_rose_is_named_with_its_size(name, joint, motion):
     assert found.answer.startswith(f"Friction of {joint} rose by ")
     assert found.found_from[joint] < 0.2
     assert bool(found.pairs) == (motion == 0)
+
+
+def test_friction_of_passive_joints_may_be_what_a_closed_chain_shows():
+    """A model without it says that of the motors rose, and must say that it may not have."""
+    name, joint = "five-bar", campaign("five-bar").robot.joints[0]
+    before, after = logs(name, 0)[0], logs(name, 30, **{joint: 1.5})[0]
+    found = compare(name, before, after)
+    passive = [a.name for a in found.structure.robot.passive_axes]
+    assert ("friction", joint) in said(found)
+    assert f"or that of passive joints did ({passive[0]}" in found.answer
+    assert "passive_joint_friction" in found.answer
+    own = [*found.structure.model.names, "passive_joint_friction"]
+    ladder = LadderEntry(models=[RungEntry(name="passive too", effects=own)])
+    told = compare(name, before, after, ladder=ladder)
+    assert told.unseen == ()
+    assert "passive joints did" not in told.answer
 
 
 def test_friction_that_fell_and_an_offset_are_told_apart():

@@ -22,6 +22,11 @@ from identifiability.workflows.compare.difference import Difference
 #: What else it may be where the motions are not the same.
 OR_ELSE = "or the model leaves out what the motions show differently"
 
+#: What a model of the motors' friction alone cannot tell from it, and what to do.
+NO_PASSIVE = (
+    "which this model does not have: give --ladder a model with passive_joint_friction to tell"
+)
+
 #: Where friction must change by more than this share everywhere, an unchanged robot is no news.
 BLIND = 0.5
 BUT_BLIND = (
@@ -78,9 +83,20 @@ class Comparison(OfStructure, Result):
         more = len(self.changes) - NAMED
         text = "; ".join([*found, *([f"{more} more"] if more > 0 else [])])
         doubt = "" if self.difference.kind == "pairs" else f", {OR_ELSE}"
+        if self.unseen and any(c.cause.kind == "friction" for c in self.changes):
+            doubt += f", or that of passive joints did ({listing(self.unseen, 3)}), {NO_PASSIVE}"
         if self.changes[0].cause.kind != "value":  # a name is written as it is
             text = f"{text[0].upper()}{text[1:]}"
         return f"{text}{doubt}."
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Passive joints whose friction the model does not have: what it does looks like others'.
+
+        The motors of a closed chain feel it through the loops.
+        """
+        own = {p.owner for p in self.structure.parameters if "friction" in p.group}
+        return tuple(a.name for a in self.structure.robot.passive_axes if a.name not in own)
 
     @property
     def statement(self) -> str:
