@@ -62,6 +62,11 @@ def test_a_result_that_cannot_be_written_is_written_elsewhere(tmp_path, monkeypa
     assert Path(place).read_text() == "{}"
 
 
+def hear():
+    """Let the command hear Ctrl-C, to which programs in the background of a shell are deaf."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
 def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tmp_path):
     out = tmp_path / "work"
@@ -69,7 +74,11 @@ def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tm
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     command = [sys.executable, "-m", "identifiability", "excite", "3-rps", "--out"]
     process = subprocess.Popen(
-        [*command, str(out / "m.json")], stderr=subprocess.PIPE, text=True, env=environment
+        [*command, str(out / "m.json")],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        preexec_fn=hear,
     )
     time.sleep(2.5)
     process.send_signal(getattr(signal, name))

@@ -37,7 +37,7 @@ LOGS = (
     "not"
 )
 ROBOT = "robot must be a Robot, the path of a robot file or a shipped robot's name, not 3"
-REPLICATES = "replicates must be 0 (none) or a whole number of at least 2, not"
+REPLICATES = "replicates must be 0 (none) or a whole number of at least 2 or None, not"
 
 #: What is called, with which bad option, and a part of the sentence.
 BAD_LOG_VERBS = {
@@ -101,7 +101,7 @@ CALIBRATE = {
     "no noise": ({"noise": ()}, "noise must be a list of numbers above 0, not ()"),
     "trials": ({"trials": 0}, "trials must be a whole number of at least 2, not 0"),
     "model": ({"model": "fll model"}, "model must be 'full model' or 'symmetric friction', not"),
-    "replicates": ({"replicates": 1}, f"{REPLICATES} 1"),
+    "replicates": ({"replicates": 1}, "a whole number of at least 2, not 1"),
     "sbc": ({"sbc": -1}, "sbc must be a whole number of at least 0, not -1"),
     "seed": ({"seed": -1}, SEED),
 }

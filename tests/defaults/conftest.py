@@ -166,7 +166,13 @@ def _mujoco(path: Path, *motion: np.ndarray) -> tuple[np.ndarray, dict[str, floa
     model = mujoco.MjModel.from_xml_path(str(path))
     stated = {"Fv": model.dof_damping, "Fc": model.dof_frictionloss, "Ia": model.dof_armature}
     values = {f"{j}.{k}": float(v[i]) for k, v in stated.items() for i, j in enumerate(JOINTS)}
-    for value in stated.values():
+    motors = [model.tendon(i).name for i in range(model.ntendon)]  # that mix joints
+    tendons = {
+        "Fv": model.tendon_damping, "Fc": model.tendon_frictionloss, "Ia": model.tendon_armature
+    }  # fmt: skip
+    for k, v in tendons.items():
+        values |= {f"{m}.{k}": float(np.ravel(v[i])[0]) for i, m in enumerate(motors)}
+    for value in (*stated.values(), *tendons.values()):
         value[:] = 0
     data, out = mujoco.MjData(model), []
     for data.qpos[:], data.qvel[:], data.qacc[:] in zip(*motion, strict=True):

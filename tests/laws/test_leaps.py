@@ -84,8 +84,13 @@ def test_what_is_kept_and_what_it_costs():
         condition=np.array([1.0, 1.0, 100.0, 100.1, 90.0, 95.0, 1.0]),
         leaps=np.array([0, 0, 0, 0, 1, 0, 0]),
         outside=np.array([-np.inf, -1.0, -0.5, -0.5, -0.5, -0.0005, 0.002]),
+        load=np.zeros(7),
     )
     assert space.kept(100.0).tolist() == [True, False, True, False, False, True, False]
     near = 20 * np.log(np.array([100.0, 100.1, 95.0]) / 90) ** 2
     expected = [0, 0, near[0], near[1], 5, near[2] + 200 * 0.0005, 200 * 0.003]
     np.testing.assert_allclose(space.cost(100.0), expected, atol=1e-12)
+    asked = replace(space, load=np.array([0.9, 0.5, 1.0, 1.0, 1.0, 1.1, 0.0]))
+    assert asked.kept(100.0).tolist() == [True, False, True, False, False, False, False]
+    heavy = 20 * np.log(np.array([1.0, 1.0, 1 / 0.9, 1 / 0.9, 1 / 0.9, 1.1 / 0.9, 1.0]))
+    np.testing.assert_allclose(asked.cost(100.0), expected + heavy, atol=1e-12)

@@ -214,4 +214,7 @@ def test_what_is_written_back_is_read_back(feature, load_text, tmp_path):
     copy = Robot.load(write_parameters(robot, values, tmp_path / "copy.xml").robot)
     for name, value in values.items():
         assert copy.nominal[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
-    assert copy.rest == pytest.approx(robot.rest)
+    springs = {name for name in robot.rest if values.get(f"{name}.K")}  # others rest nowhere
+    found = {name: copy.rest[name] for name in springs}
+    assert found == pytest.approx({name: robot.rest[name] for name in springs})
+    assert springs or feature == "tendons switched off" or not robot.rest

@@ -8,6 +8,7 @@ from identifiability.effects import default_effects
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.model import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 from identifiability.workflows.excite.limits import Limits
 
@@ -21,17 +22,13 @@ class Drive:
 
     Attributes
     ----------
-    robot : Robot
-    model : Model
-    values : (p,)
-        Nominal parameters; what the robot file does not state is zero.
+    structure : Structure
+        The robot under its nominal model; what the robot file does not state is zero.
     torque, power : (n,) [N·m or N; W]
         Largest of each drive; infinite where nobody stated it.
     """
 
-    robot: Robot
-    model: Model
-    values: Array
+    structure: Structure
     torque: Array
     power: Array
 
@@ -40,13 +37,13 @@ class Drive:
         """Return the drives of a robot; None where nobody stated what they can do."""
         if not (np.isfinite(limits.torque).any() or np.isfinite(limits.power).any()):
             return None
-        model = Model.of(*default_effects(robot, EFFECTS))
-        values = [robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)]
-        return Drive(robot, model, np.array(values), limits.torque, limits.power)
+        structure = Structure.of(robot, Model.of(*default_effects(robot, EFFECTS)))
+        return Drive(structure, limits.torque, limits.power)
 
     def torques(self, motion: Motion) -> Array:
         """Return the torque that a motion takes, (N, n) [N·m or N]."""
-        out: Array = self.model.regressor(self.robot, motion) @ self.values
+        of = self.structure
+        out: Array = of.model.regressor(of.robot, motion) @ of.nominal
         return out
 
     def load(self, motion: Motion) -> Array:

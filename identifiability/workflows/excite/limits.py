@@ -13,6 +13,7 @@ A limits file is TOML; every key is optional and replaces what the robot says::
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +79,10 @@ class Box:
     high: Array
 
 
+def _endless() -> Array:
+    return np.array(np.inf)
+
+
 @frozen
 class Limits:
     """Limits of the actuated joints and of the workspace.
@@ -101,8 +106,8 @@ class Limits:
     high: Array
     speed: Array
     acceleration: Array
-    torque: Array
-    power: Array
+    torque: Array = field(default_factory=_endless)
+    power: Array = field(default_factory=_endless)
     boxes: tuple[Box, ...] = ()
     closure_bound: float = CLOSURE_BOUND
     assumed: tuple[str, ...] = ()
