@@ -78,7 +78,7 @@ def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tm
         stderr=subprocess.PIPE,
         text=True,
         env=environment,
-        preexec_fn=hear,
+        preexec_fn=hear,  # noqa: PLW1509 - it touches no lock
     )
     time.sleep(2.5)
     process.send_signal(getattr(signal, name))
