@@ -62,13 +62,13 @@ def test_an_effect_that_no_family_fits_is_given_no_name(diagnosis_of):
     ("rho", "motion"), [seldom(0.0, 0.0), seldom(0.9, 0.0), seldom(0.98, 0.0), (0.9, 0.01)]
 )
 def test_nulls_get_a_name_no_more_often_than_they_may(rho, motion, logs_of):
-    """The whole path from the raw log on; at a rate of .1 more than 4 of 10 happen once in 600."""
+    """The whole path from the raw log on; at a rate of .1 more than 3 of 7 happen once in 370."""
     false = 0
-    for seed in range(10):
+    for seed in range(7):
         logs = logs_of("two-link", seed=100 + seed, rho=rho, motion=motion)
         d = diagnose("two-link", logs[:4], logs[4:], quick=True, draws=198, seed=seed)
         false += bool(d.effects)
-    assert false <= 4
+    assert false <= 3
 
 
 def test_coulomb_asymmetry_and_offset_are_one_name_with_two_words(diagnosis_of):
@@ -102,14 +102,14 @@ def test_the_papers_nonlinear_friction_is_named(rps, named):
 def test_the_papers_rotational_friction_is_named(rps, named):
     hinges = {f"hinge{k}.{n}": v for k in (1, 2, 3) for n, v in (("Fv", 490.8), ("Fc", 34.2))}
     logs = paper_logs(rps, hinges)
-    d = diagnose(rps, logs[:4], logs[4:], quick=True, draws=398)
+    d = diagnose(rps, logs[:4], logs[4:], quick=True, draws=198)
     assert named(d) == [("passive_joint_friction", ("hinge1", "hinge2", "hinge3"))]
 
 
 def test_the_papers_actuator_dynamics_are_named(rps, named):
     logs = paper_logs(rps)
     model = ("rigid_body", "viscous_friction", "coulomb_friction")
-    d = diagnose(rps, logs[:4], logs[4:], model=model, quick=True, draws=398)
+    d = diagnose(rps, logs[:4], logs[4:], model=model, quick=True, draws=198)
     assert named(d) == [("actuator_inertia", ("slider1", "slider2", "slider3"))]
     np.testing.assert_allclose(d.to_frame().value, 483.1, rtol=0.1)
     assert d.held_after < 0.3 * d.held_before
