@@ -32,7 +32,8 @@ def _what(d: Diagnosis) -> Answer:
     if not d.effects:
         return Answer(question, "Nothing that can be named.", headline(d), "grey")
     named = [f"{e.title} in {join([p.place for p in e.placements], PLACES)}" for e in d.effects]
-    return Answer(question, f"{join(named)}.", headline(d), "vermilion")
+    short = join(named)
+    return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
 
 
 def _gap(d: Diagnosis) -> Answer:
@@ -66,7 +67,14 @@ def _next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     if not d.effects:
         what = "See which parameters these logs determine:"
         return [(what, f"identifiability analyze {robot} {logs} --report report.html")]
+    apart = [
+        (
+            "Find the motion that tells one name from the other:",
+            f"identifiability diagnose {robot} {logs} --next motion.json",
+        )
+    ]
     return [
+        *(apart if any(e.alternatives for e in d.effects) else ()),
         (
             "Keep the diagnosed model:",
             f"identifiability diagnose {robot} {logs} --out model.toml --json result.json",
