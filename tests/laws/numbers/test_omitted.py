@@ -186,6 +186,7 @@ def test_what_no_file_states_is_noticed_by_the_unpruned_model(motion, size):
     reach = REACH * found.sigma
     assert (reach >= (apart - own) * (1 - 1e-6)).all()
     told = np.isfinite(found.disputed)
+    assert told.any()
     np.testing.assert_allclose(reach[told], (apart - own)[told], rtol=1e-6)
     np.testing.assert_allclose(found.disputed[told], full.value[kept][told])
 
