@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.report.blocks import Fold, Picture, Section, Tile
+from identifiability.report.blocks import Fold, Notes, Prose, Section
 from identifiability.report.figures.calibration import (
     draw_coverage,
     draw_each,
@@ -13,8 +13,9 @@ from identifiability.report.figures.calibration import (
 )
 from identifiability.report.numbers import NONE, digits, format_number, rough_percent, whole_percent
 from identifiability.report.page import Page
+from identifiability.report.sections.calibrated import answer_calibration
 from identifiability.report.tables import Column, Table
-from identifiability.report.words import columns, picture, section, sentence
+from identifiability.report.words import columns, note, picture, section, sentence
 from identifiability.workflows.calibrate.answer import WORDS
 from identifiability.workflows.calibrate.outcome import Cell
 from identifiability.workflows.calibrate.ranks import PRIOR_WIDTH, RankCheck
@@ -24,7 +25,7 @@ from identifiability.workflows.diagnose import FalseNames
 
 def build_calibration_page(calibration: Calibration) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
-    own, worst = calibration.cells[0], max(c.wrong for c in calibration.cells)
+    hints = tuple(note("hint", hint=hint) for hint in calibration.hints)
     sections = [_coverage(calibration), _each(calibration), _verdicts(calibration)]
     if calibration.effects:
         sections.insert(0, _causes(calibration))
@@ -32,20 +33,16 @@ def build_calibration_page(calibration: Calibration) -> Page:
         sections.append(_ranks(calibration.ranks))
     if calibration.false_names is not None:
         sections.append(_names(calibration.false_names))
-    least = whole_percent(own.each[own.worst].value)
+    robot = calibration.analysis.robot if calibration.analysis is not None else None
     return Page(
-        title="May the verdicts be trusted here?",
-        statement=calibration.statement,
+        title=calibration.robot if robot is None else robot.title or robot.name,
         sections=(*sections, _method(calibration)),
         overline="Calibration",
-        subtitle=f"{calibration.robot} · {calibration.model}",
-        tiles=(
-            Tile(calibration.answer.word, "the answer", f"for {calibration.model}"),
-            Tile(
-                whole_percent(own.coverage_robust), "robust coverage", "of nominal 95 % intervals"
-            ),
-            Tile(least, "worst parameter", f"{own.names[own.worst]}: robust coverage"),
-            Tile(_rare(worst), "wrong verdicts", "identifiable, but off by more than half"),
+        subtitle=f"{calibration.robot if robot is None else robot.path.name} · {calibration.model}",
+        summary=(
+            answer_calibration(calibration),
+            *([Notes(hints)] if hints else []),
+            Fold("The answer in one paragraph", (Prose((*calibration.lines, *calibration.notes)),)),
         ),
     )
 
@@ -127,7 +124,7 @@ def _verdicts(calibration: Calibration) -> Section:
     figure = draw_wrong([label(c) for c in cells], wrong, paper, high)
     table = Table.of("Verdicts by noise", VERDICTS, cells)
     holes = {"model": calibration.model, "size": calibration.parameters}
-    return section("calibration.verdicts", Picture(figure), table, **holes)
+    return section("calibration.verdicts", picture("wrong", figure), table, **holes)
 
 
 def _ranks(found: RankCheck) -> Section:

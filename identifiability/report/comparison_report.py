@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.shares import REACH
-from identifiability.report.blocks import Section, Tile
+from identifiability.report.blocks import Fold, Notes, Prose, Section
 from identifiability.report.figures.intervals import draw_intervals
 from identifiability.report.numbers import digits, join, rough_percent
 from identifiability.report.page import Page
-from identifiability.report.tables import Column, Table
-from identifiability.report.words import columns, picture, section
+from identifiability.report.sections.compared import answer_comparison
+from identifiability.report.tables import Column, Table, measured_cells
+from identifiability.report.words import columns, note, picture, section
 from identifiability.workflows.compare import Comparison
 
 #: Parameters that the figure shows.
@@ -21,18 +22,17 @@ SHOWN = 24
 
 def build_comparison_page(result: Comparison) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
-    kind = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
+    kinds = {"pairs": "the same motion", "logs": "different motions", "results": "two results"}
     sections = (section_changes, section_friction, section_parameters, section_method)
     return Page(
-        title="Comparison",
-        statement=result.statement,
+        title=result.robot.title or result.robot.name,
         sections=tuple(s for s in (build(result) for build in sections) if s is not None),
         overline="Comparison report",
-        subtitle=f"{result.robot.title or result.robot.name} · {result.rung.name}",
-        tiles=(
-            Tile(str(len(result.changes)), "sure changes", "family-wise level 5 %"),
-            Tile(str(len(result.causes)), "causes were tested"),
-            Tile(kind[result.difference.kind], "was compared"),
+        subtitle=f"{result.robot.path.name} · {result.rung.name} · {kinds[result.difference.kind]}",
+        summary=(
+            answer_comparison(result),
+            *([Notes(tuple(note("hint", hint=h) for h in result.hints))] if result.hints else []),
+            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
         ),
     )
 
@@ -46,14 +46,17 @@ def section_changes(result: Comparison) -> Section | None:
         "changes",
         Column("what", get="what"),
         Column("number", "code", "name"),
-        Column("change", digits(3), "change"),
-        Column("from", digits(3), "low"),
-        Column("to", digits(3), "high"),
+        Column("change", "number", lambda r: measured_cells(r.change, _half(r))[0]),
+        Column("± 95 %", "error", lambda r: measured_cells(r.change, _half(r))[1]),
         Column("unit", get="unit"),
         Column("share", rough_percent, "share"),
         Column("p", digits(2), "p"),
     )
     return section("comparison.changes", Table.of("With 95 % intervals", own, rows))
+
+
+def _half(row: Any) -> float:
+    return 0.5 * float(row.high - row.low)
 
 
 def section_friction(result: Comparison) -> Section | None:
@@ -77,8 +80,9 @@ def section_parameters(result: Comparison) -> Section:
     own = columns(
         "compared",
         Column("parameter", "code", "name"),
-        Column("before", digits(4), "before"),
-        Column("after", digits(4), "after"),
+        Column("before", "number", lambda r: measured_cells(r.before, r.sd)[0]),
+        Column("after", "number", lambda r: measured_cells(r.after, r.sd)[0]),
+        Column("± σ", "error", lambda r: measured_cells(r.after, r.sd)[1]),
         Column("unit", get="unit"),
         Column("in σ", digits(2), "sigmas"),
     )

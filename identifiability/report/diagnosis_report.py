@@ -37,7 +37,7 @@ def build_diagnosis_page(d: Diagnosis) -> Page:
             _section_where(d),
             replace(_section_evidence(d), detail=True),
             _section_aliases(d),
-            _section_remainder(d),
+            *((_section_remainder(d),) if d.remainder.detectable else ()),
             replace(_section_method(d), detail=True),
         ),
         overline="What the model misses",
@@ -47,14 +47,13 @@ def build_diagnosis_page(d: Diagnosis) -> Page:
 
 
 def _summary(d: Diagnosis) -> Notes:
-    """Return what should be known with the answer, and what is left."""
+    """Return what should be known with the answer."""
     notes = [Note("good" if r.good else "note", r.title, r.text) for r in remarks(d)]
     for e in d.effects:
         for p in e.placements:
             if p.fragile:
                 variations = ", ".join(p.fragile)
                 notes.append(note("fragile", effect=e.title, place=p.place, variations=variations))
-    notes.append(Note("note", "What is left", d.unexplained))
     return Notes(tuple(notes))
 
 
@@ -188,7 +187,7 @@ def _section_remainder(d: Diagnosis) -> Section:
     sizes = sorted(d.remainder.detectable.items(), key=lambda x: x[1])
     caption = "Sizes that are named in four of five logs like these, at the best place"
     table = Table.of(caption, columns, [(name.replace("_", " "), size) for name, size in sizes])
-    return section("diagnosis.remainder", d.unexplained, table if sizes else None)
+    return section("diagnosis.remainder", table)
 
 
 def _section_method(d: Diagnosis) -> Section:

@@ -13,11 +13,11 @@ from identifiability.report.blocks import (
     Notes,
     Prose,
     Section,
-    Tile,
 )
 from identifiability.report.figures.excitation import draw_gain, draw_joint, draw_search
-from identifiability.report.numbers import digits, format_count, format_number, whole_percent
+from identifiability.report.numbers import digits, format_count, format_number
 from identifiability.report.page import Page
+from identifiability.report.sections.excited import answer_excitation
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import note, picture, section, sentence, words
 from identifiability.workflows.excite.result import CONFUSABLE, Excitation
@@ -32,16 +32,18 @@ TITLES = {
 def build_excitation_page(result: Excitation) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
     return Page(
-        title=TITLES[result.criterion.name],
-        statement=result.statement,
+        title=result.robot.title or result.robot.name,
         sections=(section_motion(result), section_gain(result), section_method(result)),
         overline="Excitation report",
         subtitle=(
-            f"{result.robot.title or result.robot.name} · {result.trajectory.period:g} s, "
+            f"{TITLES[result.criterion.name]} · {format_number(result.trajectory.period)} s, "
             f"{format_count(result.trajectory.samples, 'sample')}"
         ),
-        tiles=_tiles(result),
-        summary=(Notes(tuple(_notes(result))),),
+        summary=(
+            answer_excitation(result),
+            Notes(tuple(_notes(result))),
+            Fold("The answer in one paragraph", (Prose((result.statement, *result.hints)),)),
+        ),
     )
 
 
@@ -72,8 +74,8 @@ def _range(row: Any) -> Cell:
 
 LIMITS = (
     Column("joint", get="joint"),
-    Column("least", format_number, "least"),
-    Column("largest", format_number, "largest"),
+    Column("least", digits(3), "least"),
+    Column("largest", digits(3), "largest"),
     Column("range", "number", _range, "Limits of position."),
     Column("speed", digits(3), "speed"),
     Column("limit", digits(3), "speed_limit", "Of the speed."),
@@ -121,21 +123,6 @@ def section_method(result: Excitation) -> Section:
     return section("excitation.method", Prose((text["how"], text["model"], text["run_in"])))
 
 
-def _tiles(result: Excitation) -> tuple[Tile, ...]:
-    after, before = result.after.figure, result.before.figure
-    show = "{:.2f}".format if result.criterion.name == "separate" else digits(3)
-    usage = result.to_frame()
-    fast = float((usage["speed"] / usage["speed_limit"]).max())
-    tiles = [
-        Tile(show(after), result.criterion.title, f"{show(before)} with {result.beside}"),
-        Tile(whole_percent(fast), "of the speed limit is used", "by the fastest joint"),
-    ]
-    if result.robot.closed:
-        bound = f"bound {result.limits.closure_bound:g}"
-        tiles.append(Tile(format_number(result.closure, 3), "condition of the closure", bound))
-    return tuple(tiles)
-
-
 def _notes(result: Excitation) -> list[Note]:
     notes = []
     if result.end == "evaluations":
@@ -146,4 +133,4 @@ def _notes(result: Excitation) -> list[Note]:
         notes.append(note("assumed", names=", ".join(result.limits.assumed)))
     if result.criterion.name == "separate" and result.after.figure > CONFUSABLE:
         notes.append(note("alike"))
-    return notes or [note("limits", statement=result.limits_statement)]
+    return notes

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.report.blocks import Fold, Gallery, Note, Notes, Picture, Prose, Section, Tile
+from identifiability.report.blocks import Fold, Gallery, Note, Notes, Picture, Prose, Section
 from identifiability.report.figures.traces import draw_traces
 from identifiability.report.numbers import (
     NONE,
@@ -17,6 +17,7 @@ from identifiability.report.numbers import (
     whole_percent,
 )
 from identifiability.report.page import Page
+from identifiability.report.sections.inspected import answer_inspection
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import columns, note, picture, section, sentence
 from identifiability.workflows.inspect import Inspection
@@ -40,45 +41,23 @@ def build_inspection_page(result: Inspection) -> Page:
     about = [result.robot.path.name, format_count(len(result.robot.joints), "actuated joint")]
     about += [format_count(len(result.records), "log")] if result.records else []
     return Page(
-        title="What is in the logs" if result.records else "What the robot file says",
-        statement=result.statement,
+        title=result.robot.title or result.robot.name,
         sections=tuple(own),
-        overline="Inspection report",
+        overline="What is in the logs" if result.records else "What the robot file says",
         subtitle=" · ".join(about),
-        tiles=_tiles(result),
-        summary=(Notes(tuple(_notes(result))),) if result.records else (),
+        summary=(
+            answer_inspection(result),
+            *([Notes(tuple(_notes(result)))] if result.records else []),
+            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
+        ),
     )
-
-
-def _tiles(result: Inspection) -> tuple[Tile, ...]:
-    base = Tile(str(result.base.rank), "base parameters", f"of {len(result.base.parameters)}")
-    if not result.records:
-        roles = [(r, len(result.of_role(r))) for r in ("passive", "coupled", "locked")]
-        beside = ", ".join(f"{count} {role}" for role, count in roles if count)
-        actuated = Tile(str(len(result.robot.joints)), "actuated joints", beside)
-        return actuated, base, Tile(str(len(result.columns)), "columns of a log")
-    rates = sorted({f"{r.rate:.4g}" for r in result.records}, key=float)
-    seconds = sum(r.duration for r in result.records)
-    samples = format_count(sum(r.samples for r in result.records), "sample")
-    cuts = sorted({f"{r.cutoff:.3g}" for r in result.records if r.cutoff is not None}, key=float)
-    tiles = [
-        Tile(f"{seconds:.4g} s", "of motion", samples),
-        Tile(f"{' … '.join(dict.fromkeys((rates[0], rates[-1])))} Hz", "sampling rate"),
-    ]
-    if cuts:
-        tiles.append(Tile(f"{cuts[0]} Hz", "cut-off of derivatives", "what would be used"))
-    if result.excited is not None:
-        condition = f"condition number {format_number(result.excited.condition, 3)}"
-        excited = f"{result.excited.rank} of {result.base.rank}"
-        tiles.append(Tile(excited, "base parameters excited", condition))
-    return tuple(tiles)
 
 
 def _notes(result: Inspection) -> list[Note]:
     refused = {r.refused for r in result.refused}
     notes = [note("refused", why=why) for why in refused]
     notes += [note("hint", hint=hint) for hint in result.hints if hint not in refused]
-    return notes or [note("nothing_odd")]
+    return notes
 
 
 def section_traces(result: Inspection) -> Section:

@@ -41,7 +41,7 @@ def format_measured(value: float, sigma: float) -> tuple[str, str]:
         power = 0
     place = _last_place(sigma) - power
     tail = f"·10{superscript(power)}" if power else ""
-    shifted = (Decimal(repr(x)).scaleb(-power) for x in (value, sigma))
+    shifted = (Decimal(repr(float(x))).scaleb(-power) for x in (value, sigma))
     first, second = (_fixed(x, place) + tail for x in shifted)
     return first, second
 
@@ -93,14 +93,14 @@ def format_percent(value: float | None) -> str:
 
 
 def digits(count: int) -> Callable[[float | None], str]:
-    """Return the function that writes numbers with some significant digits.
+    """Return the function that writes a column's numbers with some significant digits, all kept.
 
     Examples
     --------
-    >>> digits(3)(0.12345)
-    '0.123'
+    >>> digits(3)(0.12345), digits(3)(61.0)
+    ('0.123', '61.0')
     """
-    return lambda x: format_number(x, count)
+    return lambda x: format_number(x, count, pad=True)
 
 
 def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
@@ -129,9 +129,20 @@ def whole_percent(share: float) -> str:
     return f"{100 * share:.0f} %" if math.isfinite(share) else NONE
 
 
-def stated_text(stated: float | None) -> str:
-    """Return a stated value; sums that cancel leave a rounding error, which is zero."""
-    return "0" if stated is not None and abs(stated) < 1e-12 else format_number(stated)
+def stated_text(stated: float | None, sigma: float = math.nan) -> str:
+    """Return a stated value; sums that cancel leave a rounding error, which is zero.
+
+    Beside an estimate it ends where that does, by its σ.
+
+    Examples
+    --------
+    >>> stated_text(0.94683), stated_text(0.94683, 0.12), stated_text(1e-17, 0.12)
+    ('0.9468', '0.95', '0')
+    """
+    if stated is not None and abs(stated) < 1e-12:
+        return "0"
+    ends = format_measured(math.nan if stated is None else stated, sigma)[0]
+    return format_number(stated) if ends == NONE else ends
 
 
 def time_text(time: float) -> str:

@@ -18,6 +18,7 @@ from identifiability.foundation.values import frozen
 from identifiability.report.blocks import Block, Fold, Section, Tile, Traces
 from identifiability.report.drawing import TEMPLATES
 from identifiability.report.marks import mark_of
+from identifiability.report.numbers import superscript
 from identifiability.report.tables import Table
 
 
@@ -119,7 +120,22 @@ def page_environment() -> Environment:
     return environment
 
 
+def _powered(found: re.Match[str]) -> str:
+    return f"{found[1]}·10{superscript(int(found[2]))}"
+
+
 def set_symbols(text: str) -> Markup:
-    """Escape a text, set indices of Greek symbols low (``ε_RA``), keep ``5 %`` on one line."""
+    """Escape a text, set indices of Greek symbols low (``ε_RA``), keep ``5 %`` on one line.
+
+    Numbers of sentences that a terminal prints as well become those of the page, ``−2·10⁻⁵`` of
+    ``-2e-05``.
+
+    Examples
+    --------
+    >>> print(set_symbols("-2e-05 of run-1.csv, arm-2, 1-2 and 3 %"))
+    −2·10⁻⁵ of run-1.csv, arm-2, 1-2 and 3 %
+    """
+    text = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", text)
+    text = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, text)
     escaped = re.sub(r"(?<=\d) (?=[%σ×])", "\u00a0", str(escape(text)))
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))

@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-from identifiability.foundation.measured import measured
-from identifiability.report.blocks import Section, Tile
+from identifiability.report.blocks import Fold, Notes, Prose, Section
 from identifiability.report.figures.intervals import draw_intervals
-from identifiability.report.numbers import digits, join
+from identifiability.report.numbers import digits, format_number, join
 from identifiability.report.page import Page
-from identifiability.report.tables import Cell, Column, Table
-from identifiability.report.words import columns, picture, section, sentence
+from identifiability.report.sections.loaded import answer_load
+from identifiability.report.tables import Cell, Column, Table, measured_cells
+from identifiability.report.words import columns, note, picture, section, sentence
 from identifiability.workflows.payload import Load, Quantity
 
 
 def build_payload_page(result: Load) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
-    mass = result.mass
-    value = measured(mass.value, mass.half, "kg") if mass.told else "not told"
-    told = [q for q in result.quantities if q.told]
     return Page(
-        title="Payload",
-        statement=result.statement,
+        title=result.robot.title or result.robot.name,
         sections=tuple(
             s for s in (section_quantities(result), section_logs(result), section_how(result)) if s
         ),
         overline="Payload report",
-        subtitle=f"{result.robot.title or result.robot.name} · {result.model} · {result.body}",
-        tiles=(
-            Tile(value, f"at {result.body}", "95 % interval"),
-            Tile(f"{len(told)} of {len(result.quantities)}", "quantities are told"),
-            Tile(str(len(result.pairs)), "pairs of logs", "with and without, one motion"),
+        subtitle=f"{result.robot.path.name} · {result.model} · {join(result.logs, 3)}",
+        summary=(
+            answer_load(result),
+            *([Notes(tuple(note("hint", hint=h) for h in result.hints))] if result.hints else []),
+            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
         ),
     )
 
@@ -38,14 +34,22 @@ def section_quantities(result: Load) -> Section:
     own = columns(
         "load",
         Column("quantity", get="name"),
-        Column("value", digits(4), "value"),
-        Column("from", digits(4), "low"),
-        Column("to", digits(4), "high"),
+        Column("value", "number", lambda q: _value(q)[0]),
+        Column("± 95 %", "error", lambda q: _value(q)[1]),
+        Column("from", digits(3), "low"),
+        Column("to", digits(3), "high"),
         Column("unit", get="unit"),
         Column("told", get=_told),
     )
     table = Table.of("Mass, centre, and moments about the centre", own, result.quantities)
     return section("payload.quantities", table, body=result.body)
+
+
+def _value(quantity: Quantity) -> tuple[Cell, Cell]:
+    """Return a quantity and half of its interval, which is not about the value of one untold."""
+    if quantity.told:
+        return measured_cells(quantity.value, quantity.half)
+    return Cell(format_number(quantity.value, 2), quantity.value), Cell("")
 
 
 def _told(quantity: Quantity) -> Cell:

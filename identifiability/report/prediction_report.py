@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.report.blocks import Gallery, Section, Tile
+from identifiability.report.blocks import Fold, Gallery, Prose, Section
 from identifiability.report.figures.motion import choose_stretch, draw_torque
-from identifiability.report.numbers import digits, error_text, format_count, whole_percent
+from identifiability.report.numbers import digits, error_text, format_count
 from identifiability.report.page import Page
+from identifiability.report.sections.predicted import answer_prediction
 from identifiability.report.sections.prediction import LINE_POINTS, fold_gallery
 from identifiability.report.tables import Column, Table
 from identifiability.report.words import columns, picture, section
@@ -17,16 +18,14 @@ from identifiability.workflows.predict import TorquePrediction
 def build_prediction_page(result: TorquePrediction) -> Page:
     """Return the report as a page of blocks, to look at or to extend."""
     count = format_count(len(result.t), "sample")
-    inside = whole_percent(float(result.inside.mean()))
     return Page(
-        title="Predicted torque",
-        statement=result.statement,
+        title=result.robot.title or result.robot.name,
         sections=(section_torque(result), section_joints(result)),
-        overline="Prediction report",
-        subtitle=f"{result.robot.title or result.robot.name} · {result.model} · {count}",
-        tiles=(
-            Tile(error_text(result.error_ra), "error of all joints", "ε_RA, low-passed torque"),
-            Tile(inside, "of the samples lie in their interval", "95 % of a new sample"),
+        overline="Predicted torque",
+        subtitle=f"{result.robot.path.name} · {result.model} · {count}",
+        summary=(
+            answer_prediction(result),
+            Fold("The answer in one paragraph", (Prose((result.statement,)),)),
         ),
     )
 

@@ -22,15 +22,15 @@ from identifiability.report.numbers import (
     whole_percent,
 )
 from identifiability.report.page import Page
-from identifiability.report.sections.connections import section_budget, section_confused
-from identifiability.report.sections.decision import (
+from identifiability.report.sections.commands import (
     answer_next,
-    answer_quality,
-    answer_trust,
-    log_names,
-    sketch_robot,
+    held_back,
+    name_logs,
     source_name,
 )
+from identifiability.report.sections.connections import section_budget, section_confused
+from identifiability.report.sections.decision import answer_quality, answer_trust
+from identifiability.report.sections.drawn import sketch_robot
 from identifiability.report.sections.facts import (
     SIGMA,
     UNIT,
@@ -112,7 +112,9 @@ def _answers(ladder: Ladder, notes: tuple[Note, ...]) -> Answers:
 
 
 def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
-    robot, logs = source_name(ladder.robot), log_names(ladder.robot, ladder.samples)
+    robot, how = source_name(ladder.robot), ladder.settings.get("preparation")
+    logs = name_logs(ladder.robot, [s.name for s in ladder.samples], how=how)
+    held = held_back(ladder.validation)
     if ladder.nothing:
         return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
     return [
@@ -126,7 +128,8 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
         ),
         (
             "Find out what even this model misses (pruned.toml is what --model wrote):",
-            f"identifiability diagnose {robot} {logs} --model pruned.toml --report missing.html",
+            f"identifiability diagnose {robot} {logs}{held} --model pruned.toml "
+            "--report missing.html",
         ),
     ]
 

@@ -158,7 +158,7 @@ def test_what_cannot_be_prepared_is_a_result_and_what_cannot_be_read_is_refused(
     assert found.excited is None
     assert "cannot be used" in found.statement
     assert found.hints[0] == found.records[0].refused
-    assert render_page(build_inspection_page(found)).count("<svg") == 2
+    assert render_page(build_inspection_page(found)).count("<svg") == 3  # the robot and its joints
     with pytest.raises(LogError, match=r"no torque column 'elbow\.tau'"):
         inspect("two-link", run.to_frame().drop(columns="elbow.tau"))
 
@@ -172,10 +172,12 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
     assert content["logs"][0]["joints"][1]["torque_unit"] == "N·m"
     assert content["parameters"][0].keys() == {"name", "unit", "grouping"}
     page = build_inspection_page(found)
-    assert page.statement == found.statement
+    answers, _, whole = page.summary
+    assert answers.answers[0].short == "Yes: nothing is odd."
+    assert whole.blocks[0].paragraphs == (found.statement,)
     assert [s.name for s in page.sections] == ["traces", "motion", "torque", "clock", "robot"]
     html = found.write_report(tmp_path / "x.html").read_text()
-    assert html.count("<svg") == 2
+    assert html.count("<svg") == 3
     assert ">nan<" not in html
 
 
@@ -198,3 +200,17 @@ def test_the_command_needs_no_logs(tmp_path, run):
     assert said.exit_code == 0, said.output
     assert "nothing is odd" in " ".join(said.output.split())
     assert page.is_file()
+
+
+def test_the_speed_limit_of_a_urdf_is_stated(tmp_path):
+    path = tmp_path / "one.urdf"
+    path.write_text(
+        '<robot name="one"><link name="base"/><link name="arm"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="9" velocity="3.5"/></joint></robot>'
+    )
+    found = inspect(path)
+    assert found.joints[0].speed == 3.5
+    (open_,) = (n.text for n in found.needs if n.text.startswith("Limits"))
+    assert open_.startswith("Limits of acceleration are not stated")

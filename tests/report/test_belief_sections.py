@@ -72,7 +72,7 @@ def test_a_reduced_models_table_shows_both_what_it_fits_and_what_its_labels_say(
     assert label == pytest.approx(verdict.sigma_label_percent, rel=1e-4)
     assert label > 2 * robust
     assert float(file.sort_key) == pytest.approx(verdict.projected, rel=1e-4)
-    assert (file.text, file.note) == ("471.6", "label 483.1")
+    assert (file.text, file.note) == ("472", "label 483")
 
 
 def test_what_the_motion_leaves_open_is_seen_from_the_posterior(believed_analysis):

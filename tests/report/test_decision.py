@@ -9,20 +9,26 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.preparation import SettledPreparation
+from identifiability.logs.spectrum import Band
+from identifiability.regression.reduction import LadderEntry, LadderSource, RungEntry
 from identifiability.report import build_analysis_page, render_page
 from identifiability.report.blocks import Note, Trace
 from identifiability.report.figures.confusion import order_confused
 from identifiability.report.figures.skeleton import Part, draw_skeleton, trace_limbs
-from identifiability.report.sections.connections import section_confused
-from identifiability.report.sections.decision import (
-    answer_quality,
-    answer_trust,
-    grade_of,
-    log_names,
+from identifiability.report.sections.commands import (
+    file_names,
+    held_back,
+    ladder_option,
+    name_logs,
+    preparing_options,
     quote,
     reading_options,
     source_name,
 )
+from identifiability.report.sections.connections import section_confused
+from identifiability.report.sections.decision import answer_quality, answer_trust, grade_of
 from identifiability.robot import Robot
 from identifiability.workflows.predict.frames import correlation_of
 
@@ -140,8 +146,10 @@ def test_a_body_is_as_good_as_its_best_parameter(paper_analysis):
 
 def test_parts_of_a_log_are_one_file_in_a_command(paper_analysis):
     (s,) = paper_analysis.samples
-    parts = [replace(s, name=f"run.csv, part {k}") for k in (1, 2)]
-    assert log_names(paper_analysis.robot, parts) == "run.csv"
+    names = [f"run.csv, part {k}" for k in (1, 2)]
+    assert name_logs(paper_analysis.robot, names) == "run.csv"
+    assert file_names([*names, "other.csv"]) == ("run.csv", "other.csv")
+    assert held_back([replace(s, name=n) for n in names]) == " --validate run.csv"
 
 
 def test_commands_read_robot_and_logs_as_they_were_read(tmp_path):
@@ -157,3 +165,36 @@ def test_commands_read_robot_and_logs_as_they_were_read(tmp_path):
     ]
     assert source_name(Robot.load("3-rps")) == "3-rps"
     assert reading_options(Robot.load("3-rps")) == ""
+
+
+def test_commands_prepare_logs_as_was_asked_and_name_every_log():
+    robot = Robot.load("3-rps")
+    how = Preparation(derivatives="butterworth", cutoff=7.5, decimate=2)
+    asked = " --derivatives butterworth --cutoff 7.5 --decimate 2"
+    assert preparing_options(how) == asked
+    assert preparing_options(Preparation()) == preparing_options(None) == ""
+    logs = [f"run {k}.csv" for k in range(5)]
+    words = shlex.split(name_logs(robot, logs, "--start-from", how))
+    assert words == [w for n in logs for w in ("--start-from", n)] + asked.split()
+
+
+def test_a_cutoff_that_was_chosen_is_chosen_again():
+    band = Band(cutoff=8.0, bandwidth=0.8, limit=20.0, noise=0.0, reason="it is")
+    chosen = SettledPreparation(cutoff=8.0, band=band)
+    assert preparing_options(chosen) == ""
+    assert preparing_options(replace(chosen, band=replace(band, reason=""))) == " --cutoff 8"
+
+
+def test_a_sidecar_and_a_ladder_are_named_where_they_do_not_lie_beside_the_robot(tmp_path):
+    known = Robot.load("two-link")
+    path, other = tmp_path / "two.xml", tmp_path / "other.toml"
+    path.write_text(known.path.read_text())
+    shutil.copy(known.sidecar, other)
+    assert source_name(Robot.load(path, other)) == "two.xml --sidecar other.toml"
+    shutil.copy(known.sidecar, tmp_path / "two.toml")
+    assert source_name(Robot.load(path)) == "two.xml"
+    entry = LadderEntry(models=[RungEntry(name="m")])
+    robot = Robot.load(path)
+    assert ladder_option(robot, LadderSource(entry, "pruned.toml", "")) == " --ladder pruned.toml"
+    assert ladder_option(robot, LadderSource(entry, "default", "")) == ""
+    assert ladder_option(robot, None) == ""

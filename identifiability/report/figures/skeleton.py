@@ -41,7 +41,9 @@ class Part:
     text: str
 
 
-def draw_skeleton(robot: Robot, pose: Array, parts: Mapping[str, Part]) -> Markup | None:
+def draw_skeleton(
+    robot: Robot, pose: Array, parts: Mapping[str, Part], rest: str = ""
+) -> Markup | None:
     """Return the robot in a pose as SVG, its moving parts with the attribute ``data-owner``.
 
     None where all its points coincide.
@@ -53,20 +55,27 @@ def draw_skeleton(robot: Robot, pose: Array, parts: Mapping[str, Part]) -> Marku
         Configuration of the tree in Pinocchio's convention.
     parts : mapping
         Body, joint or axis to how it is shown; others are grey.
+    rest : str
+        What is said of bodies that are none of these.
     """
     limbs, at = trace_limbs(robot, pose)
     every = np.concatenate([*limbs.values(), at])
     if not np.isfinite(every).all() or not np.ptp(every, axis=0).max() > 0:
         return None
     place = _look(every)
-    ground = Part("grey", "does not appear in the model")
+    ground = Part("grey", rest)
     drawn = []
     for body, lines in sorted(limbs.items(), key=lambda x: float(place.depth(x[1]).mean())):
         part = parts.get(body, ground)
         drawn.append(_limb(body, part, place(lines).reshape(-1, 2, 2)))
     for joint, origin in zip(robot.tree.joints, at, strict=True):
         drawn.append(_joint(joint.dofs, joint.kind, parts, place(origin[None])[0]))
-    drawn += _names(robot, parts, {b: place(x) for b, x in limbs.items()})
+    places = {b: place(x) for b, x in limbs.items() if b in parts}
+    if not places:  # it is about joints
+        own = zip(robot.tree.joints, at, strict=True)
+        dots = {d: place(np.array([o, o])) for j, o in own for d in j.dofs}
+        places = {d: x for d, x in dots.items() if d in parts and parts[d].tone != "grey"}
+    drawn += _names(places)
     base = [place(o[None])[0] for j, o in zip(robot.tree.joints, at, strict=True) if _stands(j)]
     feet = "".join(_foot(x, y) for x, y in base)
     return Markup(
@@ -168,7 +177,7 @@ def _look(points: Array) -> _View:
 
 
 def _open(owner: str, part: Part) -> str:
-    text = escape(f"{owner}: {part.text}")
+    text = escape(f"{owner}: {part.text}" if part.text else owner)
     return (
         f'<g class="tone-{part.tone}" data-owner="{escape(owner)}" tabindex="0" role="button" '
         f'aria-pressed="false" aria-label="{text}"><title>{text}</title>'
@@ -205,24 +214,25 @@ def _foot(x: float, y: float) -> str:
     return f'<path class="ground" d="M{left:.1f} {low:.1f}H{right:.1f}{strokes}"/>'
 
 
-def _names(robot: Robot, parts: Mapping[str, Part], places: Mapping[str, Array]) -> list[str]:
-    """Return names beside bodies, away from the middle of the robot, none over another."""
-    shown = [b for b in robot.bodies if b in parts][:NAMED]
-    middle = np.mean([places[b].mean(0) for b in shown], axis=0) if shown else np.zeros(2)
+def _names(places: Mapping[str, Array]) -> list[str]:
+    """Return names beside lines (2 s, 2), away from the middle of all, none over another."""
+    shown = list(places)[:NAMED]
+    middle = np.mean([places[name].mean(0) for name in shown], axis=0) if shown else np.zeros(2)
     texts: list[str] = []
     taken: list[tuple[Array, Array]] = []
-    for body in shown:
-        lines = places[body]
-        along = lines[-1] - lines[0]
+    for owner in shown:
+        lines = places[owner]
+        along, at = lines[-1] - lines[0], lines.mean(0)
+        if not along.any():  # a dot, beside which its name stands
+            along = np.array([0.0, 1.0])
         aside = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
-        at = lines.mean(0)
         aside = aside if aside @ (at - middle) >= 0 else -aside
-        name = body if len(body) <= 22 else f"{body[:12]}…{body[-9:]}"
+        name = owner if len(owner) <= 22 else f"{owner[:12]}…{owner[-9:]}"
         room = np.array([6.2 * len(name), 13.0])
         shift = 12.0 * aside + 0.5 * room * np.array([np.clip(2 * aside[0], -1, 1), aside[1]])
         at = np.clip(at + shift, 0.5 * room + 2, [WIDTH, HEIGHT] - 0.5 * room - 2)
         while any((np.abs(at - other) < 0.5 * (room + size)).all() for other, size in taken):
-            at[1] += 7.0 if aside[1] > 0 else -7.0  # away from its own body
+            at[1] += 7.0 if aside[1] > 0 else -7.0  # away from its own part
         taken.append((at, room))
         x, y = at
         texts.append(

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.report.blocks import Answer, Answers, Sketch
-from identifiability.report.figures.skeleton import Part, draw_skeleton
+from identifiability.report.figures.skeleton import Part
 from identifiability.report.numbers import error_text, format_number, join, percent
-from identifiability.report.sections.decision import (
+from identifiability.report.sections.commands import (
     answer_next,
-    grade_of,
-    log_names,
+    held_back,
+    name_logs,
     source_name,
-    widest_pose,
 )
+from identifiability.report.sections.decision import grade_of, tone_of
+from identifiability.report.sections.drawn import moved_pose, sketch_parts
 from identifiability.report.words import sentence
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.words import headline
@@ -57,13 +58,14 @@ def _gap(d: Diagnosis) -> Answer:
 def _left(d: Diagnosis) -> Answer:
     error = d.held_after if d.effects else d.held_before
     grade = grade_of(error) if np.isfinite(error) else "useless"
-    tone = {"very-good": "green", "good": "green", "fair": "amber"}.get(grade, "vermilion")
     short = sentence("decision.grades", grade, error=error_text(error))
-    return Answer("How good is the model then?", short, d.unexplained, tone)
+    return Answer("How good is the model then?", short, d.unexplained, tone_of(error))
 
 
 def _next_commands(d: Diagnosis) -> list[tuple[str, str]]:
-    robot, logs = source_name(d.robot), log_names(d.robot, d.samples)
+    robot = source_name(d.robot)
+    logs = name_logs(d.robot, [s.name for s in d.samples], how=d.preparation)
+    logs += held_back(d.validation)
     if not d.effects:
         what = "See which parameters these logs determine:"
         return [(what, f"identifiability analyze {robot} {logs} --report report.html")]
@@ -97,7 +99,4 @@ def _sketch(d: Diagnosis) -> Sketch | None:
             missing.setdefault(p.place, []).append(e.title)
     parts = {joint: Part("grey", "nothing is missing that has a name") for joint in d.robot.joints}
     parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
-    drawing = draw_skeleton(d.robot, widest_pose(d.robot, d.samples), parts)
-    if drawing is None:
-        return None
-    return Sketch(drawing, 400, sentence("decision.missing"))
+    return sketch_parts(d.robot, parts, "decision.missing", moved_pose(d.robot, d.samples))

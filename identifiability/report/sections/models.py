@@ -166,7 +166,7 @@ def parameter_table(analysis: Analysis, result: RungResult) -> Table:
         return Cell(percent_text(100 * v.share), v.share, share=length)
 
     def in_file(v: Verdict) -> Cell:
-        text, label = stated_text(stated[v.name]), stated_text(v.nominal)
+        text, label = (stated_text(x, v.sigma_robust) for x in (stated[v.name], v.nominal))
         differs = stated[v.name] is not None and v.sigma_omit and text != label
         return Cell(text, stated[v.name], f"label {label}" if differs else "")
 

@@ -117,27 +117,36 @@ for (const button of document.querySelectorAll(".save-table")) {
 }
 
 // A part of the drawn robot shows its rows; a row and its mark in the pictures light up together.
-const parameters = document.querySelector("#parameters .table, #survivors .table");
 const rowName = (row) => row.cells[0].firstChild.textContent.trim();
+const belongs = (row, owner) => rowName(row) === owner || rowName(row).startsWith(`${owner}.`);
+function tableOf(owner) {
+  const own = (table) => [...table.querySelectorAll("tbody tr")].some((row) => belongs(row, owner));
+  return [...document.querySelectorAll("section:not(.detail) .table")].find(own);
+}
 function showOwner(part) {
   const owner = part.dataset.owner, pressed = part.getAttribute("aria-pressed") === "true";
   for (const other of document.querySelectorAll("[data-owner]")) {
-    other.setAttribute("aria-pressed", String(!pressed && other === part));
+    if (other.hasAttribute("aria-pressed")) other.setAttribute("aria-pressed", String(!pressed && other === part));
   }
-  const rows = [...parameters.querySelectorAll("tbody tr")];
-  for (const row of rows) row.hidden = !pressed && !rowName(row).startsWith(`${owner}.`);
+  for (const hidden of document.querySelectorAll("section:not(.detail) tbody tr[hidden]")) hidden.hidden = false;
+  const table = tableOf(owner), rows = [...table.querySelectorAll("tbody tr")];
+  for (const row of rows) row.hidden = !pressed && !belongs(row, owner);
   const shown = rows.filter((row) => !row.hidden).length;
-  const status = parameters.querySelector(".shown");
+  const status = table.querySelector(".shown");
   if (status) status.textContent = pressed ? "" : `${owner}: ${shown} of ${rows.length} shown`;
-  if (!pressed) parameters.scrollIntoView({ block: "start" });
+  for (let fold = table.closest("details"); fold; fold = fold.parentNode.closest("details")) fold.open = true;
+  if (!pressed) table.scrollIntoView({ block: "start" });
 }
-if (parameters) {
-  for (const part of document.querySelectorAll("[data-owner]")) {
-    part.addEventListener("click", () => showOwner(part));
-    part.addEventListener("keydown", (event) => {
-      if (event.key === "Enter" || event.key === " ") { event.preventDefault(); showOwner(part); }
-    });
+for (const part of document.querySelectorAll("[data-owner]")) {
+  if (!tableOf(part.dataset.owner)) {  // nothing to show: no button
+    for (const name of ["role", "tabindex", "aria-pressed"]) part.removeAttribute(name);
+    part.setAttribute("role", "img");
+    continue;
   }
+  part.addEventListener("click", () => showOwner(part));
+  part.addEventListener("keydown", (event) => {
+    if (event.key === "Enter" || event.key === " ") { event.preventDefault(); showOwner(part); }
+  });
 }
 function light(section, name, on) {
   for (const one of section.querySelectorAll("[data-row]")) {

@@ -115,6 +115,11 @@ class Answer:
         return "no" if self.nothing else decide(self.cell)
 
     @property
+    def enough(self) -> int:
+        """Trials that would probably tell, as `calibrate` counts them."""
+        return _enough(self.cell)
+
+    @property
     def lines(self) -> tuple[str, str, str]:
         """The answer in three lines: intervals, verdicts, and the weakest point or the reason."""
         return self._intervals, self._verdicts, self._weakest
@@ -158,7 +163,7 @@ class Answer:
         if self.word == "yes":
             return f"{least} of its intervals hold the truth."
         if self.word == "not enough trials":
-            return f"{least}; repeat with more trials (--trials {_enough(cell)})."
+            return f"{least}; repeat with more trials (--trials {self.enough})."
         blamed = sorted((e for e in self.effects if e.harmful), key=lambda e: -e.gain)
         fault = fails(cell)
         if not blamed and fault == "silent":

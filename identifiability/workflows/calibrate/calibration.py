@@ -201,6 +201,7 @@ def calibrate(
         hints=analysis.hints,
         effects=effects,
         nothing=analysis.nothing,
+        analysis=analysis,
     )
 
 

@@ -11,6 +11,7 @@ import pandas as pd
 from identifiability.estimation.noise.residual_noise import ResidualNoise
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
+from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.calibrate.answer import Answer, Effect
 from identifiability.workflows.calibrate.outcome import Cell
 from identifiability.workflows.calibrate.ranks import RankCheck
@@ -45,6 +46,8 @@ class Calibration(Result):
         What noise memory, left-out parameters and errors of the motion do, where the answer is no.
     nothing : str
         Why the analysis believes no verdict, for after "because"; empty where it does.
+    analysis : Analysis or None
+        Whose motion, model and residual were used.
     """
 
     schema: ClassVar[str] = "identifiability/calibration/1"
@@ -63,6 +66,7 @@ class Calibration(Result):
     hints: tuple[str, ...] = ()
     effects: tuple[Effect, ...] = ()
     nothing: str = ""
+    analysis: Analysis | None = None
 
     @property
     def answer(self) -> Answer:

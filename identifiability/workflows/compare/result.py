@@ -13,6 +13,7 @@ from identifiability.foundation.measured import measured
 from identifiability.foundation.result import Result
 from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Preparation
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows.compare.causes import Cause
@@ -30,7 +31,7 @@ NO_PASSIVE = (
 #: Where friction must change by more than this share everywhere, an unchanged robot is no news.
 BLIND = 0.5
 BUT_BLIND = (
-    ", but only large changes could be: compare logs of the same motion, or several on each side."
+    "but only large changes could be: compare logs of the same motion, or several on each side."
 )
 
 #: Changes, and joints, that a sentence names.
@@ -58,6 +59,8 @@ class Comparison(OfStructure, Result):
     changes : tuple of Change
         What surely changed, the surest first.
     hints : tuple of str
+    preparation : Preparation
+        How logs were asked to be turned into motion.
     """
 
     schema: ClassVar[str] = "identifiability/comparison/1"
@@ -71,23 +74,36 @@ class Comparison(OfStructure, Result):
     causes: tuple[Cause, ...]
     changes: tuple[Change, ...]
     hints: tuple[str, ...] = ()
+    preparation: Preparation = Preparation()
 
     @property
     def answer(self) -> str:
         """What changed, in one sentence."""
         if not self.changes:
-            known = [share for share in self.found_from.values() if np.isfinite(share)]
-            blind = known and min(known) > BLIND
-            return f"Nothing changed that can be told from chance{BUT_BLIND if blind else '.'}"
+            blind = f", {self.blindness}" if self.blindness else "."
+            return f"Nothing changed that can be told from chance{blind}"
         found = [describe(change) for change in self.changes[:NAMED]]
         more = len(self.changes) - NAMED
         text = "; ".join([*found, *([f"{more} more"] if more > 0 else [])])
-        doubt = "" if self.difference.kind == "pairs" else f", {OR_ELSE}"
-        if self.unseen and any(c.cause.kind == "friction" for c in self.changes):
-            doubt += f", or that of passive joints did ({listing(self.unseen, 3)}), {NO_PASSIVE}"
+        doubt = f", {self.doubt}" if self.doubt else ""
         if self.changes[0].cause.kind != "value":  # a name is written as it is
             text = f"{text[0].upper()}{text[1:]}"
         return f"{text}{doubt}."
+
+    @property
+    def blindness(self) -> str:
+        """That only large changes could have been told, after a comma; empty if it is not so."""
+        known = [share for share in self.found_from.values() if np.isfinite(share)]
+        return BUT_BLIND if known and min(known) > BLIND else ""
+
+    @property
+    def doubt(self) -> str:
+        """What else it may be, after a comma; empty if nothing."""
+        others = [] if self.difference.kind == "pairs" else [OR_ELSE]
+        if self.unseen and any(c.cause.kind == "friction" for c in self.changes):
+            passive = f"or that of passive joints did ({listing(self.unseen, 3)}), {NO_PASSIVE}"
+            others.append(passive)
+        return ", ".join(others)
 
     @property
     def unseen(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -150,11 +151,13 @@ def _compare_logs(
         information = rung.reduce(gather_information(logs, engine=engine))
         difference = Difference.of_pairs(structure, rung, turned, information)
         chosen = tuple((names[0][p.at[0]], names[1][p.at[1]]) for p in turned)
-        return _conclude(structure, rung, difference, names, chosen, opening.hints)
+        found = _conclude(structure, rung, difference, names, chosen, opening.hints)
+        return replace(found, preparation=preparation or Preparation())
     opening, chosen_estimator = add_instruments(opening, both.fitted, find_estimator(method), kind)
     information = rung.reduce(gather_information(opening.regression, engine=engine))
     difference = Difference.of_logs(information, information.log >= len(first), chosen_estimator)
-    return _conclude(structure, rung, difference, names, (), opening.hints)
+    found = _conclude(structure, rung, difference, names, (), opening.hints)
+    return replace(found, preparation=preparation or Preparation())
 
 
 def _conclude(

@@ -25,6 +25,7 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
+from identifiability.robot.speeds import stated_speeds
 from identifiability.robot.kinematics import Point
 from identifiability.robot.sidecar import LimitEntry, Span
 
@@ -35,9 +36,6 @@ CLOSURE_BOUND = 300.0
 #: Reach, speed and acceleration of joints without limits: (rotary [rad], sliding [m]), as those
 #: of random trajectories.
 ASSUMED = {"q": (1.0, 0.1), "v": (2.0, 0.3), "a": (10.0, 1.0)}
-
-#: A speed from which on a file means that there is no limit [rad/s or m/s].
-ENDLESS = 1e6
 
 
 class BoxEntry(BaseModel):
@@ -153,7 +151,7 @@ def find_limits(
     _check_names(source, "body", entry.workspace, robot.bodies)
     slides = np.array([int(robot.is_prismatic(int(k))) for k in robot.actuated])
     home = robot.actuated_positions(robot.home[None])[0]
-    own = {"q": robot.limits, "v": _speeds(robot), "a": robot.acceleration_limits}
+    own = {"q": robot.limits, "v": stated_speeds(robot), "a": robot.acceleration_limits}
     filled, assumed = {}, []
     for kind, values in own.items():
         stated, likely = values.copy(), np.array(ASSUMED[kind])[slides]
@@ -179,19 +177,6 @@ def find_limits(
         boxes=tuple(_box(robot, body, box) for body, box in entry.workspace.items()),
         assumed=tuple(assumed),
     )
-
-
-def _speeds(robot: Robot) -> Array:
-    """Return limits of speed, (n,): of the sidecar, or else the velocities of a URDF."""
-    speeds = robot.speed_limits.copy()
-    of_file = np.asarray(() if robot.mjcf else robot.model.velocityLimit, float)
-    for k, name in enumerate(robot.joints):
-        joint = robot.tree.single.get(name)
-        if joint is None or not np.isinf(speeds[k]) or joint.iv >= len(of_file):
-            continue
-        if 0 < of_file[joint.iv] < ENDLESS:  # zero where the file is silent
-            speeds[k] = of_file[joint.iv]
-    return speeds
 
 
 def _of_drives(robot: Robot, entry: LimitsFile, kind: str) -> Array:

@@ -16,6 +16,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.output import csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Preparation
 from identifiability.robot import Robot
 from identifiability.simulation.motion import PrescribedMotion, Trajectory
 from identifiability.simulation.trajectory_bag import write_trajectory_bag
@@ -84,6 +85,8 @@ class Excitation(Result):
         What was not used.
     provenance : mapping
         Versions, seed, options, and hashes of the inputs.
+    preparation : Preparation
+        How logs were asked to be turned into motion.
     """
 
     schema: ClassVar[str] = "identifiability/excitation/1"
@@ -108,6 +111,7 @@ class Excitation(Result):
     seed: int
     hints: tuple[str, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
+    preparation: Preparation = Preparation()
 
     @property
     def reproducible(self) -> bool:
@@ -233,14 +237,19 @@ class Excitation(Result):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        words = {"information": self._information, "separate": self._separation}
-        said = words.get(self.criterion.name, self._condition)()
+        said = self.worth
         if self.reproducible:
             return f"{said} {self.limits_statement}"
         return (
             f"{said} {self.limits_statement} The time limit ended the search, so the same seed may "
             "give another motion; limit the evaluations instead."
         )
+
+    @property
+    def worth(self) -> str:
+        """What the motion tells, in words."""
+        words = {"information": self._information, "separate": self._separation}
+        return words.get(self.criterion.name, self._condition)()
 
     @property
     def limits_statement(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -150,7 +151,7 @@ def excite(
         series = Series(bounds, duration, harmonics, at_rest)
         asked = {"iterations": iterations, "evaluations": evaluations, "time_limit": time_limit}
         options = {**asked, "preparation": preparation or Preparation()}
-        return find_motion(
+        found = find_motion(
             question,
             gather_known(question, logs, samples),
             series,
@@ -164,6 +165,7 @@ def excite(
             hints=hints,
             provenance=state_provenance(robot, logs, seed, None, options),
         )
+        return replace(found, preparation=preparation or Preparation())
 
 
 def find_motion(

@@ -15,6 +15,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.robot import Robot
+from identifiability.robot.speeds import stated_speeds
 from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
 
@@ -78,12 +79,12 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     actuated = {int(dof): k for k, dof in enumerate(robot.actuated)}
     kinds: dict[str, str] = {d: j.kind for j in robot.tree.joints for d in j.dofs}
     kinds |= dict.fromkeys((t.name for t in robot.cables), "tendon")
-    facts = []
+    facts, speeds = [], stated_speeds(robot)
     for dof, name in enumerate(robot.dofs):
         unit = "m" if robot.is_prismatic(dof) else "rad"
         if dof in actuated:
             k = actuated[dof]
-            known = (*robot.limits[k], robot.speed_limits[k], robot.acceleration_limits[k])
+            known = (*robot.limits[k], speeds[k], robot.acceleration_limits[k])
             limits = (float(x) if np.isfinite(x) else np.nan for x in known)
             facts.append(JointFact(name, kinds[name], "actuated", unit, "", *limits))
         elif name in followed:
@@ -172,10 +173,10 @@ def _missing_numbers(robot: Robot) -> list[Need]:
         )
     joint = robot.joints[0]
     open_ends = [j for j, x in zip(robot.joints, robot.limits, strict=True) if np.isinf(x).any()]
-    slow = np.isinf(robot.speed_limits) | np.isinf(robot.acceleration_limits)
-    if open_ends or slow.any():
-        what = ["position"] if open_ends else []
-        what += ["speed and acceleration"] if slow.any() else []
+    fast, jerky = np.isinf(stated_speeds(robot)).any(), np.isinf(robot.acceleration_limits).any()
+    if open_ends or fast or jerky:
+        open_ = {"position": open_ends, "speed": fast, "acceleration": jerky}
+        what = [name for name, missing in open_.items() if missing]
         needs.append(
             Need(
                 f"Limits of {' and of '.join(what)} are not stated for every joint; excite assumes "

@@ -13,6 +13,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.output import check_ending, csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Preparation
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows.inspect.machine import (
     JointFact,
@@ -63,6 +64,8 @@ class Inspection(OfStructure, Result):
         What is odd, the same that `analyze` says.
     provenance : mapping
         Versions, options, and hashes of the inputs.
+    preparation : Preparation
+        How logs were asked to be turned into motion.
     """
 
     schema: ClassVar[str] = "identifiability/inspection/1"
@@ -74,6 +77,7 @@ class Inspection(OfStructure, Result):
     excited: Excited | None = None
     hints: tuple[str, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
+    preparation: Preparation = Preparation()
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -139,6 +139,7 @@ def _with_logs(
         excited=excited,
         hints=tuple(dict.fromkeys((*refused.values(), *hints))),
         provenance={**found.provenance, **hashes},
+        preparation=how or Preparation(),
     )
 
 

@@ -47,6 +47,8 @@ class Load(Result):
     usual : (n,) [N·m or N]
         What the result left of the torque.
     hints : tuple of str
+    origin : str
+        Name of the file of the result without the load.
     """
 
     schema: ClassVar[str] = "identifiability/payload/1"
@@ -62,6 +64,7 @@ class Load(Result):
     quantities: tuple[Quantity, ...]
     usual: Array
     hints: tuple[str, ...] = ()
+    origin: str = "result.json"
 
     @property
     def of(self) -> Mapping[str, Quantity]:

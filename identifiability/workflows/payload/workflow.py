@@ -111,6 +111,7 @@ def payload(
         quantities=state_quantities(found, nearest, length),
         usual=fit.spread.low,
         hints=tuple(dict.fromkeys(hints)),
+        origin=fit.origin,
     )
 
 

@@ -61,6 +61,8 @@ class Fit(Covaries):
     spread : Spread
     preparation : Preparation
         How the fitted logs were turned into motion, with the cut-off that was chosen for them.
+    origin : str
+        Name of the file that it was read from (reports tell no paths of a machine).
     """
 
     structure: Structure
@@ -68,6 +70,7 @@ class Fit(Covaries):
     values: Array
     spread: Spread
     preparation: Preparation
+    origin: str = "result.json"
 
     @property
     def robot(self) -> Robot:
@@ -149,6 +152,7 @@ class Fit(Covaries):
         return TorquePrediction(
             robot=self.robot,
             model=self.rung.name,
+            origin=self.origin,
             logs=tuple(s.name for s in samples),
             measured=measured,
             notes={s.name: s.notes for s in samples},
@@ -234,7 +238,8 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
             "this version or a newer one."
         )
     content.robot.check_locked(robot, path)
-    return _build(content.fit, robot, f"{path} is about '{content.robot.name}'")
+    fit = _build(content.fit, robot, f"{path} is about '{content.robot.name}'")
+    return replace(fit, origin=Path(path).name)
 
 
 def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:

@@ -49,6 +49,8 @@ class TorquePrediction(Result):
     notes : mapping
         How each log was prepared.
     hints : tuple of str
+    origin : str
+        Name of the file of the result that predicts.
     """
 
     schema: ClassVar[str] = "identifiability/prediction/1"
@@ -67,6 +69,7 @@ class TorquePrediction(Result):
     new: Array
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
+    origin: str = "result.json"
 
     @cached_property
     def errors(self) -> tuple[Prediction, Prediction] | None:

@@ -1,0 +1,98 @@
+"""Lines for the terminal that go on from a result: its robot and logs, read as they were read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
+
+from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.preparation import SettledPreparation
+from identifiability.regression.reduction import LadderSource, ladder_path
+from identifiability.report.blocks import Answer
+from identifiability.robot import Robot
+from identifiability.robot.locate import shipped_folder
+
+#: What of a preparation an option says; others are only said from Python.
+OPTIONS = ("derivatives", "cutoff", "period", "harmonics", "decimate")
+
+
+def answer_next(commands: Sequence[tuple[str, str]], text: str = "") -> Answer:
+    """Return what to do next, with lines for the terminal."""
+    short = "Run one of these where robot and logs are."
+    return Answer("What next?", text or short, commands=tuple(commands))
+
+
+def source_name(robot: Robot) -> str:
+    """Return how a command names the robot, with what was said of it by options.
+
+    It is the name of its file, or that of a shipped robot.
+    """
+    shipped = robot.path.parent.parent == shipped_folder()
+    name = robot.path.parent.name if shipped else quote(robot.path.name)
+    beside = robot.path.with_suffix(".toml")
+    other = robot.sidecar is not None and robot.sidecar != beside
+    sidecar = [f"--sidecar {quote(robot.sidecar.name)}"] if other and robot.sidecar else []
+    locks = (f"{joint}={robot.locked[joint]:g}" for joint in robot.lock_option)
+    return " ".join([name, *sidecar, *(f"--lock {quote(lock)}" for lock in locks)])
+
+
+def reading_options(robot: Robot) -> str:
+    """Return the options by which a command reads logs as they were read; begins with a space."""
+    words = [f"--map {quote(f'{old}={new}')}" for old, new in robot.columns.rules]
+    words += [f"--time-unit {robot.time_unit}"] if robot.time_unit else []
+    words += [f"--angles {robot.angles}"] if robot.angles is not None else []
+    return "".join(f" {word}" for word in words)
+
+
+def preparing_options(how: object) -> str:
+    """Return the options by which logs are prepared as was asked; begins with a space."""
+    if not isinstance(how, Preparation):
+        return ""
+    usual = {f.name: f.default for f in fields(Preparation)}
+    if isinstance(how, SettledPreparation) and how.band is not None and how.band.reason:
+        usual["cutoff"] = how.cutoff  # chosen, and chosen again by the same logs
+    asked = {name: getattr(how, name) for name in OPTIONS if getattr(how, name) != usual[name]}
+    texts = {n: x if isinstance(x, str) else f"{x:g}" for n, x in asked.items()}
+    return "".join(f" --{name} {text}" for name, text in texts.items())
+
+
+def file_names(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the files of logs by what the logs are called; parts of one are one file."""
+    return tuple(dict.fromkeys(re.sub(r", part \d+$", "", name) for name in names))
+
+
+def name_logs(robot: Robot, names: Iterable[str], option: str = "", how: object = None) -> str:
+    """Return the logs of a command, by the names of their files, and how they are read.
+
+    Parameters
+    ----------
+    robot : Robot
+    names : iterable of str
+    option : str
+        Stands before each of them.
+    how : Preparation, optional
+        What was asked for.
+    """
+    files = [f"{option} {quote(name)}".strip() for name in file_names(names)]
+    return f"{' '.join(files)}{reading_options(robot)}{preparing_options(how)}"
+
+
+def held_back(samples: Sequence[Prepared]) -> str:
+    """Return the logs that were held back, as options; begins with a space."""
+    return "".join(f" --validate {quote(n)}" for n in file_names(s.name for s in samples))
+
+
+def quote(name: str) -> str:
+    """Return a name as a shell takes it."""
+    return name if re.fullmatch(r"[\w./:@%+=,-]+", name) else "'" + name.replace("'", "'\\''") + "'"
+
+
+def ladder_option(robot: Robot, source: LadderSource | None) -> str:
+    """Return the ladder that was given, as an option; begins with a space."""
+    if source is None or not source.origin.lower().endswith(".toml"):
+        return ""
+    beside = ladder_path(robot)
+    given = beside is None or beside.name != source.origin
+    return f" --ladder {quote(source.origin)}" if given else ""
