@@ -1,4 +1,4 @@
-"""Limits of speed that the files of a robot state: the sidecar, or else the velocities of a URDF."""
+"""Limits of speed that files of a robot state: the sidecar, else the velocities of a URDF."""
 
 from __future__ import annotations
 

@@ -25,9 +25,9 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
-from identifiability.robot.speeds import stated_speeds
 from identifiability.robot.kinematics import Point
 from identifiability.robot.sidecar import LimitEntry, Span
+from identifiability.robot.speeds import stated_speeds
 
 #: Condition number (1-norm) of the closure that an exciting motion stays below. Within their
 #: limits the shipped robots stay below 130; above 1000 a configuration is called near-singular.

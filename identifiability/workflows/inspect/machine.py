@@ -15,9 +15,9 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.robot import Robot
-from identifiability.robot.speeds import stated_speeds
 from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
+from identifiability.robot.speeds import stated_speeds
 
 Role = Literal["actuated", "passive", "coupled", "locked"]
 
