@@ -83,4 +83,5 @@ class Result(ABC):
         return text if len(text) <= SCREEN else f"{text[: SCREEN - 2]}…>"
 
     def _repr_html_(self) -> str:
-        return f"<p>{escape(self.statement)}</p>{self.to_frame().to_html(escape=True)}"
+        lines = "<br>".join(escape(self.statement).splitlines())
+        return f"<p>{lines}</p>{self.to_frame().to_html(escape=True)}"

@@ -1,6 +1,7 @@
 """The result: statement, frames, JSON schema, report, fixed values, command line."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +17,10 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import diagnose, measure_false_names
+from identifiability.workflows.diagnose.lookalikes import Rival
 from identifiability.workflows.diagnose.motion import STRETCH, prepare_rows, thin
 from identifiability.workflows.diagnose.residual import explained_share
+from identifiability.workflows.diagnose.words import headline
 
 HIDDEN = "stribeck_friction@slider1+slider3=0.03"
 
@@ -33,6 +36,37 @@ def test_the_statement_says_effect_joints_p_and_how_far_the_gap_shrinks(diagnosi
     assert "the error falls from" in text
     assert "95 %" in text
     assert "smallest nameable effect" in text
+
+
+def test_the_headline_of_many_effects_has_three_sentences_and_a_list_beneath(diagnosis):
+    (e,) = diagnosis.effects
+    rivals = (Rival("quadratic_friction", "slider1", 0.95, undecided=True),)
+    unsure = replace(e, placements=tuple(replace(p, rivals=rivals) for p in e.placements))
+    d = replace(diagnosis, effects=(e, unsure, unsure, e))
+    first, *rest = d.statement.split("\n- ")
+    assert headline(d) == first
+    assert first.startswith("4 effects are missing (p ≤ 0.005, family-wise): Stribeck friction (")
+    assert "This motion cannot tell Stribeck friction and Stribeck friction from other" in first
+    assert len(re.findall(r"\.(?= |$)", first)) == 3
+    either = [text for text in rest if "cannot tell Stribeck friction or quadratic" in text]
+    assert len(either) == 2
+    assert sum(text.startswith("Stribeck friction in slider1 and slider3 (p") for text in rest) == 2
+
+
+@pytest.mark.parametrize(
+    ("similarity", "contains", "says"),
+    [
+        (0.94, False, "(similarity 0.94); the data prefer the former."),
+        (0.9973, False, "(similarity 0.997); the data prefer the former."),
+        (1.0, True, "can be too, so no data prefer the former"),
+        (1.0, False, "Quadratic friction is a part of Stribeck friction in this motion"),
+    ],
+)
+def test_no_data_prefer_a_name_to_one_that_contains_it(diagnosis, similarity, contains, says):
+    (e,) = diagnosis.effects
+    rival = Rival("quadratic_friction", "slider1", similarity, undecided=False, contains=contains)
+    e = replace(e, placements=tuple(replace(p, rivals=(rival,)) for p in e.placements))
+    assert says in replace(diagnosis, effects=(e,)).statement
 
 
 def test_json_follows_the_schema(diagnosis, tmp_path):

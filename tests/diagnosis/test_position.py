@@ -121,3 +121,23 @@ def test_columns_of_a_named_curve_are_those_of_its_model():
     value = np.linalg.lstsq(W[:, 0], tau[:, 0], rcond=None)[0]
     np.testing.assert_allclose(W[:, 0] @ value, tau[:, 0], atol=0.02 * np.ptp(tau))
     assert not W[:, 1].any()
+
+
+def test_ripple_of_a_geared_motor_is_named_with_its_period_and_size(tmp_path):
+    """Two waves a turn of a motor that turns twenty times for its joint."""
+    plain = Robot.load("two-link").path
+    (tmp_path / "arm.xml").write_bytes(plain.read_bytes())
+    sidecar = plain.with_suffix(".toml").read_text() + "\n[torque]\nratio = { elbow = 20.0 }\n"
+    (tmp_path / "arm.toml").write_text(sidecar)
+    robot = Robot.load(tmp_path / "arm.xml")
+    rng = np.random.default_rng(7)
+    c = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
+    wave = {"cogging": lambda _speed, position, _load: np.sin(2 * 20 * position + 0.7)}
+    logs = c.logs(c.hidden(["cogging@elbow=0.05"], wave), NOISE, np.random.default_rng(0))
+    d = diagnose(robot, logs[:4], logs[4:], forward=False, quick=True)
+    ((name, (placed,)),) = [(e.name, e.placements) for e in d.effects]
+    assert (name, placed.place) == ("gear_ripple", "elbow")
+    assert placed.shape == pytest.approx(2 * np.pi / 20 / 2)
+    size = 0.05 * np.sqrt(2 * np.mean(c.torque[:, 1] ** 2))
+    assert np.hypot(*placed.values) == pytest.approx(size, abs=4 * np.hypot(*placed.errors))
+    assert np.arctan2(*placed.values[::-1]) == pytest.approx(0.7, abs=0.08)

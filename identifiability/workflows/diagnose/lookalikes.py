@@ -26,6 +26,8 @@ from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Logarithm of the likelihood ratio that decides between two similar names: about 50 to 1.
 DECISIVE = 4.0
+#: Canonical correlation from which on a direction of one is one of the other.
+SAME = 1.0 - 1e-6
 
 
 @frozen
@@ -102,12 +104,15 @@ class Rival:
         Largest canonical correlation with what was named, beside the rest of the model.
     undecided : bool
         Whether neither motion nor data tell the two apart.
+    contains : bool
+        Whether it can be all in this motion that what was named can be.
     """
 
     family: str
     place: str
     similarity: float
     undecided: bool
+    contains: bool = False
 
 
 def find_rivals(
@@ -149,11 +154,18 @@ def find_rivals(
             continue
         if _opposite(own, directions, white, (named, c)):
             continue
-        similarity = float(np.linalg.norm(own.T @ directions, 2))
+        shared = np.linalg.svd(own.T @ directions, compute_uv=False)
+        similarity = float(shared[0])
+        contains = own.shape[1] < directions.shape[1] and float(shared[-1]) > SAME
         undecided = similarity > similar and s > score - DECISIVE
         before = out.get(c.group, Rival(*c.group, 0.0, False))
         similarity = min(max(similarity, before.similarity), 1.0)
-        out[c.group] = Rival(*c.group, similarity, bool(undecided or before.undecided))
+        out[c.group] = Rival(
+            *c.group,
+            similarity,
+            undecided=bool(undecided or before.undecided),
+            contains=contains or before.contains,
+        )
     return sorted(out.values(), key=lambda r: -r.similarity)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.effects import find_family
+from identifiability.effects import find_family, title_of
 from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
@@ -23,6 +23,10 @@ LOOKS = {
 }
 #: Share of the residual from which on its dependence on something is said.
 VISIBLE = 0.05
+#: Effects that the headline states in full, and names and places that it lists of each.
+FULL, LISTED = 2, 3
+#: Similarity from which on two digits after the point would say that it is one, and that it is.
+NEAR_ONE, ONE = 0.995, 1.0 - 1e-6
 
 
 @frozen
@@ -35,12 +39,12 @@ class Remark:
 
 
 def state(d: Findings) -> str:
-    """Return the answer in plain words, with all that should be known with it."""
-    return " ".join([headline(d), *(r.text for r in remarks(d)), state_remainder(d)])
+    """Return the answer in plain words, and below it a list of what should be known with it."""
+    return "\n- ".join([headline(d), *(r.text for r in remarks(d)), state_remainder(d)])
 
 
 def headline(d: Findings) -> str:
-    """Return what is missing, how far the gap shrinks, and what cannot be told apart."""
+    """Return what is missing, how far the gap shrinks and what is open, in three sentences."""
     start = "the robot file's own values" if d.fixed else "the refitted model"
     start = start if d.known is None else d.known.words
     if not d.effects:
@@ -49,13 +53,37 @@ def headline(d: Findings) -> str:
             f"{why}: {start} predict{'' if d.fixed else 's'} unseen motion "
             f"({d.verified_on}) with an error of {_percent(d.held_before)}.{_state_refused(d)}"
         )
-    named = ". ".join(_state_effect(e) for e in d.effects)
     verb = "falls" if d.held_after < d.held_before else "goes"
     change = (
         f"On {d.verified_on}, which took no part in fitting or choosing, the error {verb} "
         f"{_change(d.held_before, d.held_after, d.interval)}."
     )
-    return " ".join([f"{named}.", change, *(_state_rivals(e) for e in d.effects if e.alternatives)])
+    return " ".join([f"{_state_missing(d)}.", change, *_state_undecided(d)])
+
+
+def _state_missing(d: Findings) -> str:
+    """Return what is missing in one sentence; of many effects the names and where they are."""
+    if len(d.effects) <= FULL:
+        return _capital("; ".join(_state_effect(e) for e in d.effects))
+    named = []
+    for e in d.effects:
+        at = join(e.joints) if len(e.joints) <= LISTED else f"{len(e.joints)} joints"
+        named.append(e.title if e.joints == ("base",) else f"{e.title} ({at})")
+    worst = max(e.p_value for e in d.effects)
+    return f"{len(d.effects)} effects are missing (p ≤ {worst:.2g}, family-wise): {join(named)}"
+
+
+def _state_undecided(d: Findings) -> list[str]:
+    """Return a sentence on names that cannot be told apart, if there are any."""
+    open_names = [e for e in d.effects if e.alternatives]
+    if len(d.effects) <= FULL and len(open_names) == 1:
+        return [_state_rivals(open_names[0])]
+    if not open_names:
+        return []
+    return [
+        f"This motion cannot tell {join([e.title for e in open_names])} from other names, which "
+        "are listed with what would."
+    ]
 
 
 def _state_untried(d: Findings) -> str:
@@ -97,13 +125,27 @@ def remarks(d: Findings) -> list[Remark]:
     if d.forward is not None and d.forward.measured:
         better = d.forward.interval[1] < 0
         out.append(Remark("In simulated motion", d.forward.statement, better))
-    return [*out, *(r for e in d.effects for r in _caveats(e)), *always]
+    named = [Remark("Named", f"{_capital(_state_effect(e))}.") for e in d.effects]
+    rivals = [Remark("A or B", _state_rivals(e)) for e in d.effects if e.alternatives]
+    if len(d.effects) <= FULL:  # the headline has them
+        named, rivals = [], rivals if len(rivals) > 1 else []
+    return [*named, *rivals, *out, *(r for e in d.effects for r in _caveats(e)), *always]
 
 
 def _state_effect(e: NamedEffect) -> str:
-    title = e.names[0].upper() + e.names[1:]
     where = "" if e.joints == ("base",) else f" in {join(e.joints)}"
-    return f"{title}{where}{_state_mass(e)} (p = {e.p_value:.2g}, family-wise)"
+    return f"{_either(e)}{where}{_state_mass(e)} (p = {e.p_value:.2g}, family-wise)"
+
+
+def _either(e: NamedEffect) -> str:
+    """Return the name with its alternatives, the first ones of many."""
+    names = [e.title, *map(title_of, e.alternatives)]
+    more = len(names) - LISTED
+    return " or ".join(names if more < 2 else [*names[:LISTED], f"{more} others"])
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]
 
 
 def _state_mass(e: NamedEffect) -> str:
@@ -119,7 +161,8 @@ def _state_mass(e: NamedEffect) -> str:
 
 def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
     """Return what the motion that verifies says against an effect."""
-    start = f"{_state_effect(e)} stood out from the fitted motion and is refuted: on {verified_on}"
+    named = _capital(_state_effect(e))
+    start = f"{named} stood out from the fitted motion and is refuted: on {verified_on}"
     own = e.shown
     if e.joints_interval[0] > 0 and own.interval[0] <= 0:
         change = _change(e.joints_before, e.joints_after, e.joints_interval)
@@ -139,7 +182,7 @@ def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
 def _state_rivals(e: NamedEffect) -> str:
     return (
         f"This motion cannot tell {e.names} apart (similarity "
-        f"{max(e.similar[a] for a in e.alternatives):.2f}): {advice(e)}."
+        f"{_similarity(max(e.similar[a] for a in e.alternatives))}): {advice(e)}."
     )
 
 
@@ -160,11 +203,7 @@ def _caveats(e: NamedEffect) -> list[Remark]:
         return [Remark("Without a name", _state_nearest(e))]
     name, similarity = next(iter(e.similar.items()), ("", 0.0))  # the most similar
     if similarity > NOTEWORTHY and not e.alternatives:
-        text = (
-            f"{title} resembles {name.replace('_', ' ')} in this motion (similarity "
-            f"{similarity:.2f}); the data prefer the former."
-        )
-        out.append(Remark("Resembles", text))
+        out.append(Remark("Resembles", _state_resembling(e, name, similarity)))
     if not e.confirmed:
         text = (
             f"{title} by itself does not surely lower the error of its joints there, each on its "
@@ -172,6 +211,27 @@ def _caveats(e: NamedEffect) -> list[Remark]:
         )
         out.append(Remark("Not confirmed", text))
     return out
+
+
+def _state_resembling(e: NamedEffect, name: str, similarity: float) -> str:
+    """Return what the most similar name is to an effect that the data do tell from it."""
+    title, other = _capital(e.title), title_of(name)
+    if all(any(r.family == name and r.contains for r in p.rivals) for p in e.placements):
+        return (
+            f"Whatever {e.title} is in this motion, {other} can be too, so no data prefer the "
+            "former: it has the name because it says as much with less."
+        )
+    if similarity > ONE:
+        return f"{_capital(other)} is a part of {e.title} in this motion, and explains less alone."
+    return (
+        f"{title} resembles {other} in this motion (similarity {_similarity(similarity)}); the "
+        "data prefer the former."
+    )
+
+
+def _similarity(x: float) -> str:
+    """Return a similarity with two digits after the point, more where these would say one."""
+    return f"{x:.2f}" if not NEAR_ONE <= x <= ONE else f"{min(x, 0.9999):.{3 + (x >= 0.9995)}f}"
 
 
 def advice(e: NamedEffect) -> str:

@@ -325,3 +325,21 @@ def test_a_discrepancy_says_where_the_residual_is(rng, rows_of):
     rows = rows_of(tau, np.zeros((n, 1, 0)), np.zeros((n, 1, 0)), dq=dq, q=position.x[:, None])
     (d,) = find_discrepancies(rows, np.sign(position.x)[:, None], ["j"])
     assert max(d.explained, key=d.explained.get) == "position"
+
+
+def test_what_contains_a_name_can_be_all_that_it_can_be(world, candidate):
+    """Nothing that is measured speaks for the smaller one; its own part is contained in it."""
+    e = world.basis
+    rows = world.make(20 * e[:, 0], [e[:, 0], world.unit(0.6, 0.8), e[:, 1], e[:, 3]])
+    small, wide, other = (
+        candidate("f0", "j", 0),
+        candidate("f1", "j", 1, 2),
+        candidate("f2", "j", 3),
+    )
+    white = world.bench(rows, 5).whiten()
+    found = {r.family: r for r in find_rivals(white, small, [], [small, wide, other], 0.9)}
+    assert found["f1"].similarity == pytest.approx(1.0)
+    assert {name: r.contains for name, r in found.items()} == {"f1": True, "f2": False}
+    (back,) = find_rivals(white, wide, [], [small, wide], 0.9)
+    assert back.similarity == pytest.approx(1.0)
+    assert not back.contains
