@@ -62,7 +62,8 @@ def measure_red(
     """Return the cells of Model 1 under AR(1) noise, all levels and correlations."""
     log = simulate_log(robot, 1.0, np.random.default_rng(seed))
     analysis = analyze(robot, log, method=method, replicates=0, seed=seed)
-    return calibrate(analysis, noise=LEVELS, rho=RHO, trials=trials, seed=seed, progress=say).cells
+    few = {"replicates": trials, "sbc": 0, "names": 0}
+    return calibrate(analysis, noise=LEVELS, rho=RHO, **few, seed=seed, progress=say).cells
 
 
 def measure_paper(

@@ -91,7 +91,7 @@ def test_mujoco_decides_that_an_impossible_body_is_none(rps, tmp_path):
 
 def test_a_flat_body_pulls_like_one_with_a_little_thickness(simulated):
     log = simulated("3-rps", "601", 0)  # its platform is a disc
-    result = analyze("3-rps", log, replicates=0, cad_weight=1.0)
+    result = analyze("3-rps", log, replicates=0, cad_prior=1.0)
     found, wanted = result.full.physical.parameters(), result.robot.nominal
     assert result.full.physical.nearest.accurate
     for name in ("platform.m", "platform.Iyy", "leg1_lower.m"):
@@ -101,8 +101,8 @@ def test_a_flat_body_pulls_like_one_with_a_little_thickness(simulated):
 
 
 def test_the_prior_pulls_what_the_data_leave_open_to_the_robot_file(log):
-    free = analyze("two-link", log, replicates=0, cad_weight=0.0)
-    pulled = analyze("two-link", log, replicates=0, cad_weight=10.0)
+    free = analyze("two-link", log, replicates=0, cad_prior=0.0)
+    pulled = analyze("two-link", log, replicates=0, cad_prior=10.0)
     nominal = pulled.structure.nominal
 
     def distance(result):

@@ -26,6 +26,9 @@ from identifiability.workflows.calibrate.ranks import RankCheck, build_target, c
 
 from .laws.numbers.made import ar1
 
+#: Of a calibration the cells alone.
+ALONE = {"sbc": 0, "names": 0}
+
 
 @pytest.fixture(scope="module")
 def analysis(simulated_session):
@@ -35,7 +38,9 @@ def analysis(simulated_session):
 @pytest.fixture(scope="module")
 def red(analysis):
     """Model 1, AR(1) noise with ρ = 0.9 of the size of the residual."""
-    return calibrate(analysis, noise=(1.0,), rho=(0.9,), trials=8, replicates=150).cells[0]
+    return calibrate(
+        analysis, noise=(1.0,), rho=(0.9,), replicates=8, refits=150, sbc=0, names=0
+    ).cells[0]
 
 
 def test_a_repetition_is_asked_what_is_left_out_as_the_logs_are(analysis):
@@ -68,7 +73,9 @@ def test_what_is_called_identifiable_is_seldom_wrong_by_half(red):
 
 
 def test_at_low_noise_as_many_are_found_as_by_the_10x_rule(analysis):
-    cell = calibrate(analysis, noise=(0.3,), rho=(0.0,), trials=3, replicates=100).cells[0]
+    cell = calibrate(
+        analysis, noise=(0.3,), rho=(0.0,), replicates=3, refits=100, sbc=0, names=0
+    ).cells[0]
     assert cell.called >= cell.paper_called
     assert cell.wrong < 0.02
 
@@ -106,7 +113,7 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
             "two-link",
             str(log),
             "--quick",
-            "--trials",
+            "--replicates",
             "4",
             "--names",
             "1",

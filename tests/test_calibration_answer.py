@@ -23,7 +23,14 @@ from .laws.numbers.made import ar1
 #: Characters of a line: two lines of a terminal.
 LONGEST = 160
 
-ONE = {"noise": (1.0,), "rho": (float("nan"),), "replicates": 60}
+ONE = {
+    "noise": (1.0,),
+    "rho": (float("nan"),),
+    "replicates": 15,
+    "refits": 60,
+    "sbc": 0,
+    "names": 0,
+}
 
 
 @pytest.fixture
@@ -32,7 +39,7 @@ def log(simulated_session):
 
 
 def test_yes_where_intervals_hold(log):
-    found = calibrate(analyze("two-link", log(Noise(torque=0.05)), replicates=60), trials=15, **ONE)
+    found = calibrate(analyze("two-link", log(Noise(torque=0.05)), replicates=60), **ONE)
     assert found.answer.word == "yes"
     first, second, third = found.lines
     assert first.startswith("Yes: of 95 % intervals of symmetric friction, ")
@@ -46,7 +53,7 @@ def test_yes_where_intervals_hold(log):
 
 def test_no_where_the_motion_errs_and_instruments_mend_it(log):
     noisy = log(Noise(motion=0.1, torque=0.02))
-    found = calibrate(analyze("two-link", noisy, estimator="ls", replicates=60), trials=15, **ONE)
+    found = calibrate(analyze("two-link", noisy, estimator="ls", replicates=60), **ONE)
     assert found.answer.word == "no"
     harm = [e.cause for e in found.effects if e.harmful]
     assert Cause.MOTION in harm
@@ -55,7 +62,7 @@ def test_no_where_the_motion_errs_and_instruments_mend_it(log):
     assert found.lines[2].endswith("Use instrumental variables (--estimator auto).")
     assert len(found.lines[2]) < LONGEST
     cell = found.cells[0]
-    mended = calibrate(analyze("two-link", noisy, replicates=60), trials=15, **ONE).cells[0]
+    mended = calibrate(analyze("two-link", noisy, replicates=60), **ONE).cells[0]
     error = np.hypot(cell.coverage_se, mended.coverage_se)
     assert mended.coverage_robust - cell.coverage_robust > 3 * error
 
@@ -68,7 +75,7 @@ def test_no_where_the_model_leaves_out_what_no_file_states(log):
     robot = Robot.load("two-link")
     silent = replace(robot, nominal={k: v for k, v in robot.nominal.items() if "Fc" not in k})
     analysis = analyze(silent, log(Noise(torque=0.02)), ladder=ladder, replicates=60)
-    found = calibrate(analysis, model="blind", trials=15, **ONE)
+    found = calibrate(analysis, model="blind", **ONE)
     assert found.answer.word == "no"
     assert [e.cause for e in found.effects if e.harmful] == [Cause.LEFT_OUT]
     assert found.lines[2].startswith("Why: left-out parameters; without it ")
@@ -78,7 +85,7 @@ def test_no_where_the_model_leaves_out_what_no_file_states(log):
     assert effect.cell.coverage_robust > 0.95 - 3 * effect.cell.coverage_se
     # What the file states is known: then the interval is as wide as what is left out does.
     stated = analyze(robot, log(Noise(torque=0.02)), ladder=ladder, replicates=60)
-    assert calibrate(stated, model="blind", trials=15, **ONE).answer.word == "yes"
+    assert calibrate(stated, model="blind", **ONE).answer.word == "yes"
 
 
 def test_no_where_noise_remembers_longer_than_the_log(log):
@@ -86,7 +93,7 @@ def test_no_where_noise_remembers_longer_than_the_log(log):
     exact = log(Noise())
     slow = ar1(np.random.default_rng(1), 0.99, *exact.tau.shape)
     noisy = replace(exact, tau=exact.tau + 0.05 * exact.tau.std() * slow)
-    found = calibrate(analyze("two-link", noisy, replicates=60), trials=15, **ONE)
+    found = calibrate(analyze("two-link", noisy, replicates=60), **ONE)
     assert found.answer.word == "no"
     assert [e.cause for e in found.effects if e.harmful] == [Cause.NOISE_MEMORY]
     assert found.cells[0].not_judged > 0.5
@@ -151,7 +158,7 @@ def test_noise_memory_is_named_with_its_remedy_and_the_largest_gain_first():
     wrong = cell(0.94, wrong=(0.05, 0.03, 0.08))
     assert "; without it 0.0 % are wrong (" in Answer("m", wrong, effects).lines[2]
     assert "no single cause" in Answer("m", bad, effects[1:2]).lines[2]
-    assert "more trials (--trials " in Answer("m", cell(0.905)).lines[2]
+    assert "more trials (--replicates " in Answer("m", cell(0.905)).lines[2]
     told = Answer("m", good, nothing="the robot does not move").lines
     assert told[0].startswith("No: ")
     assert told[2] == "Why: the analysis believes no verdict, because the robot does not move."

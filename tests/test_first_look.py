@@ -6,7 +6,10 @@ import subprocess
 import sys
 
 import pytest
+from typer.main import get_command
+from typer.testing import CliRunner
 
+from identifiability.cli import app
 from identifiability.foundation.errors import LogError
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.header import check_header
@@ -24,10 +27,15 @@ LARGE = ("pandas", "scipy.stats", "matplotlib", "cvxpy", "mujoco", "joblib")
         (["diagnose", "two-link", "no.csv"], "There is no log file", ["pinocchio"]),
         (["predict", "two-link", "result.json", "no.mcap"], "There is no bag", ["pinocchio"]),
         (["prune", "six-dof-arm", "run.csv"], "numbers its joints otherwise", []),
+        (["payload", "two-link", "no.json", "run.csv"], "There is no result file", ["pinocchio"]),
+        (["simulate", "two-link", "no.csv", "--out", "x.csv"], "no motion file", ["pinocchio"]),
+        (["excite", "no.urdf", "--out", "x.json"], "There is no robot file", ["pinocchio"]),
+        (["compare", "two-link", "run.csv", "no.csv"], "There is no log file", ["pinocchio"]),
     ],
 )
 def test_it_is_refused_before_anything_large_is_imported(words, sentence, also, tmp_path):
     (tmp_path / "run.csv").write_text("t,q1,tau1\n0,0,0\n")
+    (tmp_path / "result.json").write_text("{}")
     script = f"""
 import sys
 from identifiability.cli import app
@@ -41,6 +49,54 @@ except SystemExit as end:
     )
     assert sentence in " ".join(done.stderr.split())
     assert done.stdout.split() == ["2"]
+
+
+#: Options that are written, with what else the verb must be told.
+WRITTEN = {
+    "analyze": (["two-link", "run.csv"], ["--report", "--json"]),
+    "prune": (["two-link", "run.csv"], ["--report", "--json", "--out"]),
+    "diagnose": (["two-link", "run.csv"], ["--report", "--json", "--out", "--next"]),
+    "calibrate": (["two-link", "run.csv"], ["--report", "--json"]),
+    "inspect": (["two-link"], ["--report", "--json", "--template"]),
+    "predict": (["two-link", "r.json", "run.csv"], ["--report", "--json", "--out"]),
+    "payload": (["two-link", "r.json", "run.csv"], ["--report", "--json"]),
+    "compare": (["two-link", "run.csv", "r.json"], ["--report", "--json"]),
+    "gain": (["two-link", "run.csv", "--loaded", "run.csv", "--mass", "1"], ["--json"]),
+    "export": (["two-link", "r.json"], ["--out"]),
+    "simulate": (["two-link", "random"], ["--out"]),
+    "excite": (["two-link", "--out", "m.json"], ["--report", "--out"]),
+    "convert": (["dh.toml"], ["--out"]),
+    "demo": ([], ["--folder"]),
+    "paper": ([], ["--out"]),
+    "new": (["x.pdf"], []),
+}
+
+
+@pytest.mark.parametrize("verb", get_command(app).commands)
+def test_a_name_of_another_format_is_refused_before_anything_is_read(verb, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words, options = WRITTEN[verb]
+    for option in options or [None]:
+        typed = [verb, *words] if option is None else [verb, *words, option, "x.pdf"]
+        done = CliRunner().invoke(app, typed)
+        assert done.exit_code == 2
+        assert "'x.pdf'" in done.stderr
+        assert "does not end in" in done.stderr or "that of a folder" in done.stderr
+        assert not list(tmp_path.iterdir())
+
+
+def test_every_option_that_writes_is_among_them():
+    for verb, command in get_command(app).commands.items():
+        known = {option for parameter in command.params for option in parameter.opts}
+        written = {"--report", "--json", "--out", "--next", "--template", "--folder"}
+        assert known & written == set(WRITTEN[verb][1]), verb
+
+
+def test_an_option_with_another_name_now_is_refused_with_it():
+    for verb, option, new in [("prune", "--model", "--out"), ("calibrate", "--trials", "--repl")]:
+        done = CliRunner().invoke(app, [verb, "two-link", "run.csv", option, "3"])
+        assert done.exit_code == 2
+        assert f"{option} is called {new}" in done.stderr
 
 
 @pytest.mark.parametrize("robot", ["six-dof-arm", "3-rps"])

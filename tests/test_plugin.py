@@ -108,7 +108,7 @@ def test_pruning_keeps_it_and_its_model_file_is_read_again(folder, plugin):
     train, held = logs(folder)
     model = folder / "pruned.toml"
     run("prune", "two-link", *train, "--validate", held, "--quick", "--plugin", plugin,
-        "--ladder", folder / "ladder.toml", "--model", model,
+        "--ladder", folder / "ladder.toml", "--out", model,
         "--json", folder / "pruned.json")  # fmt: skip
     assert "cogging@elbow" in model.read_text()
     kept = json.loads((folder / "pruned.json").read_text())

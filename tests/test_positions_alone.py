@@ -109,7 +109,14 @@ def test_auto_takes_it_in_every_verb(exact):
     at = {v.name: v for v in found.chosen.verdicts}
     assert abs(at["link1.Iyy"].bias_sigma) > 2
     answer = calibrate(
-        found, trials=2, replicates=0, noise=(1.0,), rho=(float("nan"),), engine=Serial()
+        found,
+        replicates=2,
+        refits=0,
+        noise=(1.0,),
+        rho=(float("nan"),),
+        engine=Serial(),
+        sbc=0,
+        names=0,
     )
     assert answer.cells
 

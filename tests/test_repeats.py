@@ -84,7 +84,7 @@ def test_pruning_and_diagnosis_count_copies_once_too(log, again):
     assert [s.name for s in ladder.samples] == [log.name, "again"]
     assert "shaken repeats rows" in ladder.statement
     found = diagnose("two-link", [shaken(log, 1e-9), log, again], effects=["torque_offset"],
-                     draws=99, forward=False)  # fmt: skip
+                     replicates=99, forward=False)  # fmt: skip
     assert len(found.samples) == 1
     assert found.to_dict()["hints"] == list(found.hints) != []
 

@@ -64,8 +64,8 @@ def arguments_of(verb, monkeypatch, *words):
     [
         ("analyze", ["--posterior"], "posterior", False, False, True),
         ("analyze", ["--no-posterior"], "posterior", False, False, False),
-        ("calibrate", ["--names", "20"], "diagnoses", 40, 4, 20),
-        ("calibrate", ["--trials", "50"], "trials", 60, 8, 50),
+        ("calibrate", ["--names", "20"], "names", None, None, 20),
+        ("calibrate", ["--replicates", "50"], "replicates", None, None, 50),
     ],
 )
 def test_quick_overrides_no_explicit_option(monkeypatch, verb, words, name, usual, quick, given):

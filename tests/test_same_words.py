@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from inspect import signature
+
 import numpy as np
 import pandas as pd
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
-from identifiability import analyze, prune, simulate
+from identifiability import Model, analyze, calibrate, diagnose, prune, simulate
 from identifiability.cli import app
+from identifiability.foundation.options import OptionError
+from identifiability.regression.reduction import build_ladder, default_ladder
+from identifiability.regression.reduction.file import DEFAULT_EFFECTS as FULL
+from identifiability.regression.reduction.file import USUAL_EFFECTS as USUAL
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import shipped_trajectory
+from identifiability.workflows.diagnose.workflow import usual_effects as diagnose_model
+from identifiability.workflows.excite.question import EFFECTS
 
 
 @pytest.fixture(scope="module")
@@ -37,3 +47,54 @@ def test_quick_is_a_tenth_unless_somebody_says_how_many(robot):
     assert analyze(robot, log, quick=True).settings["replicates"] == 200
     assert analyze(robot, log, quick=True, replicates=2).settings["replicates"] == 2
     assert prune(robot, log, quick=True).settings["replicates"] == 20
+    analysis = analyze(robot, log, replicates=0)
+    few = {"noise": (1.0,), "rho": (0.0,), "refits": 0}
+    quick = calibrate(analysis, **few, quick=True)
+    assert (quick.cells[0].trials, quick.false_names.trials) == (4 * 8, 4)
+    stated = calibrate(analysis, **few, quick=True, replicates=2, names=0, sbc=0)
+    assert (stated.cells[0].trials, stated.false_names, stated.ranks) == (4 * 2, None, None)
+
+
+#: What judging verbs have in common, by how it is called.
+SHARED = {
+    "replicates": None,
+    "quick": False,
+    "seed": 0,
+    "progress": None,
+    "engine": None,
+    "preparation": None,
+}
+
+
+@pytest.mark.parametrize("verb", [analyze, prune, diagnose, calibrate])
+def test_the_same_words_have_the_same_defaults(verb):
+    known = signature(verb).parameters
+    for word, default in SHARED.items():
+        if word != "preparation" or verb is not calibrate:  # its analysis has one
+            assert known[word].default == default
+    options = {p.name: p for p in get_command(app).commands[verb.__name__].params}
+    assert {"replicates", "quick", "seed"} <= set(options)
+
+
+@pytest.mark.parametrize(
+    ("verb", "old", "new"),
+    [
+        (analyze, "cad_weight", "cad_prior"),
+        (prune, "cad_weight", "cad_prior"),
+        (diagnose, "draws", "replicates"),
+        (calibrate, "trials", "replicates"),
+        (calibrate, "diagnoses", "names"),
+    ],
+)
+def test_an_old_word_is_refused_with_the_new_one(verb, old, new):
+    with pytest.raises(OptionError, match=f"'{old}' of {verb.__name__} is called '{new}' now"):
+        verb("two-link", **{old: 3})
+
+
+def test_one_ladder_holds_the_models_of_all_verbs(robot):
+    """What diagnose and excite take by default is the second rung of what analyze judges."""
+    first, second = build_ladder(default_ladder(robot), Structure.of(robot, Model.of(*FULL)))
+    assert set(first.columns) == set(Structure.of(robot, Model.of(*FULL)).base.names)
+    usual = Structure.of(robot, Model.of(*USUAL)).base
+    assert set(second.columns) == set(usual.names)
+    assert diagnose_model(robot) == EFFECTS["information"] == EFFECTS["separate"] == USUAL

@@ -25,6 +25,7 @@ def analyze(
     validate: options.Validate = None,
     ladder: options.Ladder = None,
     posterior: bool = False,
+    replicates: options.Replicates = None,
     seed: options.Seed = 0,
     quick: bool = False,
 ) -> None:
@@ -60,20 +61,22 @@ def analyze(
     ----------
     posterior
         Also sample the posteriors of the selected model; costs about as much as the rest.
+    replicates
+        Refits of the bootstrap, 0: none; default 2000, quick 200.
     quick
-        A tenth of the random draws.
+        Fewer replicates, where nobody says how many.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.analyze import analyze as run  # noqa: PLC0415
 
         held = validate or ()
-        outputs.check(inputs=[*machine.files, *logs, *held, ladder])
         result = run(
             machine.load(recorded),
             logs,
             held,
             ladder,
             quick=quick,
+            replicates=replicates,
             posterior=posterior,
             seed=seed,
             progress=say,

@@ -20,7 +20,7 @@ def calibrate(
     place: options.Place,
     ladder: options.Ladder = None,
     model: str | None = None,
-    trials: Annotated[int | None, Option(min=4)] = None,
+    replicates: Annotated[int | None, Option(min=4)] = None,
     sbc: bool = True,
     names: Annotated[int | None, Option(min=0)] = None,
     estimator: Literal["auto", "ls", "iv"] = "auto",
@@ -48,7 +48,7 @@ def calibrate(
     ----------
     model
         Model of the ladder; default: the one to use, of a model file its only one.
-    trials
+    replicates
         Simulated repetitions a row, four times as many in the first; default 60, quick 8.
     sbc
         Also check the posterior by simulation (some seconds).
@@ -57,13 +57,12 @@ def calibrate(
     estimator
         As for analyze.
     quick
-        A few repetitions, a wide Monte-Carlo error.
+        Fewer repetitions, where nobody says how many: a wide Monte-Carlo error.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.analyze import analyze  # noqa: PLC0415
         from identifiability.workflows.calibrate.calibration import calibrate as run  # noqa: PLC0415
 
-        outputs.check(inputs=[*machine.files, *logs, ladder])
         analysis = analyze(
             machine.load(recorded),
             logs,
@@ -75,14 +74,13 @@ def calibrate(
             progress=lambda text, share: say(text, 0.2 * share),
             engine=runner if any(astuple(place)) else None,
         )
-        usual_trials, usual_names = (8, 4) if quick else (60, 40)
         result = run(
             analysis,
             model=model,
-            trials=usual_trials if trials is None else trials,
-            sbc=(200 if quick else 1000) * sbc,
-            logs=logs,
-            diagnoses=usual_names if names is None else names,
+            replicates=replicates,
+            sbc=None if sbc else 0,
+            names=names,
+            quick=quick,
             seed=seed,
             progress=lambda text, share: say(text, 0.2 + 0.8 * share),
             engine=runner,

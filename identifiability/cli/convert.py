@@ -6,23 +6,37 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from typer import Option
+from typer import Argument, Option
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Reads, Writes
 
 
 @options.command
-def convert(table: Path, out: Annotated[Path, Option()]) -> None:
+def convert(
+    table: Annotated[Path, Argument(), Reads("DH table", "TOML")],
+    out: Annotated[Path, Option(), Writes(".xml")],
+) -> None:
     """Write the robot file of a table of Denavit and Hartenberg, and its sidecar.
 
-    Standard and modified tables, prismatic joints, several children of one link, links that are
-    fixed or follow others, closures such as parallelograms, springs between links, masses and
-    inertias where they are known. The robot is the file that is written, not the table.
+    **You give** a TOML file with the rows of the table: standard or modified, joints that turn or
+    slide, several children of one link, links that are fixed or follow others, closures such as
+    parallelograms, springs between links; masses and inertias where they are known.
 
-    ```
-    identifiability convert dh.toml --out robot.xml
-    identifiability inspect robot.xml
-    ```
+        convention = "modified"
+
+        [[links]]
+        name = "upper_arm"
+        joint = "shoulder"
+        d = 0.15
+        alpha = "-pi/2"
+        mass = 17.4
+
+    **You get** an MJCF for every other verb and for MuJoCo, its sidecar beside it, and a sentence
+    on what the table leaves open. The robot is the file that is written, not the table.
+
+        identifiability convert dh.toml --out robot.xml
+        identifiability inspect robot.xml
 
     Parameters
     ----------
@@ -34,7 +48,6 @@ def convert(table: Path, out: Annotated[Path, Option()]) -> None:
     with common.sentences():
         from identifiability.robot.dh import convert_dh  # noqa: PLC0415
 
-        common.check_outputs(out, inputs=[table])
         converted = convert_dh(table, out)
     for note in converted.notes:
         typer.echo(note, err=True)

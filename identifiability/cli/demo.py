@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Option
 
 from identifiability.cli import common, options
 from identifiability.cli.analyze import print_analysis
+from identifiability.cli.first_look import Writes
 
 if TYPE_CHECKING:
     from identifiability.workflows.analyze import Analysis
@@ -16,13 +19,18 @@ if TYPE_CHECKING:
 @options.command
 def demo(
     quick: bool = False,
-    folder: Path = Path("reports"),
+    folder: Annotated[Path, Option(), Writes()] = Path("reports"),
     seed: options.Seed = 0,
 ) -> None:
     """Run the main job on a simulated robot: the paper's 3-RPS with the paper's noise.
 
-    Models 1 to 4 are fitted to one trajectory and validated on another; the report is
-    reports/demo.html.
+    **You give** nothing. **You get** a report to look at before you have logs of your own: Models
+    1 to 4 of the paper are fitted to one trajectory and validated on another, in some seconds.
+
+        identifiability demo
+        identifiability demo --quick --folder look
+
+    **Then** *identifiability new study* makes a folder with a robot, logs and commands to change.
 
     Parameters
     ----------
@@ -34,7 +42,7 @@ def demo(
     with common.sentences(), common.progress() as say:
         folder.mkdir(parents=True, exist_ok=True)
         outputs = options.Outputs(folder / "demo.html", folder / "demo.json")
-        outputs.check()
+        common.check_outputs(outputs.report, outputs.json)
         result = run_demo(quick, seed, say)
         written = outputs.write(result, say)
     print_analysis(result, written)

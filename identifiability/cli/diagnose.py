@@ -9,6 +9,7 @@ from typing import Annotated
 from typer import Option
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Reads, Writes
 from identifiability.foundation.errors import IdentifiabilityError
 
 
@@ -23,12 +24,13 @@ def diagnose(
     validate: options.Validate = None,
     effects: str | None = None,
     model: options.Model = None,
-    out: Path | None = None,
-    motion: Annotated[Path | None, Option("--next")] = None,
-    limits: Path | None = None,
+    out: Annotated[Path | None, Option(), Writes(".toml")] = None,
+    motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
+    limits: options.Limits = None,
     fixed: Annotated[bool, Option("--fixed")] = False,
-    fixed_from: Path | None = None,
+    fixed_from: Annotated[Path | None, Option(), Reads("result", "JSON")] = None,
     fixed_share: float | None = None,
+    replicates: options.Replicates = None,
     seed: options.Seed = 0,
     quick: bool = False,
 ) -> None:
@@ -67,8 +69,10 @@ def diagnose(
         Keep the values of this JSON of analyze, prune or diagnose, with their errors.
     fixed_share
         Keep the robot file's values, which may be off by this share, such as 0.1.
+    replicates
+        Simulated noises that p-values come from; default 199, quick 99.
     quick
-        Half the draws: coarser p-values.
+        Fewer replicates, where nobody says how many: coarser p-values.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
@@ -81,8 +85,6 @@ def diagnose(
                 "Values can be kept in one way at a time: as exact (--fixed), as a result has them "
                 "(--fixed-from) or within a share (--fixed-share); give one of these."
             )
-        kept = [fixed_from] if fixed_from else []
-        outputs.check(out, motion, inputs=[*machine.files, *logs, *held, *kept])
         result = run(
             machine.load(recorded),
             logs,
@@ -92,6 +94,7 @@ def diagnose(
             fixed=ways[0] if ways else False,
             seed=seed,
             quick=quick,
+            replicates=replicates,
             preparation=derived.preparation(),
             engine=runner if any(astuple(place)) else None,
             progress=say,

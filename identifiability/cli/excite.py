@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from typer import Option
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Writes
 
 if TYPE_CHECKING:
     from identifiability.workflows.excite import Excitation
@@ -20,12 +21,12 @@ def excite(
     recorded: options.Recorded,
     derived: options.Derived,
     place: options.Place,
-    out: Annotated[Path, Option()],
+    out: Annotated[Path, Option(), Writes(".json", ".csv", ".mcap")],
     harmonics: Annotated[int, Option(min=1, max=50)] = 5,
     at_rest: Annotated[bool, Option("--at-rest")] = False,
     duration: float = 7.5,
     samples: Annotated[int, Option(min=5)] = 750,
-    limits: Path | None = None,
+    limits: options.Limits = None,
     criterion: Literal["condition", "information", "separate"] | None = None,
     start_from: list[str] | None = None,
     parameter: list[str] | None = None,
@@ -35,20 +36,30 @@ def excite(
     periods: Annotated[int, Option(min=1, max=10_000)] = 1,
     evaluations: Annotated[int, Option(min=1)] = 15_000,
     time_limit: float | None = None,
-    report: Path | None = None,
+    report: options.Report = None,
     seed: options.Seed = 0,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot.
 
-    The motion is a finite Fourier series that keeps the limits of position, speed and
-    acceleration; a closed chain also stays away from singular configurations.
+    **You give** a robot file, and best its limits (*--limits*, or the sidecar's): what nobody
+    states is assumed, and said. **You get** a periodic motion, a finite Fourier series, that keeps
+    limits of position, speed, acceleration, torque and power; where the file has geometry no two
+    bodies touch along it; a closed chain stays away from singular configurations. The table says
+    what each joint does and may do. Look at the motion before the robot goes through it.
 
-    ```
-    identifiability excite 3-rps --out motion.json --report motion.html
-    identifiability excite 3-rps --start-from run.csv --parameter platform.mx --out next.json
-    identifiability excite 3-rps --separate joint_stiffness --separate torque_offset --out m.json
-    identifiability simulate 3-rps motion.json --out run.csv
-    ```
+        identifiability excite 3-rps --out motion.json --report motion.html
+        identifiability excite arm.urdf --limits limits.toml --out motion.csv --rate 250 --periods 3
+
+    The first file is for *simulate*, the second is what a controller plays, from rest to rest;
+    .mcap is the same as a bag. **Then** record it, and *analyze* the log.
+
+    By default all parameters shall be told well by one log (condition number). Ask for more with
+
+        identifiability excite arm.urdf --start-from run.csv --parameter link3.mx --out next.json
+        identifiability excite arm.urdf --separate torque_offset --separate payload --out m.json
+
+    what to measure next for one parameter, and what tells two effects apart that *diagnose* could
+    not (also *diagnose --next*).
 
     Parameters
     ----------
@@ -88,12 +99,8 @@ def excite(
         Write an HTML report here.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
-        from identifiability.foundation.output import check_ending  # noqa: PLC0415
         from identifiability.workflows.excite import excite as run  # noqa: PLC0415
 
-        read = [*machine.files, limits, *(start_from or ())]
-        options.Outputs(report).check(out, inputs=read)
-        check_ending(out, ".json", ".csv", ".mcap")
         result = run(
             machine.load(recorded),
             harmonics=harmonics,

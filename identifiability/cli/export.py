@@ -9,13 +9,14 @@ import typer
 from typer import Option
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Writes
 
 
 @options.command
 def export(
     machine: options.Machine,
-    result: Path,
-    out: Annotated[Path, Option()],
+    result: options.JsonResult,
+    out: Annotated[Path, Option(), Writes(".xml", ".urdf", ".json", ".py", ".c")],
     form: Annotated[
         Literal["mjcf", "urdf", "json", "python", "c"] | None, Option("--format")
     ] = None,
@@ -52,7 +53,6 @@ def export(
         from identifiability.regression.reduction import unused_ladder  # noqa: PLC0415
         from identifiability.workflows.export import export as run  # noqa: PLC0415
 
-        common.check_outputs(out, inputs=[*machine.files, result])
         robot = machine.load()
         exported = run(robot, result, out, form)
     for line in (exported.mass, exported.statement):

@@ -9,6 +9,7 @@ import typer
 from typer import Option
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Writes
 
 
 @options.command
@@ -23,7 +24,7 @@ def gain(
     inertia: Annotated[str, Option(metavar="X,Y,Z")] = "0,0,0",
     body: str | None = None,
     model: options.Model = None,
-    json: Path | None = None,
+    json: Annotated[Path | None, Option(), Writes(".json")] = None,
 ) -> None:
     """Identify what one unit of each torque column is, from logs with and without a known load.
 
@@ -56,7 +57,6 @@ def gain(
     with common.sentences(), common.progress() as say:
         from identifiability.workflows.gains import identify_gains  # noqa: PLC0415
 
-        common.check_outputs(json, inputs=[*machine.files, *logs, *loaded])
         say("reading logs", 0.0)
         result = identify_gains(
             machine.load(recorded),

@@ -23,7 +23,21 @@ _ENTRY = re.compile(r"^(\w+)\n((?: {4}.*\n)+)", re.MULTILINE)
 
 
 #: Options that take effects, and verbs in which an option of that name takes something else.
-TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate", "prune")}
+TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate",)}
+
+
+#: Options that had another name: verb and old name, and the new one.
+RENAMED = {
+    ("calibrate", "--trials"): "--replicates",
+    ("prune", "--model"): "--out",
+}
+
+
+def shipped_robots() -> list[str]:
+    """Return the names of the shipped robots."""
+    from identifiability.robot import locate  # noqa: PLC0415
+
+    return locate.shipped_robots()
 
 
 def estimators(typed: str = "") -> list[str]:
@@ -34,11 +48,15 @@ def estimators(typed: str = "") -> list[str]:
 
 
 def command(
-    function: Callable[..., None], first: Callable[[dict[str, Any]], None] = lambda _options: None
+    function: Callable[..., None],
+    first: Callable[[dict[str, Any], dict[str, tuple[Any, ...]]], None] = lambda _given, _marks: (
+        None
+    ),
 ) -> Callable[..., None]:
     """Return the function as a command: groups become their options, with help from docstrings.
 
-    `first` is called before it, with what was typed: groups and options by name.
+    `first` is called before it, with what was typed (groups and options by name) and with the
+    marks that stand beside options in annotations, by name.
 
     An option of the command itself stands before one of a group with its name. What a docstring
     says of its parameters or attributes is the help of these options, and the rest of the
@@ -54,13 +72,16 @@ def command(
         if name not in groups or option.name not in own
     ]
 
+    holders = (function, *groups.values())
+    marks = {name: found for holder in holders for name, found in _marks(holder).items()}
+
     @wraps(function)
     def called(**options: Any) -> None:
         whole = {
             name: kind(**{f.name: options.pop(f.name) for f in fields(kind) if f.name not in own})
             for name, kind in groups.items()
         }
-        first({**whole, **options})
+        first({**whole, **options}, marks)
         function(**whole, **options)
 
     called.__doc__ = _HELP.split(getdoc(function) or "")[0]
@@ -87,6 +108,13 @@ def _options(holder: Any) -> list[Parameter]:
     return found
 
 
+def _marks(holder: Any) -> dict[str, tuple[Any, ...]]:
+    """Return what stands beside the options of a function or group in their annotations."""
+    hints = get_type_hints(holder, include_extras=True)
+    kinds = {name: getattr(kind, "__metadata__", ())[1:] for name, kind in hints.items()}
+    return {name: found for name, found in kinds.items() if found}
+
+
 def effects(option: str) -> list[str]:
     """Return the effects that an option takes, a plugin's among them."""
     if option == "hide":
@@ -100,14 +128,26 @@ def effects(option: str) -> list[str]:
 
 
 class Command(typer.core.TyperCommand):
-    """A command whose help lists the estimators and effects there are when it is asked for."""
+    """A command whose help lists what there is when it is asked for, and that knows old options."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
+        takes, robots = "", ""
         for parameter in self.params:
             name = str(parameter.name)
             if name == "method":
                 parameter.metavar = "|".join(estimators())
             if name in TAKES_EFFECTS and str(self.name) not in TAKES_EFFECTS[name]:
-                self.epilog = f"**Effects**: {', '.join(effects(name))}"
+                takes = f"**Effects**: {', '.join(effects(name))}"
+            if name == "robot":
+                robots = f"**Shipped robots**: {', '.join(shipped_robots())}"
+        self.epilog = "\n\n".join(filter(None, (robots, takes))) or None
         super().format_help(ctx, formatter)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse an option that has another name now, with that name."""
+        for given in args[: args.index("--")] if "--" in args else args:
+            new = RENAMED.get((str(self.name), given.partition("=")[0]))
+            if new is not None:
+                ctx.fail(f"{given.partition('=')[0]} is called {new} now.")
+        return super().parse_args(ctx, args)

@@ -8,9 +8,10 @@ from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument
+from typer import Argument, Option
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Writes
 
 if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection
@@ -24,7 +25,7 @@ def inspect(
     derived: options.Derived,
     place: options.Place,
     logs: Annotated[list[str] | None, Argument()] = None,
-    template: Path | None = None,
+    template: Annotated[Path | None, Option(), Writes(".csv")] = None,
     model: options.Model = None,
 ) -> None:
     """Say what a robot file holds, what its logs must have, and what is in logs and odd about them.
@@ -51,7 +52,6 @@ def inspect(
         from identifiability.workflows.inspect import inspect as run  # noqa: PLC0415
 
         given = logs or []
-        outputs.check(template, inputs=[*machine.files, *given])
         result = run(
             machine.load(recorded),
             given,

@@ -8,11 +8,12 @@ from typing import Annotated
 from typer import Argument
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Writes
 
 
 @options.command
 def new(
-    folder: Path,
+    folder: Annotated[Path, Argument(), Writes()],
     logs: Annotated[list[str] | None, Argument()] = None,
     robot: str = "six-dof-arm",
 ) -> None:

@@ -5,8 +5,8 @@ A command names a group as one parameter, ``place: Place``, and is made by `comm
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import astuple, dataclass, replace
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import mkdtemp
@@ -16,7 +16,8 @@ import typer
 from typer import Argument, Option
 
 from identifiability.cli import grouping
-from identifiability.cli.common import check_outputs, sentences
+from identifiability.cli.common import sentences
+from identifiability.cli.first_look import Reads, Writes, look
 from identifiability.cli.grouping import estimators
 
 if TYPE_CHECKING:
@@ -67,8 +68,14 @@ Logs = Annotated[
 _LADDER = "TOML ladder of models; default: the one beside the robot."
 _MODEL = "Effects of the model, such as rigid_body,viscous_friction, or a model file (.toml)."
 Validate = Annotated[list[str] | None, Option(help="Held-out log; may be given several times.")]
-Ladder = Annotated[str | None, Option(help=_LADDER)]
-Model = Annotated[str | None, Option(help=_MODEL)]
+Ladder = Annotated[str | None, Option(help=_LADDER), Reads("ladder", "TOML")]
+Model = Annotated[str | None, Option(help=_MODEL), Reads("model", "TOML", always=False)]
+Limits = Annotated[Path | None, Option(), Reads("limits", "TOML")]
+#: What analyze, prune and diagnose write.
+JsonResult = Annotated[Path, Argument(), Reads("result", "JSON")]
+Report = Annotated[Path | None, Option(), Writes(".html", ".htm")]
+#: How often what judges an answer is repeated; each verb says of what.
+Replicates = Annotated[int | None, Option(min=0)]
 Seed = Annotated[int, Option(min=0, help="Seed of every random choice.")]
 
 
@@ -164,23 +171,8 @@ class Outputs:
         Write the result as JSON here.
     """
 
-    report: Path | None = None
-    json: Path | None = None
-
-    def check(self, *others: Path | None, inputs: Iterable[str | Path | None] = ()) -> None:
-        """Refuse paths, and others beside them, that cannot be written, or are inputs.
-
-        Raises
-        ------
-        OutputError
-            Also if a name ends as if it were of another format.
-        """
-        from identifiability.foundation.output import check_ending  # noqa: PLC0415
-
-        check_outputs(self.report, self.json, *others, inputs=inputs)
-        for path, endings in ((self.report, (".html", ".htm")), (self.json, (".json",))):
-            if path is not None:
-                check_ending(path, *endings)
+    report: Report = None
+    json: Annotated[Path | None, Option(), Writes(".json")] = None
 
     def write(self, result: Result, say: Callable[[str, float], None]) -> list[Path]:
         """Write what was asked for and return the paths, the report last.
@@ -235,8 +227,8 @@ class Fitting:
 
     def arguments(self) -> dict[str, Any]:
         """Return what the library calls them."""
-        method, estimator, cad_weight = astuple(self)
-        return {"method": method, "estimator": estimator, "cad_weight": cad_weight}
+        method, estimator, cad_prior = astuple(self)
+        return {"method": method, "estimator": estimator, "cad_prior": cad_prior}
 
 
 @dataclass(frozen=True)
@@ -301,43 +293,11 @@ class Place:
         return choose_engine(*astuple(self))
 
 
-#: Options that are logs to read.
-_LOGS = ("logs", "validate", "loaded", "start_from")
-
-
-def _look(given: Mapping[str, Any], *, motion_alone: bool = False) -> None:
-    """Refuse robots and logs that are not there, and logs with other columns, in no time.
-
-    Logs of motion alone have no torque. What takes a second to import is imported later.
-    """
-    machine, recorded = given.get("machine"), given.get("recorded")
-    if machine is None:
-        return
-    logs = [path for name in _LOGS for path in given.get(name) or ()]
-    with sentences():
-        from identifiability.logs.there import check_there  # noqa: PLC0415
-        from identifiability.robot.locate import locate_robot  # noqa: PLC0415
-
-        if "outputs" in given:
-            given["outputs"].check(inputs=[*machine.files, *logs])
-        locate_robot(machine.robot)
-        for path in logs:
-            check_there(Path(path))
-        tables = [Path(path) for path in logs if path.lower().endswith(".csv")]
-        if tables and recorded is not None:
-            from identifiability.logs.conventions import Conventions  # noqa: PLC0415
-            from identifiability.logs.header import check_header  # noqa: PLC0415
-
-            known = replace(Conventions.of(machine.load(recorded)), motion_alone=motion_alone)
-            for path in tables:
-                check_header(path, known)
-
-
 #: Makes a function a command: groups become their options, and files are looked at first.
-command = partial(grouping.command, first=_look)
+command = partial(grouping.command, first=look)
 
 #: The same for one that takes logs without torque.
-command_along_motion = partial(grouping.command, first=partial(_look, motion_alone=True))
+command_along_motion = partial(grouping.command, first=partial(look, motion_alone=True))
 
 
 def split_names(text: str | None) -> list[str] | None:

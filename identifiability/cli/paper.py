@@ -10,6 +10,7 @@ import typer
 from typer import Argument, Option
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Writes
 
 #: The studies of the paper, beside the package in a checkout.
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
@@ -21,17 +22,18 @@ def paper(
     tables: Annotated[list[str] | None, Argument()] = None,
     quick: bool = False,
     seeds: Annotated[int | None, Option(min=1)] = None,
-    out: Path = Path("reports"),
+    out: Annotated[Path, Option(), Writes()] = Path("reports"),
 ) -> None:
     """Compute every table and figure of the paper, ours beside the printed numbers.
 
-    Ends with reports/index.html; the exit code is 1 if a required check fails.
+    **You give** names of tables and figures, or none for all of them; this needs the source
+    checkout. **You get** a page each and reports/index.html with what agrees, what does not, and
+    why; the exit code is 1 if a required check fails. --quick takes few seeds; --resume goes on
+    where it was stopped.
 
-    ```
-    identifiability paper
-    identifiability paper 3 figure4 --quick
-    identifiability paper --seeds 400 --resume work
-    ```
+        identifiability paper --quick
+        identifiability paper 3 figure4 --quick
+        identifiability paper --seeds 400 --resume work
 
     Parameters
     ----------

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
-from pathlib import Path
 from typing import Annotated
 
 from typer import Option
@@ -15,7 +13,7 @@ from identifiability.cli import common, options
 def payload(
     machine: options.Machine,
     recorded: options.Recorded,
-    result: Path,
+    result: options.JsonResult,
     logs: options.Logs,
     outputs: options.Outputs,
     without: Annotated[list[str] | None, Option()] = None,
@@ -23,15 +21,17 @@ def payload(
 ) -> None:
     """Weigh what hangs on a body: its mass, centre and inertia, with intervals.
 
-    The result is of the robot without the load; the logs are with it. Every interval holds what
-    the result does not know of the robot and what the noise of these logs remembers; with several
-    logs, also how they scatter. A log of the same motion without the load, best of the same day
-    (`--without`), is compared with it sample by sample, so that what the model gets wrong cancels.
+    **You give** the result of a fit to logs without the load (JSON of analyze, prune or diagnose)
+    and logs with it; best also a log of the same motion without it, of the same day (*--without*):
+    these are compared sample by sample, so that what the model gets wrong cancels.
 
-    ```
-    identifiability analyze arm.urdf empty.csv --json result.json
-    identifiability payload arm.urdf result.json loaded.csv --without unloaded.csv
-    ```
+        identifiability analyze arm.urdf empty.csv --json result.json
+        identifiability payload arm.urdf result.json loaded.csv --without unloaded.csv
+
+    **You get** mass, centre and moments about it of a real body, each with a 95 % interval and
+    whether the logs tell it (*told*: yes, or why not). Intervals hold what the result does not know
+    of the robot, what the noise of these logs remembers and, with several logs, how they scatter.
+    No mass told? Move so that gravity and acceleration pull at the load in several directions.
 
     Parameters
     ----------
@@ -48,8 +48,6 @@ def payload(
         from identifiability.foundation.measured import measured  # noqa: PLC0415
         from identifiability.workflows.payload import payload as weigh  # noqa: PLC0415
 
-        files = [*machine.files, result, *logs, *(without or [])]
-        common.check_outputs(*astuple(outputs), inputs=files)
         say("reading logs", 0.0)
         found = weigh(machine.load(recorded), result, logs, without or [], body=body)
         written = outputs.write(found, say)

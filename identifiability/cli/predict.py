@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated
 
 from typer import Option
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Writes
 
 
 @options.command_along_motion
 def predict(
     machine: options.Machine,
     recorded: options.Recorded,
-    result: Path,
+    result: options.JsonResult,
     logs: options.Logs,
     outputs: options.Outputs,
-    out: Annotated[Path | None, Option()] = None,
+    out: Annotated[Path | None, Option(), Writes(".csv", ".parquet", ".pq")] = None,
 ) -> None:
     """Predict the torque of logs with a fitted model, sample by sample, with intervals.
 
@@ -46,13 +46,8 @@ def predict(
         File to write: .csv or .parquet.
     """
     with common.sentences(), common.progress() as say:
-        from identifiability.foundation.output import check_ending  # noqa: PLC0415
-        from identifiability.logs.tables import PARQUET  # noqa: PLC0415
         from identifiability.workflows.predict import read_fit  # noqa: PLC0415
 
-        common.check_outputs(out, *astuple(outputs), inputs=[*machine.files, result, *logs])
-        if out is not None:
-            check_ending(out, ".csv", *PARQUET)
         say("reading the result", 0.0)
         fit = read_fit(result, machine.load(recorded))
         say("predicting torque", 0.2)

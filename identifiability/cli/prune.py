@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from typer import Option
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Writes
 
 if TYPE_CHECKING:
     from identifiability.workflows.prune import Ladder
@@ -30,7 +31,8 @@ def prune(
     criterion: Literal["identifiable", "one-se-of-difference", "one-se", "best"] = "identifiable",
     propose: bool = True,
     reach: Annotated[float, Option(min=0.1)] = 1.0,
-    model: Path | None = None,
+    out: Annotated[Path | None, Option(), Writes(".toml")] = None,
+    replicates: options.Replicates = None,
     seed: options.Seed = 0,
     quick: bool = False,
 ) -> None:
@@ -43,9 +45,9 @@ def prune(
     and why; the error on unseen motion ± its standard error; how many resampled logs lead to the
     same model. Few lead there? Then several models are as good, and which one is chance.
 
-    **Then** use the model that --model wrote:
+    **Then** use the model that --out wrote:
 
-        identifiability prune 3-rps run.csv --report pruning.html --model pruned.toml
+        identifiability prune 3-rps run.csv --report pruning.html --out pruned.toml
         identifiability analyze 3-rps run.csv --ladder pruned.toml
         identifiability prune arm.urdf a.csv b.csv --forbid joint_1.Fv --criterion one-se
 
@@ -67,16 +69,17 @@ def prune(
         Try the symmetries that the robot's joints suggest.
     reach
         How many times faster than in the logs it will move.
-    model
-        Write the chosen model here, as a ladder of one rung.
+    out
+        Write the chosen model here, as a model file for every other verb.
+    replicates
+        Resampled logs that are pruned again; default 200, quick 20.
     quick
-        A tenth of the random draws.
+        Fewer replicates, where nobody says how many.
     """
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.prune import prune as run  # noqa: PLC0415
 
         held = validate or ()
-        outputs.check(model, inputs=[*machine.files, *logs, *held, ladder])
         result = run(
             machine.load(recorded),
             logs,
@@ -88,6 +91,7 @@ def prune(
             propose=propose,
             reach=reach,
             quick=quick,
+            replicates=replicates,
             seed=seed,
             progress=say,
             engine=runner,
@@ -95,8 +99,8 @@ def prune(
             **fitting.arguments(),
         )
         written = outputs.write(result, say)
-        if model is not None:
-            written.append(result.write_model(model))
+        if out is not None:
+            written.append(result.write_model(out))
     print_pruning(result, written)
 
 

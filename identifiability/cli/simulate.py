@@ -6,17 +6,18 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from typer import Option
+from typer import Argument, Option
 
 from identifiability.cli import common, options
+from identifiability.cli.first_look import Reads, Writes
 
 
 @options.command
 def simulate(
     machine: options.Machine,
     recorded: options.Recorded,
-    motion: str,
-    out: Annotated[Path, Option()],
+    motion: Annotated[str, Argument(), Reads("motion", "CSV", always=False)],
+    out: Annotated[Path, Option(), Writes(".csv", ".parquet", ".pq")],
     noise: str = "none",
     hide: list[str] | None = None,
     samples: Annotated[int | None, Option(min=20, max=10_000_000)] = None,
@@ -58,15 +59,11 @@ def simulate(
 
         from identifiability.effects import effect_laws  # noqa: PLC0415
         from identifiability.foundation.errors import listing  # noqa: PLC0415
-        from identifiability.foundation.output import check_ending  # noqa: PLC0415
-        from identifiability.logs.tables import PARQUET  # noqa: PLC0415
         from identifiability.simulation import Noise  # noqa: PLC0415
         from identifiability.simulation import simulate as run  # noqa: PLC0415
         from identifiability.simulation.forces import left_out  # noqa: PLC0415
         from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
-        common.check_outputs(out, inputs=[*machine.files, motion])
-        check_ending(out, ".csv", *PARQUET)
         robot, rng = machine.load(recorded), np.random.default_rng(seed)
         move, levels = find_motion(robot, motion, samples, rng), Noise.parse(noise)
         laws, hidden = effect_laws(), hide or ()

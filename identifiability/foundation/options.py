@@ -126,6 +126,27 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     return bordered
 
 
+def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return what makes a function refuse arguments by their old names, with the new ones.
+
+    Stands above `checked`: ``@renamed(draws="replicates")``; empty where there is no new one.
+    """
+
+    def rename(function: Callable[P, R]) -> Callable[P, R]:
+        @wraps(function)
+        def called(*args: P.args, **kwargs: P.kwargs) -> R:
+            for old in names.keys() & kwargs.keys():
+                what = getattr(function, "__name__", "the function")
+                new = names[old]
+                now = f"called '{new}' now" if new else "no longer needed: leave it out"
+                raise OptionError(f"'{old}' of {what} is {now}.")
+            return function(*args, **kwargs)
+
+        return called
+
+    return rename
+
+
 def check_fields(options: Any, what: str = "") -> None:
     """Check the fields of a dataclass against their annotations; for its ``__post_init__``.
 
@@ -231,8 +252,8 @@ def _with_article(noun: str) -> str:
     return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"
 
 
-def settle_draws(given: int | None, usual: int, *, quick: bool) -> int:
-    """Return how many random draws are made: as said, else as usual, a tenth of it if quick."""
+def settle_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:
+    """Return how often something random is repeated: as said, else as usual, or less if quick."""
     if given is not None:
         return given
-    return usual // 10 if quick else usual
+    return less if quick else usual

@@ -87,7 +87,7 @@ def test_the_command_line_says_it_on_the_page_and_in_the_file(frame, command, wr
     (hint,) = json.loads(result.read_text())["hints"]
     assert named in hint
     assert f"data row {ROW}" in page.read_text()
-    out = command("calibrate", "two-link", path, "--trials", 4, "--no-sbc", "--names", 0)
+    out = command("calibrate", "two-link", path, "--replicates", 4, "--no-sbc", "--names", 0)
     assert out.exit_code == 0, out.output
     assert "log.csv: one value lies far" in out.output
 

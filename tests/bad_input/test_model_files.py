@@ -47,7 +47,7 @@ def test_a_pruned_model_is_one_rung_that_is_judged_beside_the_full_model(pruned,
 
 def test_calibration_is_about_the_model_of_a_model_file(pruned, log):
     analysis = analyze("two-link", log, ladder=pruned, replicates=0)
-    found = calibrate(analysis, trials=2, replicates=20, noise=(1.0,), rho=(0.0,))
+    found = calibrate(analysis, replicates=2, refits=20, noise=(1.0,), rho=(0.0,), sbc=0, names=0)
     assert found.model == pruned.chosen.name
     assert found.to_dict()["provenance"]["trials"] == "2"
 
@@ -142,7 +142,7 @@ def beside(tmp_path):
 
 
 def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(beside, log):
-    result = analyze(beside, log, replicates=0, cad_weight=0.5, method="ols")
+    result = analyze(beside, log, replicates=0, cad_prior=0.5, method="ols")
     found = json.loads(json.dumps(result.to_dict()["provenance"]))
     ladder = beside.path.with_name("ladder.toml")
     assert result.chosen.name == "mine"
@@ -154,7 +154,7 @@ def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(besid
     assert {"pin", "mujoco", "numpy", "scipy", "cvxpy", "clarabel", "emcee"} <= set(found)
     assert "not installed" not in found.values()
     assert "tol_gap_rel" in found["solver"]
-    decided = ("method", "cad_weight", "replicates", "seed")
+    decided = ("method", "cad_prior", "replicates", "seed")
     assert [found[k] for k in decided] == ["ols", "0.5", "0", "0"]
 
 

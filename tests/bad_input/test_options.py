@@ -59,10 +59,10 @@ BAD_LOG_VERBS = {
 }
 ANALYZE = {
     "posterior": ({"posterior": "yes"}, "posterior must be True or False, not 'yes'"),
-    "prior": ({"cad_weight": -1.0}, "cad_weight must be a number of at least 0 or None, not -1.0"),
+    "prior": ({"cad_prior": -1.0}, "cad_prior must be a number of at least 0 or None, not -1.0"),
     "nan": (
-        {"cad_weight": float("nan")},
-        "cad_weight must be a number of at least 0 or None, not nan",
+        {"cad_prior": float("nan")},
+        "cad_prior must be a number of at least 0 or None, not nan",
     ),
 }
 PRUNE = {
@@ -75,7 +75,7 @@ PRUNE = {
     "reach": ({"reach": 0}, "reach must be a number above 0, not 0"),
 }
 DIAGNOSE = {
-    "draws": ({"draws": 0}, "draws must be a whole number of at least 19, not 0"),
+    "replicates": ({"replicates": 0}, "replicates must be a whole number of at least 19 or None"),
     "model": (
         {"model": 3},
         "model must be a Model, a list of effects, the path of a model file or",
@@ -99,10 +99,9 @@ CALIBRATE = {
     "rho in words": ({"rho": ("high",)}, "rho must be a list of numbers above -1 and below 1"),
     "noise": ({"noise": "paper"}, "noise must be a list of numbers above 0, not 'paper'"),
     "no noise": ({"noise": ()}, "noise must be a list of numbers above 0, not ()"),
-    "trials": ({"trials": 0}, "trials must be a whole number of at least 2, not 0"),
     "model": ({"model": "fll model"}, "model must be 'full model' or 'symmetric friction', not"),
-    "replicates": ({"replicates": 1}, "a whole number of at least 2, not 1"),
-    "sbc": ({"sbc": -1}, "sbc must be a whole number of at least 0, not -1"),
+    "replicates": ({"replicates": 1}, "a whole number of at least 2 or None, not 1"),
+    "sbc": ({"sbc": -1}, "sbc must be a whole number of at least 0 or None, not -1"),
     "seed": ({"seed": -1}, SEED),
 }
 EXCITE = {

@@ -140,4 +140,5 @@ def test_names_that_are_no_paths_are_refused():
 
 
 def test_a_demo_folder_that_is_a_file_is_refused(old, refused):
-    assert refused("demo", "--quick", "--folder", old) == f"'{old}' cannot be used: File exists."
+    sentence = f"'{old}' is the name of a file; give that of a folder."
+    assert refused("demo", "--quick", "--folder", old) == sentence

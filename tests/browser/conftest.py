@@ -83,7 +83,7 @@ def reports(tmp_path_factory, few_draws) -> dict[str, Path]:
         "inspection": inspect(robot, log),
         "analysis": analysis,
         "pruning": prune(robot, log, replicates=10),
-        "calibration": calibrate(demo, trials=2, replicates=20, rho=(np.nan, 0.9)),
+        "calibration": calibrate(demo, replicates=2, refits=20, rho=(np.nan, 0.9), sbc=0, names=0),
     }
     try:
         diagnosis = import_module("identifiability.workflows.diagnose")

@@ -123,7 +123,7 @@ def test_the_repetition_may_start_later_and_have_another_clock():
 def test_results_are_compared_by_their_values(tmp_path):
     paths = []
     for k, friction in enumerate(({}, {"elbow": 1.3}, {})):
-        result = analyze(PLANAR, logs(PLANAR, 20 + k, **friction)[0], replicates=40, cad_weight=0.0)
+        result = analyze(PLANAR, logs(PLANAR, 20 + k, **friction)[0], replicates=40, cad_prior=0.0)
         paths.append(result.to_json(tmp_path / f"{k}.json"))
     assert said(compare(PLANAR, paths[0], paths[1])) == {("friction", "elbow")}
     same = compare(PLANAR, str(paths[0]), paths[2])
@@ -178,7 +178,7 @@ def test_the_study_holds_what_it_asks_for(tmp_path):
     sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies"))
     study = import_module("compare")
     frame = study.main(
-        ["--trials", "5", "--data", str(tmp_path), "--out", str(tmp_path / "c.json")]
+        ["--replicates", "5", "--data", str(tmp_path), "--out", str(tmp_path / "c.json")]
     )
     null = frame[~frame["changed"]]
     assert null["said"].mean() <= 0.1

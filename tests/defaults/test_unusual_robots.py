@@ -85,7 +85,7 @@ def test_a_negative_mass_in_the_file_is_told_by_every_verb(case, logs, tmp_path)
     told = "link2: mass -2.5 kg must be positive."
     analysis = analyze(path, logs[0], validate=logs[1], replicates=0)
     others = [prune(path, logs[0], replicates=2), diagnose(path, logs[0], quick=True)]
-    trust = calibrate(analysis, trials=2, replicates=0, noise=(1.0,), rho=(0.0,))
+    trust = calibrate(analysis, replicates=2, refits=0, noise=(1.0,), rho=(0.0,), sbc=0, names=0)
     for k, found in enumerate((analysis, *others, trust)):
         assert told in found.statement
         assert "nan" not in found.statement
@@ -132,5 +132,5 @@ def test_coulomb_friction_that_was_left_out_is_named(case):
 
 
 def test_intervals_hold_the_truth(fitted):
-    first = calibrate(fitted, trials=4, replicates=50).cells[0]
+    first = calibrate(fitted, replicates=4, refits=50, sbc=0, names=0).cells[0]
     assert first.coverage_robust > 0.95 - 4 * first.coverage_se - 0.05

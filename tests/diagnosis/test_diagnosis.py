@@ -27,7 +27,7 @@ HIDDEN = "stribeck_friction@slider1+slider3=0.03"
 
 @pytest.fixture(scope="session")
 def diagnosis(diagnosis_of):
-    return diagnosis_of("3-rps", HIDDEN, quick=False, draws=199)
+    return diagnosis_of("3-rps", HIDDEN, replicates=199)
 
 
 def test_the_statement_says_effect_joints_p_and_how_far_the_gap_shrinks(diagnosis):

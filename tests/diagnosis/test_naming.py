@@ -66,7 +66,7 @@ def test_nulls_get_a_name_no_more_often_than_they_may(rho, motion, logs_of):
     false = 0
     for seed in range(7):
         logs = logs_of("two-link", seed=100 + seed, rho=rho, motion=motion)
-        d = diagnose("two-link", logs[:4], logs[4:], quick=True, draws=198, seed=seed)
+        d = diagnose("two-link", logs[:4], logs[4:], replicates=99, seed=seed)
         false += bool(d.effects)
     assert false <= 3
 
@@ -93,7 +93,7 @@ def paper_logs(rps, parameters=None, excess=0.0, seed=1):
 @pytest.mark.everything
 def test_the_papers_nonlinear_friction_is_named(rps, named):
     logs = paper_logs(rps, excess=372.0)
-    d = diagnose(rps, logs[:4], logs[4:], quick=True, draws=398)
+    d = diagnose(rps, logs[:4], logs[4:], replicates=199)
     assert named(d) == [("stribeck_friction", ("slider1", "slider2", "slider3"))]
     level = d.to_frame().value.to_numpy()
     np.testing.assert_allclose(level, 372.0, rtol=0.35)
@@ -102,14 +102,14 @@ def test_the_papers_nonlinear_friction_is_named(rps, named):
 def test_the_papers_rotational_friction_is_named(rps, named):
     hinges = {f"hinge{k}.{n}": v for k in (1, 2, 3) for n, v in (("Fv", 490.8), ("Fc", 34.2))}
     logs = paper_logs(rps, hinges)
-    d = diagnose(rps, logs[:4], logs[4:], quick=True, draws=198)
+    d = diagnose(rps, logs[:4], logs[4:], replicates=99)
     assert named(d) == [("passive_joint_friction", ("hinge1", "hinge2", "hinge3"))]
 
 
 def test_the_papers_actuator_dynamics_are_named(rps, named):
     logs = paper_logs(rps)
     model = ("rigid_body", "viscous_friction", "coulomb_friction")
-    d = diagnose(rps, logs[:4], logs[4:], model=model, quick=True, draws=198)
+    d = diagnose(rps, logs[:4], logs[4:], model=model, replicates=99)
     assert named(d) == [("actuator_inertia", ("slider1", "slider2", "slider3"))]
     np.testing.assert_allclose(d.to_frame().value, 483.1, rtol=0.1)
     assert d.held_after < 0.3 * d.held_before

@@ -32,7 +32,7 @@ def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(log, tmp_p
 
 
 def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, tmp_path):
-    result = analyze("3-rps", log, ladder=FULL, replicates=50, cad_weight=0.0)
+    result = analyze("3-rps", log, ladder=FULL, replicates=50, cad_prior=0.0)
     mass = total_mass(result.robot, result.chosen.physical.parameters())
     assert mass > 3 * 25.248
     path = result.to_json(tmp_path / "result.json")
@@ -43,14 +43,14 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, tm
     assert first in result.statement
     assert first in result.physical_statement
     assert "far from the file's are" in result.mass_statement
-    light = analyze("3-rps", log, ladder=FULL, replicates=50, cad_weight=1.0)
+    light = analyze("3-rps", log, ladder=FULL, replicates=50, cad_prior=1.0)
     assert "weighs" not in light.statement
     assert total_mass(light.robot, light.chosen.physical.parameters()) < 3 * 25.248
 
 
 def test_pruning_knows_the_remedy(log):
     entry = LadderEntry(models=[RungEntry(name="few", keep=["platform.mx", "slider1.Fv"])])
-    heavy = prune("3-rps", log, ladder=entry, replicates=2, cad_weight=1.0)
+    heavy = prune("3-rps", log, ladder=entry, replicates=2, cad_prior=1.0)
     assert "weighs" not in heavy.statement
     assert heavy.to_dict()["physical"]["cad_prior"] == 1.0
 

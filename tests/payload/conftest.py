@@ -58,7 +58,7 @@ def moves():
 
 @cache
 def fitted(name: str):
-    return analyze(name, logs(name, seed=1)[0], replicates=50, cad_weight=0.0)
+    return analyze(name, logs(name, seed=1)[0], replicates=50, cad_prior=0.0)
 
 
 @pytest.fixture(scope="session")

@@ -20,7 +20,7 @@ EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inert
 def fit(simulated, cad_weight=0.0, **rung):
     entry = LadderEntry(models=[RungEntry(name="reduced", effects=EFFECTS, **rung)])
     log = simulated("two-link", "a", 0)
-    return analyze("two-link", log, ladder=entry, replicates=0, cad_weight=cad_weight)
+    return analyze("two-link", log, ladder=entry, replicates=0, cad_prior=cad_weight)
 
 
 def base_values(result):

@@ -182,7 +182,7 @@ def test_the_command_line_prunes_and_writes(simulated, tmp_path):
     app = typer.Typer()
     app.command()(command)
     model, data = tmp_path / "m.toml", tmp_path / "p.json"
-    outputs = ["--model", str(model), "--json", str(data), "--report", str(tmp_path / "p.html")]
+    outputs = ["--out", str(model), "--json", str(data), "--report", str(tmp_path / "p.html")]
     run = ["two-link", str(tmp_path / "run.csv"), "--quick", *outputs]
     out = CliRunner().invoke(app, run)
     assert out.exit_code == 0, out.output

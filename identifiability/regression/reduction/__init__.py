@@ -6,6 +6,7 @@ What to use when: `find_ladder` gives the ladder that a user means, `build_ladde
 
 from identifiability.regression.reduction.file import (
     DEFAULT_EFFECTS,
+    USUAL_EFFECTS,
     LadderEntry,
     LadderLike,
     LadderSource,
@@ -31,6 +32,7 @@ from identifiability.regression.reduction.rung import (
 
 __all__ = [
     "DEFAULT_EFFECTS",
+    "USUAL_EFFECTS",
     "LadderEntry",
     "LadderLike",
     "LadderSource",

@@ -45,6 +45,10 @@ from identifiability.robot import Robot
 #: The model that a log is analysed with when no ladder is given.
 DEFAULT_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
 
+#: The model of those that judge one alone: the second rung of that ladder, friction alike in both
+#: directions, so that a difference can be named, or asked for by a motion.
+USUAL_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
 
 def _held(value: Any) -> Any:
     """Refuse what is neither a number nor the word, in one sentence instead of one for each."""

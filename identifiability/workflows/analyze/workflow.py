@@ -10,7 +10,14 @@ from identifiability.estimation.estimate import Kind, Method, find_estimator, se
 from identifiability.estimation.prediction import Task, predict, predict_all
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.engines.mapping import Engine
-from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, settle_draws
+from identifiability.foundation.options import (
+    NotNegative,
+    Replicates,
+    Seed,
+    checked,
+    renamed,
+    settle_count,
+)
 from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
@@ -49,6 +56,7 @@ from identifiability.workflows.opening import (
 )
 
 
+@renamed(cad_weight="cad_prior")
 @checked
 def analyze(
     robot: RobotLike,
@@ -61,7 +69,7 @@ def analyze(
     estimator: Kind = "auto",
     replicates: Replicates | None = None,
     posterior: bool = False,
-    cad_weight: NotNegative | None = None,
+    cad_prior: NotNegative | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
@@ -94,7 +102,7 @@ def analyze(
         Also sample the posteriors of the selected model; costs about as much as the rest. Off
         everywhere unless asked for: it says more of what the data leave open, and never changes a
         verdict on what they determine.
-    cad_weight : float, optional
+    cad_prior : float, optional
         Weight of a log-det prior around the bodies of the robot file when the nearest real robot
         is sought [σ²]; 0 for none. By default the strongest of weights 10, 0.3 and 0.01 that
         predicts unseen motion as well as the best, within a standard error.
@@ -106,7 +114,7 @@ def analyze(
         Where stretches of logs that are too long for memory are worked on; by default in several
         processes.
     quick : bool
-        A tenth of the random draws, where nobody says how many.
+        Fewer replicates, where nobody says how many.
 
     Raises
     ------
@@ -114,7 +122,7 @@ def analyze(
         With one sentence on what to do.
     """
     say = progress or (lambda _text, _share: None)
-    base, draws = find_estimator(method), settle_draws(replicates, 2000, quick=quick)
+    base, draws = find_estimator(method), settle_count(replicates, 2000, 200, quick=quick)
     streams = np.random.default_rng(seed).spawn(3)
     with one_thread("blas"):
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
@@ -139,12 +147,12 @@ def analyze(
                     robot.joints, opening.samples, information, chosen
                 )
                 chosen = settle_noise(chosen, information)
-            models, robots = fit_ladder(structure, rungs, information, chosen, cad_weight, silence)
+            models, robots = fit_ladder(structure, rungs, information, chosen, cad_prior, silence)
             values, with_files = base_values(models, robots)
             tasks = [Task(with_files[None])]
             if not opening.validation and not silence:
                 tasks.append(
-                    plan_cross_validation(structure, rungs, information, chosen, cad_weight)
+                    plan_cross_validation(structure, rungs, information, chosen, cad_prior)
                 )
             predicting = share(say, "predicting torque", 0.65, 0.9)
             fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
@@ -168,7 +176,7 @@ def analyze(
             "estimator": estimator,
             "replicates": draws,
             "posterior": posterior,
-            "cad_weight": cad_weight,
+            "cad_prior": cad_prior,
         }
         # Exchanged columns, a wrong unit or late torque explain whatever else is odd.
         after = (

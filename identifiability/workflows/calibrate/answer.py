@@ -163,7 +163,7 @@ class Answer:
         if self.word == "yes":
             return f"{least} of its intervals hold the truth."
         if self.word == "not enough trials":
-            return f"{least}; repeat with more trials (--trials {self.enough})."
+            return f"{least}; repeat with more trials (--replicates {self.enough})."
         blamed = sorted((e for e in self.effects if e.harmful), key=lambda e: -e.gain)
         fault = fails(cell)
         if not blamed and fault == "silent":

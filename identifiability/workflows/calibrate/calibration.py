@@ -28,6 +28,8 @@ from identifiability.foundation.options import (
     Seed,
     at_least,
     checked,
+    renamed,
+    settle_count,
 )
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples
@@ -54,7 +56,7 @@ from identifiability.workflows.calibrate.world import (
     repeat,
 )
 from identifiability.workflows.diagnose import measure_false_names
-from identifiability.workflows.opening import Logs, Progress, in_memory, require_signal, share
+from identifiability.workflows.opening import Progress, in_memory, require_signal, share
 
 __all__ = ["Calibration", "calibrate"]
 
@@ -65,6 +67,7 @@ FIRST = 4
 BATCH = 10
 
 
+@renamed(trials="replicates", diagnoses="names", logs="")
 @checked
 def calibrate(
     analysis: Analysis,
@@ -72,14 +75,14 @@ def calibrate(
     model: str | None = None,
     noise: Levels = (1.0, 0.3, 3.0),
     rho: Correlations = (float("nan"), 0.0, 0.9),
-    trials: Annotated[int, at_least(2)] = 60,
-    replicates: Replicates = 200,
-    sbc: Annotated[int, at_least(0)] = 0,
-    logs: Logs = (),
-    diagnoses: Annotated[int, at_least(0)] = 0,
+    replicates: Annotated[int, at_least(2)] | None = None,
+    refits: Replicates = 200,
+    sbc: Annotated[int, at_least(0)] | None = None,
+    names: Annotated[int, at_least(0)] | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
+    quick: bool = False,
 ) -> Calibration:
     """Measure how far intervals and verdicts can be trusted on the motion of an analysis.
 
@@ -94,21 +97,23 @@ def calibrate(
     rho : sequence of float
         Correlations from sample to sample of AR(1) noise; NaN for noise like the residual,
         autoregressive of the order that suits each actuator.
-    trials : int
+    replicates : int, optional
         Simulated repetitions a cell; the first cell has `FIRST` times as many, because single
-        parameters are judged by it.
-    replicates : int
+        parameters are judged by it. By default 60, or 8 if `quick`.
+    refits : int
         Of the bootstrap in each.
-    sbc : int
-        Simulated experiments for the simulation-based calibration of the posterior; 0 for none.
-    logs : log, path, DataFrame, or several
-        The raw logs of the analysis; needed for `diagnoses`.
-    diagnoses : int
-        Simulated repetitions of the logs that are diagnosed with nothing missing; 0 for none.
+    sbc : int, optional
+        Simulated experiments for the simulation-based calibration of the posterior, 0 for none; by
+        default 1000, or 200 if `quick`.
+    names : int, optional
+        Simulated repetitions of the logs that are diagnosed with nothing missing, 0 for none; by
+        default 40, or 4 if `quick`.
     seed : int
     progress : callable(str, float), optional
     engine : Engine, optional
         Where repetitions are simulated; by default here. The result does not depend on it.
+    quick : bool
+        Fewer of all of these, where nobody says how many.
 
     Raises
     ------
@@ -117,10 +122,13 @@ def calibrate(
     LogError
         If the logs do not fit in memory, or have nothing to explain.
     """
+    trials = settle_count(replicates, 60, 8, quick=quick)
+    sbc = settle_count(sbc, 1000, 200, quick=quick)
+    names = settle_count(names, 40, 4, quick=quick)
     require_signal(analysis.samples, "calibrated")
     result = analysis.models[analysis.find_model(model or _asked(analysis))]
     *streams, last, making = np.random.default_rng(seed).spawn(len(noise) * len(rho) + 2)
-    world, own = _world(analysis, result, replicates, making)
+    world, own = _world(analysis, result, refits, making)
     pairs = [(level, r) for r in rho for level in noise]
     counts = [FIRST * trials, *[trials] * (len(pairs) - 1)]
     seeds = [spawn_seeds(rng, count) for rng, count in zip(streams, counts, strict=True)]
@@ -169,15 +177,15 @@ def calibrate(
         ranking = share(say, "ranking planted values", 0.9, 1.0)
         part = result.rung.reduce(analysis.information)
         ranks = check_ranks(result, part, last, replicates=sbc, engine=runner, progress=ranking)
-    if diagnoses:
+    if names:
         asked = analysis.settings.get("preparation")
         how = asked if isinstance(asked, Preparation) and asked != Preparation() else None
         try:
             named = measure_false_names(
                 analysis.robot,
-                logs,
+                analysis.recordings,
                 model=analysis.effects,
-                trials=diagnoses,
+                trials=names,
                 seed=seed,
                 preparation=how,
                 progress=progress,
@@ -185,7 +193,7 @@ def calibrate(
             )
         except LogError as error:  # too short a log has no part to verify names on
             unmeasured = f"How often a name is false was not measured: {error}"
-    numbers = {"trials": trials, "replicates": replicates, "sbc": sbc, "diagnoses": diagnoses}
+    numbers = {"replicates": trials, "refits": refits, "sbc": sbc, "names": names}
     return Calibration(
         robot=analysis.robot.name,
         model=result.name,

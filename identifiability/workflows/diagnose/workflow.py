@@ -11,13 +11,26 @@ import numpy as np
 from identifiability.effects import default_effects, find_families
 from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.engines.mapping import Engine
-from identifiability.foundation.options import Names, Seed, at_least, checked
+from identifiability.foundation.options import (
+    Names,
+    Seed,
+    at_least,
+    checked,
+    renamed,
+    settle_count,
+)
 from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.gather import gather_information
-from identifiability.regression.reduction import ModelLike, choose_model, free_again, unused_ladder
+from identifiability.regression.reduction import (
+    USUAL_EFFECTS,
+    ModelLike,
+    choose_model,
+    free_again,
+    unused_ladder,
+)
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import say_band
@@ -61,9 +74,10 @@ EXACT = (
 )
 
 #: The model that is diagnosed when none is given.
-BASE_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+BASE_EFFECTS = USUAL_EFFECTS
 
 
+@renamed(draws="replicates")
 @checked
 def diagnose(
     robot: RobotLike,
@@ -75,7 +89,7 @@ def diagnose(
     fixed: Given = False,
     preparation: Preparation | None = None,
     rules: Rules | None = None,
-    draws: Annotated[int, at_least(FEWEST)] = DRAWS,
+    replicates: Annotated[int, at_least(FEWEST)] | None = None,
     seed: Seed = 0,
     quick: bool = False,
     forward: bool = True,
@@ -108,11 +122,12 @@ def diagnose(
         How derivatives are made.
     rules : Rules, optional
         Thresholds.
-    draws : int
-        Simulated noises; the smallest p-value is 1 / (draws + 1).
+    replicates : int, optional
+        Simulated noises; the smallest p-value is 1 / (replicates + 1). By default 199, or 99 if
+        `quick`.
     seed : int
     quick : bool
-        Half the draws.
+        Fewer replicates, where nobody says how many.
     forward : bool
         Also simulate the motion that verifies, before and after what was named (half a second).
     progress : callable(str, float), optional
@@ -156,7 +171,7 @@ def diagnose(
             verified_on=roles.verified_on,
             preparation=how or Preparation(),
         )
-        simulated = max(draws // 2, FEWEST) if quick else draws
+        simulated = settle_count(replicates, DRAWS, DRAWS // 2, quick=quick)
         first = [f.name for f in early(find_families(effects))]
         material = gather(setting, choose, streams[0], first, simulated)
         doubts = [EXACT] * (fixed is True) if fixed is not False else _doubt_logs(opening)
@@ -177,7 +192,7 @@ def diagnose(
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed is True if known is None else known.words,
             "rules": setting.rules,
-            "draws": draws,
+            "replicates": simulated,
             "quick": quick,
             "preparation": preparation or Preparation(),
         }

@@ -8,12 +8,10 @@ from identifiability.effects import default_effects
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.model import Model
+from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 from identifiability.workflows.excite.limits import Limits
-
-#: Effects of the nominal model beside those that the robot file states.
-EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 
 @frozen
@@ -37,7 +35,7 @@ class Drive:
         """Return the drives of a robot; None where nobody stated what they can do."""
         if not (np.isfinite(limits.torque).any() or np.isfinite(limits.power).any()):
             return None
-        structure = Structure.of(robot, Model.of(*default_effects(robot, EFFECTS)))
+        structure = Structure.of(robot, Model.of(*default_effects(robot, USUAL_EFFECTS)))
         return Drive(structure, limits.torque, limits.power)
 
     def torques(self, motion: Motion) -> Array:

@@ -15,7 +15,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters
 from identifiability.regression.gather import gather_information
-from identifiability.regression.reduction import ModelLike, choose_model
+from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -24,8 +24,8 @@ from identifiability.workflows.excite.criteria import Condition, Criterion, LogD
 #: Effects of the model: for conditioning those of the literature, else those of a diagnosis.
 EFFECTS = {
     "condition": ("rigid_body",),
-    "information": ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"),
-    "separate": ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"),
+    "information": USUAL_EFFECTS,
+    "separate": USUAL_EFFECTS,
 }
 
 

@@ -26,7 +26,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.prepare.plan import has_motors
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.regression.reduction import ModelLike, choose_model
+from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.gains.fit import fit_joint, gather, judge
@@ -34,13 +34,7 @@ from identifiability.workflows.gains.result import Gains
 from identifiability.workflows.opening import Logs, in_memory, read_recordings
 
 #: The model of the robot without its load.
-EFFECTS = (
-    "rigid_body",
-    "viscous_friction",
-    "coulomb_friction",
-    "torque_offset",
-    "actuator_inertia",
-)
+EFFECTS = (*USUAL_EFFECTS[:-1], "torque_offset", USUAL_EFFECTS[-1])
 
 Point = Annotated[Sequence[float], Expected("three numbers, x, y and z")]
 

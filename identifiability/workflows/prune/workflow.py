@@ -18,7 +18,8 @@ from identifiability.foundation.options import (
     Replicates,
     Seed,
     checked,
-    settle_draws,
+    renamed,
+    settle_count,
 )
 from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
@@ -72,6 +73,7 @@ from identifiability.workflows.prune.unseen import unseen_regressor
 CERTIFIED = 4
 
 
+@renamed(cad_weight="cad_prior")
 @checked
 def prune(
     robot: RobotLike,
@@ -88,7 +90,7 @@ def prune(
     method: Method = "wls",
     estimator: Kind = "auto",
     replicates: Replicates | None = None,
-    cad_weight: NotNegative | None = None,
+    cad_prior: NotNegative | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
@@ -124,7 +126,7 @@ def prune(
         As for `analyze`.
     replicates : int, optional
         Resampled logs on which the pruning is repeated; by default 200, or 20 if `quick`.
-    cad_weight : float, optional
+    cad_prior : float, optional
         As for `analyze`: keeps the nearest real robot near the robot file.
     seed : int
         Of every random choice.
@@ -134,7 +136,7 @@ def prune(
         Where stretches of logs that are too long for memory are worked on, and the resampled logs
         are pruned; by default in several processes and here. The result does not depend on it.
     quick : bool
-        A tenth of the random draws, where nobody says how many.
+        Fewer replicates, where nobody says how many.
 
     Raises
     ------
@@ -142,7 +144,7 @@ def prune(
         With one sentence on what to do.
     """
     say = progress or (lambda _text, _share: None)
-    base, draws = find_estimator(method), settle_draws(replicates, 200, quick=quick)
+    base, draws = find_estimator(method), settle_count(replicates, 200, 20, quick=quick)
     streams = np.random.default_rng(seed).spawn(4)
     with one_thread("blas"), running(engine) as runner:
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
@@ -174,7 +176,7 @@ def prune(
             force=force,
             method=asked,
         )
-        selected, physical = _choose(question, search, criterion, cad_weight)
+        selected, physical = _choose(question, search, criterion, cad_prior)
         measuring = share(say, "measuring errors", 0.5, 0.7)
         measured = measure_rungs(
             question, search, selected, physical, draws, streams[2], runner, measuring
@@ -223,7 +225,7 @@ def prune(
                 "propose": propose,
                 "reach": reach,
                 "replicates": draws,
-                "cad_weight": cad_weight,
+                "cad_prior": cad_prior,
                 "preparation": preparation or Preparation(),
             },
             **vars(measured),
@@ -253,7 +255,7 @@ def _check_wishes(start: Rung, forbid: Sequence[str], force: Sequence[str]) -> N
 
 
 def _choose(
-    question: Question, search: Search, criterion: Criterion, cad_weight: float | None
+    question: Question, search: Search, criterion: Criterion, cad_prior: float | None
 ) -> tuple[int, tuple[PhysicalResult, ...]]:
     """Return the step to use: the first as good as the best that a real robot can have."""
     steps = search.path.steps
@@ -263,7 +265,7 @@ def _choose(
     sound = [k for k in good if not contradicts(question.fit(steps[k]), question.full)]
     for k in (sound or good)[:CERTIFIED]:
         try:
-            physical = assess_feasibility(question.fit(steps[k]), cad_weight)
+            physical = assess_feasibility(question.fit(steps[k]), cad_prior)
         except IdentifiabilityError as error:
             problems.append(error)
             continue
