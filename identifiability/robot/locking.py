@@ -225,8 +225,8 @@ def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Arra
             hosts.setdefault(robot.bodies[index - 1], []).append(body)
     for host, behind in hosts.items():
         part, load = 1.0, sum(robot.welded[body] for body in behind)
-        room = _least(out[host])
-        while room > 0 and _least(out[host] - part * load) <= 0.0:
+        room = least_eigenvalue(out[host])
+        while room > 0 and least_eigenvalue(out[host] - part * load) <= 0.0:
             part *= 0.5
         out[host] -= part * load
         if part < 1:
@@ -234,7 +234,7 @@ def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Arra
     return out
 
 
-def _least(theta: Array) -> float:
+def least_eigenvalue(theta: Array) -> float:
     """Return the least eigenvalue of a body's pseudo-inertia; only possible bodies have one > 0."""
     xx, xy, yy, xz, yz, zz = theta[4:]
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

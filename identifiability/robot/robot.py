@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from identifiability.foundation.errors import RobotError
-from identifiability.foundation.options import Expected, FilePath, checked
+from identifiability.foundation.options import Expected, FilePath, Positive, checked
+from identifiability.foundation.output import check_ending
 from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
+from identifiability.robot.changed import loaded_body, new_place, other_body, write, write_copy
 from identifiability.robot.description import Description
 from identifiability.robot.files import read_robot
-from identifiability.robot.locking import LockOption
+from identifiability.robot.locking import LockOption, read_locks
+from identifiability.robot.weights import Moments, Point
 
 RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
 
@@ -22,13 +25,19 @@ DhSource = Annotated[
     str | Path | Mapping[str, Any], Expected("the path of a DH table, or its content")
 ]
 
+_VALUES = Expected("a mapping from standard parameters, such as 'joint1.Fv', to numbers")
+
 #: Unit of the angles in logs.
 AnglesOption = Literal["rad", "deg"]
 
 
 @frozen
 class Robot(Description):
-    """A robot read from a standard file; make one with `Robot.load`."""
+    """A robot read from a standard file; make one with `Robot.load`, or `Robot.build`.
+
+    ``with_body``, ``with_payload``, ``with_values`` and ``with_lock`` return a robot that is
+    changed, `save` writes it.
+    """
 
     @staticmethod
     @checked
@@ -80,7 +89,7 @@ class Robot(Description):
 
     @staticmethod
     @checked
-    def from_dh(table: DhSource, out: FilePath) -> Robot:
+    def from_dh(table: DhSource, out: FilePath | None = None) -> Robot:
         """Write the robot file of a table of Denavit and Hartenberg, and read it.
 
         A robot is always a standard file: the table is where it comes from. What the table leaves
@@ -90,8 +99,9 @@ class Robot(Description):
         ----------
         table : str, Path or mapping
             A TOML file as `identifiability.robot.dh.table` describes it, or its content.
-        out : str or Path
-            The MJCF to write (``.xml``); its sidecar stands beside it.
+        out : str or Path, optional
+            The MJCF to write (``.xml``); its sidecar stands beside it. Without it both are gone
+            when the program ends, unless the robot is saved.
 
         Raises
         ------
@@ -102,7 +112,165 @@ class Robot(Description):
         """
         from identifiability.robot.dh import convert_dh  # noqa: PLC0415 - most robots are files
 
-        return Robot.load(convert_dh(table, out).robot)
+        place = new_place("robot_from_dh", ".xml") if out is None else out
+        return Robot.load(convert_dh(table, place).robot)
+
+    @staticmethod
+    @checked
+    def build(
+        links: Sequence[Mapping[str, Any]],
+        name: str = "robot",
+        out: FilePath | None = None,
+        **more: Any,
+    ) -> Robot:
+        """Make a robot of links that are stated one by one.
+
+        Parameters
+        ----------
+        links : sequence of mapping
+            Each after its parent: ``name``, ``parent`` (default: the one before, or ``"base"``),
+            ``position`` [m] and ``rpy`` [rad] of its frame in that of its parent (as in a URDF),
+            ``joint`` (its name; without one the link is fixed), ``type`` (``"revolute"`` or
+            ``"prismatic"``), ``axis`` (default z), ``range``, ``passive``, ``equals``, ``mass``
+            [kg], ``centre`` of mass [m], ``inertia`` about it (``xx``, ``yy``, ``zz``, ``xy`` …
+            [kg·m²]), all in the frame of the link.
+        name : str
+        out : str or Path, optional
+            The MJCF to write (``.xml``). Without it the file is gone when the program ends, unless
+            the robot is saved.
+        **more
+            ``closures``, ``springs``, ``home``, ``gravity`` and ``sidecar`` (its ``nominal`` has
+            friction and rotors), as in a table of `identifiability.robot.dh.table`.
+
+        Raises
+        ------
+        RobotError
+            If the links contradict each other, or leave joints undetermined.
+        OutputError
+            If the file cannot be written.
+
+        Example
+        -------
+        >>> arm = Robot.build([
+        ...     {"name": "upper", "joint": "shoulder", "axis": (0, 1, 0), "mass": 2.0,
+        ...      "centre": (0.2, 0, 0), "inertia": {"xx": 0.002, "yy": 0.03, "zz": 0.03}},
+        ...     {"name": "fore", "joint": "elbow", "axis": (0, 1, 0), "position": (0.4, 0, 0),
+        ...      "mass": 1.0, "centre": (0.15, 0, 0)},
+        ... ])
+        >>> arm.joints
+        ('shoulder', 'elbow')
+        """
+        table = {"convention": "frames", "name": name, "links": [dict(x) for x in links], **more}
+        return Robot.from_dh(table, new_place(name, ".xml") if out is None else out)
+
+    @checked
+    def with_values(self, values: Annotated[Mapping[str, float], _VALUES]) -> Robot:
+        """Return the robot with other standard parameters, such as ``{"joint1.Fv": 0.3}``.
+
+        This robot and its file stay as they are; the other one's file is gone when the program
+        ends, unless it is saved.
+
+        Raises
+        ------
+        RobotError
+            If a name is of nothing that the robot has, or a body would have no mass.
+        """
+        return self._again(Robot.load(write_copy(self, values)))
+
+    @checked
+    def with_body(
+        self,
+        body: str,
+        *,
+        mass: Positive | None = None,
+        centre: Point | None = None,
+        inertia: Moments | None = None,
+    ) -> Robot:
+        """Return the robot with another mass, centre or inertia of a body.
+
+        What is not given stays; moments of inertia that are not given grow with the mass.
+
+        Parameters
+        ----------
+        body : str
+        mass : float [kg], optional
+        centre : (3,) [m], optional
+            Centre of mass in the frame of the body's joint.
+        inertia : (3,) or (3, 3) [kg·m²], optional
+            About that centre, along the axes of that frame.
+
+        Raises
+        ------
+        RobotError
+            If there is no such body, or none that is real is so.
+        """
+        return self.with_values(other_body(self, body, mass, centre, inertia))
+
+    @checked
+    def with_payload(
+        self,
+        *,
+        mass: Positive,
+        centre: Point = (0.0, 0.0, 0.0),
+        inertia: Moments = (0.0, 0.0, 0.0),
+        body: str | None = None,
+    ) -> Robot:
+        """Return the robot with something fixed to a body, by default to the last of a chain.
+
+        Parameters
+        ----------
+        mass, centre, inertia
+            Of the load, as for `with_body`.
+        body : str, optional
+
+        Raises
+        ------
+        RobotError
+            If there is no such body, or several may carry the load and none is named.
+        """
+        return self.with_values(loaded_body(self, body, mass, centre, inertia))
+
+    @checked
+    def with_lock(self, lock: LockOption) -> Robot:
+        """Return the robot with joints that do not move, as `Robot.load` takes them.
+
+        Raises
+        ------
+        RobotError
+            If there is no such joint, or it cannot be locked.
+        """
+        held = {**self.locked, **read_locks(lock)} if self.lock_option else read_locks(lock)
+        return self._again(Robot.load(self.path, self.sidecar, lock=held))
+
+    @checked
+    def save(self, path: FilePath) -> Path:
+        """Write the robot as it is, and its sidecar if it needs one.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``.xml`` for MJCF, ``.urdf`` for URDF. In its own format everything but the numbers
+            stays; the other one is without geometry.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RobotError
+            If the format cannot hold the robot.
+        OutputError
+            If the file cannot be written, or ends otherwise.
+        """
+        check_ending(path, ".xml", ".urdf")
+        return write(self, {}, path)
+
+    def _again(self, other: Robot) -> Robot:
+        """Return another robot whose logs are read as those of this one."""
+        stated = {f.name: getattr(other, f.name) for f in fields(other)}
+        mine = {key: getattr(self, key) for key in ("columns", "angles", "time_unit")}
+        return Robot(**{**stated, **mine})
 
     def __repr__(self) -> str:
         """Return what it is, in one line."""

@@ -49,7 +49,7 @@ def test_calibration_is_about_the_model_of_a_model_file(pruned, log):
     analysis = analyze("two-link", log, ladder=pruned, replicates=0)
     found = calibrate(analysis, replicates=2, refits=20, noise=(1.0,), rho=(0.0,), sbc=0, names=0)
     assert found.model == pruned.chosen.name
-    assert found.to_dict()["provenance"]["trials"] == "2"
+    assert found.to_dict()["provenance"]["replicates"] == "2"
 
 
 def test_a_rung_with_every_reduction_is_written_and_read_back_as_it_was(tmp_path):
@@ -190,7 +190,7 @@ def test_other_verbs_say_that_a_ladder_beside_the_robot_was_not_used(beside, log
         assert content["hints"][-1].startswith(unused)
         assert content["provenance"]["sidecar"] == beside.sidecar.name
         assert "clarabel" in content["provenance"]
-    assert found.provenance["draws"] == "199"
+    assert found.provenance["replicates"] == "199"
     result = analyze(beside, log, replicates=0).to_json(tmp_path / "r.json")
     out = str(tmp_path / "fitted.xml")
     done = CliRunner().invoke(app, ["export", str(beside.path), str(result), "--out", out])

@@ -39,7 +39,7 @@ def make_logs(
 @cache
 def diagnosed(name: str, *hide: str, seed: int = 0, **options) -> Diagnosis:
     logs = make_logs(name, *hide, seed=seed)
-    options = {"quick": True, "draws": 398, **options}
+    options = {"replicates": 199, **options}
     return diagnose(name, logs[:4], logs[4:], **options)
 
 

@@ -91,6 +91,7 @@ def read_links(path: str, table: DhTable) -> tuple[Link, ...]:
     RobotError
     """
     _check_names(path, table.links)
+    _check_places(path, table)
     slides = {row.joint: row.type == "prismatic" for row in table.links if row.joint}
     units = {j: 1.0 if s or table.angles == "rad" else math.pi / 180 for j, s in slides.items()}
     known, out = [BASE], []
@@ -102,12 +103,7 @@ def read_links(path: str, table: DhTable) -> tuple[Link, ...]:
                 f"{near_match(parent, known)} The links above it are {listing(known)}."
             )
         known.append(row.name)
-        alpha, theta = (_radians(x, table.angles) for x in (row.alpha, row.theta))
-        R, p = transform(table.convention, row.a, alpha, row.d, theta)
-        axis, anchor = np.array([0.0, 0.0, 1.0]), np.zeros(3)
-        if table.convention == "standard":  # along the z of its parent, as its own frame sees it
-            axis = np.array([0.0, _clean(math.sin(alpha)), _clean(math.cos(alpha))])
-            anchor = np.array([-row.a, 0.0, 0.0])
+        R, p, axis, anchor = _place(table, row)
         unit = units.get(row.joint, 1.0) if row.joint else 1.0
         follow = None
         if row.equals is not None:
@@ -129,6 +125,53 @@ def read_links(path: str, table: DhTable) -> tuple[Link, ...]:
             )
         )
     return tuple(out)
+
+
+def _place(table: DhTable, row: LinkEntry) -> tuple[Array, Array, Array, Array]:
+    """Return rotation, position, and axis and anchor of the joint of a row."""
+    if table.convention == "frames":
+        turn = math.pi / 180 if table.angles == "deg" else 1.0
+        R = _turned(*(turn * x for x in row.rpy or (0.0, 0.0, 0.0)))
+        position = np.array(row.position or (0.0, 0.0, 0.0))
+        return R, position, np.array(row.axis or (0.0, 0.0, 1.0)), np.zeros(3)
+    alpha, theta = (_radians(x, table.angles) for x in (row.alpha, row.theta))
+    R, p = transform(table.convention, row.a, alpha, row.d, theta)
+    if table.convention == "modified":
+        return R, p, np.array([0.0, 0.0, 1.0]), np.zeros(3)
+    # Along the z of its parent, as its own frame sees it.
+    axis = np.array([0.0, _clean(math.sin(alpha)), _clean(math.cos(alpha))])
+    return R, p, axis, np.array([-row.a, 0.0, 0.0])
+
+
+def _turned(roll: float, pitch: float, yaw: float) -> Array:
+    """Return the rotation of angles about the fixed axes x, y and z, one after the other."""
+    (cr, sr), (cp, sp), (cy, sy) = (
+        (_clean(math.cos(x)), _clean(math.sin(x))) for x in (roll, pitch, yaw)
+    )
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+    out: Array = about_z @ about_y @ about_x
+    return out
+
+
+#: What places a link in a table of frames, and in one of Denavit and Hartenberg.
+_FRAMES, _DH = ("position", "rpy", "axis"), ("a", "alpha", "d", "theta")
+
+
+def _check_places(path: str, table: DhTable) -> None:
+    """Refuse what places a link in another convention, and an axis that is none."""
+    odd = _DH if table.convention == "frames" else _FRAMES
+    for row in table.links:
+        wrong = [key for key in odd if key in row.model_fields_set]
+        if wrong:
+            usual = _FRAMES if odd is _DH else _DH
+            raise RobotError(
+                f"{path}: the link '{row.name}' has '{wrong[0]}', which is not of the convention "
+                f"'{table.convention}'; give {listing(usual)}."
+            )
+        if row.axis is not None and not any(row.axis):
+            raise RobotError(f"{path}: the axis of '{row.name}' is zero; give its direction.")
 
 
 def _radians(angle: Angle, unit: Literal["rad", "deg"]) -> float:

@@ -8,7 +8,9 @@ rad::
                                          # Rot_z(theta) Trans_z(d) from that of its parent, and its
                                          # joint is along its own z [Craig 2005]; or "standard":
                                          # Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha), and
-                                         # along the z of its parent [Denavit 1955]
+                                         # along the z of its parent [Denavit 1955]; or "frames":
+                                         # links have position, rpy (fixed axes x, y, z, as in a
+                                         # URDF) and axis instead of a, alpha, d and theta
     angles = "deg"                       # of alpha, theta, range, home and equals (default: rad)
     gravity = [0, 0, -9.81]              # along the axes of the base [m/s²]
 
@@ -127,6 +129,9 @@ class LinkEntry(_Strict):
     alpha: Angle = 0.0
     d: Distance = 0.0
     theta: Angle = 0.0
+    position: Triple | None = None
+    rpy: Triple | None = None
+    axis: Triple | None = None
     equals: str | None = None
     passive: bool = False
     range: Span | None = None
@@ -156,7 +161,7 @@ class DhTable(_Strict):
     """The whole file."""
 
     name: str = ""
-    convention: Literal["standard", "modified"]
+    convention: Literal["standard", "modified", "frames"]
     angles: Literal["rad", "deg"] = "rad"
     gravity: Triple = (0.0, 0.0, -9.81)
     links: list[LinkEntry] = Field(min_length=1)

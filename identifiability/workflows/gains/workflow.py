@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import Annotated
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -20,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from identifiability.effects.payload import Payload
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.options import Expected, OptionError, Positive, checked
+from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, prepare_samples
@@ -29,14 +28,13 @@ from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot, RobotLike
+from identifiability.robot.weights import Point, ten_parameters
 from identifiability.workflows.gains.fit import fit_joint, gather, judge
 from identifiability.workflows.gains.result import Gains
 from identifiability.workflows.opening import Logs, in_memory, read_recordings
 
 #: The model of the robot without its load.
 EFFECTS = (*USUAL_EFFECTS[:-1], "torque_offset", USUAL_EFFECTS[-1])
-
-Point = Annotated[Sequence[float], Expected("three numbers, x, y and z")]
 
 
 @checked
@@ -128,11 +126,7 @@ def _load_of(
     c, own = np.asarray(centre, float), np.asarray(inertia, float)
     if c.shape != (3,) or own.shape != (3,) or not np.isfinite([*c, *own]).all() or own.min() < 0:
         raise OptionError("centre and inertia are three numbers each, x, y and z, of real bodies.")
-    tensor = np.diag(own) + mass * (c @ c * np.eye(3) - np.outer(c, c))
-    kinds = {"m": mass} | dict(zip(("mx", "my", "mz"), mass * c, strict=True))
-    axes = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2)}
-    kinds |= {kind: tensor[at] for kind, at in (axes | {"Izz": (2, 2)}).items()}
-    return place, np.array([kinds[kind] for kind in INERTIAL_KINDS])
+    return place, ten_parameters(mass, c, own)
 
 
 def _refuse_motors(robot: Robot, logs: Sequence[Log]) -> None:

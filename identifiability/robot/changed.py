@@ -1,0 +1,157 @@
+"""Robots that are changed in code: other numbers in a copy of the file, or another file.
+
+A robot is always a standard file, also one that is made in code: until it is saved it stands in a
+folder that goes with the program.
+"""
+
+from __future__ import annotations
+
+import shutil
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.robot.description import Description
+from identifiability.robot.weights import Moments, Point, possible, ten_parameters
+
+_NUMBERS = count()
+
+
+@cache
+def _shelf() -> TemporaryDirectory[str]:
+    return TemporaryDirectory(prefix="identifiability-robots-")
+
+
+def new_place(name: str, ending: str) -> Path:
+    """Return a file of a folder of its own that is gone when the program ends."""
+    folder = Path(_shelf().name) / str(next(_NUMBERS)) / name
+    folder.mkdir(parents=True)
+    return folder / f"{name}{ending}"
+
+
+def write(robot: Any, values: Mapping[str, float], path: str | Path) -> Path:
+    """Write a robot with other standard parameters; see `Robot.save`.
+
+    Raises
+    ------
+    RobotError
+        If the robot has no such parameter.
+    """
+    # What a file holds of friction, rotors and springs effects say, which stand above robots.
+    known = import_module("identifiability.effects.vocabulary").every_parameter(robot)
+    for name in values:
+        if name not in known and name not in robot.nominal:
+            raise RobotError(
+                f"{robot.name} has no parameter '{name}'{near_match(name, [*robot.nominal])} Its "
+                "bodies and joints have those of robot.nominal, and of the effects that there are."
+            )
+    writer = import_module("identifiability.workflows.export.parameters")
+    written: Path = writer.write_parameters(robot, values, path).robot
+    return written
+
+
+def write_copy(robot: Any, values: Mapping[str, float]) -> Path:
+    """Write a robot with other parameters where nobody looks, with the ladder beside it."""
+    ending = ".xml" if robot.mjcf else ".urdf"
+    path = new_place(robot.name, ending)
+    if robot.path.stem == "robot":
+        path = path.with_name(f"robot{ending}")
+    write(robot, values, path)
+    _keep_geometry(path, robot.path.resolve().parent)
+    ladder = robot.path.with_name("ladder.toml")
+    if ladder.is_file():
+        shutil.copy(ladder, path.with_name("ladder.toml"))
+    return path
+
+
+def _keep_geometry(path: Path, home: Path) -> None:
+    """Let a copy find the meshes that its original names beside itself."""
+    document = ET.parse(path)
+    top = document.getroot()
+    named = [e for tag in ("mesh", "hfield", "texture") for e in top.iter(tag)]
+    files = [e for e in named if e.get("file") or e.get("filename")]
+    if not files:
+        return
+    for element in files if top.tag == "robot" else ():
+        name = str(element.get("filename"))
+        if "://" not in name:
+            element.set("filename", str(home / name))
+    if top.tag == "mujoco":
+        compiler = top.find("compiler")
+        compiler = ET.SubElement(top, "compiler") if compiler is None else compiler
+        for key in ("meshdir", "texturedir", "assetdir"):
+            if key in compiler.attrib or key == "meshdir":
+                compiler.set(key, str(home / compiler.get(key, compiler.get("assetdir", ""))))
+    document.write(path, encoding="unicode")
+
+
+def body_of(robot: Description, body: str | None) -> str:
+    """Return a body that is named, or the only one that carries no other.
+
+    Raises
+    ------
+    RobotError
+    """
+    if body is None:
+        parents = {int(robot.model.parents[k]) for k in range(1, robot.model.njoints)}
+        last = [b for k, b in enumerate(robot.bodies) if k + 1 not in parents]
+        if len(last) > 1:
+            raise RobotError(
+                f"A load may hang on {listing(last, 8)} of {robot.name}; name its body."
+            )
+        return last[0]
+    if body not in robot.bodies:
+        raise RobotError(
+            f"{robot.name} has no moving body '{body}'{near_match(body, robot.bodies)} Its bodies "
+            f"are {listing(robot.bodies)}."
+        )
+    return body
+
+
+def _stated(robot: Description, body: str) -> Array:
+    return np.array([robot.nominal[f"{body}.{kind}"] for kind in INERTIAL_KINDS])
+
+
+def _named(body: str, theta: Array) -> dict[str, float]:
+    return {f"{body}.{k}": float(v) for k, v in zip(INERTIAL_KINDS, theta, strict=True)}
+
+
+def other_body(
+    robot: Description,
+    body: str,
+    mass: float | None,
+    centre: Point | None,
+    inertia: Moments | None,
+) -> dict[str, float]:
+    """Return the ten parameters of a body of which some things are different, by name."""
+    theta = _stated(robot, body_of(robot, body))
+    old = theta[0] if theta[0] > 0 else 1.0
+    whole = float(theta[0]) if mass is None else float(mass)
+    c = theta[1:4] / old if centre is None else np.asarray(centre, float)
+    if inertia is None:  # the same shape: moments grow with the mass
+        xx, xy, yy, xz, yz, zz = theta[4:]
+        at = theta[1:4] / old
+        own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        own = own - theta[0] * (at @ at * np.eye(3) - np.outer(at, at))
+        inertia = own * whole / old
+    return _named(body, ten_parameters(whole, c, inertia))
+
+
+def loaded_body(
+    robot: Description, body: str | None, mass: float, centre: Point, inertia: Moments
+) -> dict[str, float]:
+    """Return the ten parameters of a body with something fixed to it, by name."""
+    name = body_of(robot, body)
+    theta = _stated(robot, name) + ten_parameters(mass, centre, inertia)
+    if not possible(theta):
+        raise RobotError(f"{robot.name}: '{name}' with this load is no real body; check its file.")
+    return _named(name, theta)
