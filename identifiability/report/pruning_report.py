@@ -127,7 +127,7 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
             f"identifiability predict {robot} result.json another.csv --out torque.csv",
         ),
         (
-            "Find out what even this model misses (pruned.toml is what --model wrote):",
+            "Find out what even this model misses (pruned.toml is what --out wrote):",
             f"identifiability diagnose {robot} {logs}{held} --model pruned.toml "
             "--report missing.html",
         ),

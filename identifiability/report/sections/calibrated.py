@@ -79,7 +79,7 @@ def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:
     if word == "yes":
         return [use]
     if word == "not enough trials":
-        again = f"--trials {calibration.answer.enough} --report calibration.html"
+        again = f"--replicates {calibration.answer.enough} --report calibration.html"
         return [
             ("Ask again with more trials:", f"identifiability calibrate {robot} {logs} {again}")
         ]
