@@ -55,6 +55,33 @@ def test_a_result_is_a_sentence_and_a_table(kind, results):
     assert tags.open == []
 
 
+@pytest.mark.parametrize("kind", ["robot", "log", "fit", "base", "prediction"])
+def test_what_is_not_an_answer_shows_itself_too(kind, results, simulated_session):
+    analysis = results["analysis"]
+    log = simulated_session("two-link", "a", samples=500)
+    made = {
+        "robot": lambda: analysis.robot.with_lock(["elbow=0.2"]),
+        "log": lambda: log,
+        "fit": lambda: analysis.fit,
+        "base": lambda: analysis.base,
+        "prediction": lambda: analysis.predict(log),
+    }[kind]()
+    html = made._repr_html_()
+    tags = Tags(html)
+    assert {"p", "table"} <= tags.found
+    assert len(html) < 60_000
+    assert len(repr(made)) < 300
+    if kind == "robot":
+        assert "locked at 0.2" in html
+
+
+def test_verdicts_bear_the_marks_of_the_report_and_the_style_stays_within(results):
+    html = results["analysis"]._repr_html_()
+    assert 'class="badge tone-blue"' in html
+    assert html.count("@scope (.identifiability-piece)") == 1
+    assert ":root" not in html
+
+
 def test_a_model_named_like_a_tag_does_not_run(results):
     analysis = results["analysis"]
     chosen = replace(analysis.chosen, rung=replace(analysis.chosen.rung, name=HOSTILE))

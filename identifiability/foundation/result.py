@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from html import escape
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -17,6 +16,14 @@ if TYPE_CHECKING:
 
 #: Letters of a `repr`: one screen.
 SCREEN = 1500
+
+
+def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:
+    """Return what a notebook shows: sentences and a table in the style of the reports."""
+    # Pages stand above results, and are asked for here and in `Result.write_report` alone.
+    piece = import_module("identifiability.report.notebook").notebook_piece
+    html: str = piece(statement, frame, more)
+    return html
 
 
 class Result(ABC):
@@ -83,5 +90,4 @@ class Result(ABC):
         return text if len(text) <= SCREEN else f"{text[: SCREEN - 2]}…>"
 
     def _repr_html_(self) -> str:
-        lines = "<br>".join(escape(self.statement).splitlines())
-        return f"<p>{lines}</p>{self.to_frame().to_html(escape=True)}"
+        return shown(self.statement, self.to_frame(), "to_frame()")

@@ -18,6 +18,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
+from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.checks import CHANNELS, Clock, find_channels
@@ -229,6 +230,9 @@ class Log:
         """Return what it is, in one line."""
         span = f"{len(self)} samples over {np.ptp(self.t):.4g} s"
         return f"<Log {self.name}: {span}, {len(self.joints)} joints>"
+
+    def _repr_html_(self) -> str:
+        return shown(repr(self)[1:-1], self.to_frame()[:10], "to_frame()")
 
     def to_frame(self) -> pd.DataFrame:
         """Return the log as a DataFrame that `from_frame` accepts."""

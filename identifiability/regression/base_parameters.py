@@ -21,6 +21,7 @@ from identifiability.foundation.linalg import (
 )
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, Rng, checked
+from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.regression.regression import Model
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
@@ -123,6 +124,11 @@ class BaseParameters:
         return np.array(
             [all(c > 0 and p.nonnegative for c, p in self.terms(r)) for r in range(len(self))], bool
         )
+
+    def _repr_html_(self) -> str:
+        total = len(self.parameters)
+        said = f"{self.rank} of {total} parameters can be told apart, in these sums:"
+        return shown(said, self.to_frame(), "to_frame()")
 
     def to_frame(self) -> pd.DataFrame:
         """Return name, unit and grouping of every base parameter."""

@@ -11,6 +11,7 @@ from identifiability.foundation.errors import RobotError
 from identifiability.foundation.options import Expected, FilePath, Positive, checked
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.renames import Renames
+from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.robot.changed import loaded_body, new_place, other_body, write, write_copy
 from identifiability.robot.description import Description
@@ -276,6 +277,24 @@ class Robot(Description):
         """Return what it is, in one line."""
         moving = f"{len(self.joints)} of {len(self.dofs)} joints have motors"
         return f"<Robot {self.title or self.name}: {moving}, {self.path.name}>"
+
+    def _repr_html_(self) -> str:
+        import pandas as pd  # noqa: PLC0415 - heavy, and a robot does not need it
+
+        driven, leads = set(self.joints), {c.joint for c in self.couplings}
+        rows = [
+            {
+                "joint": name,
+                "is": "actuated" if name in driven else "coupled" if name in leads else "passive",
+                "kind": "slides" if self.is_prismatic(k) else "turns",
+                "moves": self.bodies[k] if len(self.bodies) == len(self.dofs) else "",
+            }
+            for k, name in enumerate(self.dofs)
+        ]
+        rows += [{"joint": n, "is": f"locked at {x:.4g}"} for n, x in self.locked.items()]
+        mass = sum(self.nominal[f"{body}.m"] for body in self.bodies)
+        said = f"{repr(self)[1:-1]}. Its {len(self.bodies)} moving bodies weigh {mass:.4g} kg."
+        return shown(said, pd.DataFrame(rows).fillna(""))
 
 
 #: A robot, or where it is read from.

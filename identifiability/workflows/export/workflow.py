@@ -13,6 +13,7 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.options import FilePath, checked
 from identifiability.foundation.output import check_ending
+from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.physical.mass import state_mass
 from identifiability.robot import Robot, RobotLike
@@ -94,6 +95,10 @@ class Exported:
                 "geometry, so nothing is seen and nothing collides."
             )
         return " ".join(parts)
+
+    def _repr_html_(self) -> str:
+        files = " and ".join(str(path) for path in (self.robot, self.sidecar) if path is not None)
+        return shown("\n".join(filter(None, (f"Written: {files}", self.mass, self.statement))))
 
 
 @checked

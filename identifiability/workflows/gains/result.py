@@ -9,6 +9,7 @@ import pandas as pd
 
 from identifiability.foundation.errors import listing
 from identifiability.foundation.output import write_json
+from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 
 
@@ -117,6 +118,9 @@ class Gains:
             "statement": self.statement,
             "hints": list(self.hints),
         }
+
+    def _repr_html_(self) -> str:
+        return shown(self.statement, self.to_frame(), "to_frame()")
 
     def to_json(self, path: str | Path) -> Path:
         """Write them as JSON, whole or not at all."""

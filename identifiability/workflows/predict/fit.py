@@ -21,6 +21,7 @@ from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
+from identifiability.foundation.result import shown
 from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
@@ -102,6 +103,9 @@ class Fit(Covaries):
     def __repr__(self) -> str:
         """Return what it is, in one line."""
         return f"<Fit: {len(self.names)} values of '{self.rung.name}' for {self.robot.name}>"
+
+    def _repr_html_(self) -> str:
+        return shown(repr(self)[1:-1], self.to_frame(), "to_frame()")
 
     @property
     def base(self) -> Array:

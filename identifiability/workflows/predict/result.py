@@ -11,7 +11,7 @@ import pandas as pd
 from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
-from identifiability.foundation.result import Result
+from identifiability.foundation.result import Result, shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.tables import write_table
 from identifiability.robot import Robot
@@ -170,6 +170,9 @@ class TorquePrediction(Result):
                 own |= {f"{name}from": found - half[:, k], f"{name}to": found + half[:, k]}
             columns |= {f"{joint}.{what}": values for what, values in own.items()}
         return pd.DataFrame(columns)
+
+    def _repr_html_(self) -> str:
+        return shown(self.statement, self.error_frame())
 
     def error_frame(self) -> pd.DataFrame:
         """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""

@@ -15,6 +15,7 @@ from typing import Annotated
 from identifiability.foundation.errors import LogError, OutputError, listing
 from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_writable, write_text
+from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.there import check_there
 from identifiability.robot import Robot
@@ -76,6 +77,9 @@ class Study:
                 "your own in study.py and Makefile"
             )
         return f"{self.folder} is a study of {self.robot}, {told}. Begin with: {self.next_line}"
+
+    def _repr_html_(self) -> str:
+        return shown(self.statement)
 
 
 @checked

@@ -1,0 +1,74 @@
+"""What a notebook shows of a result: its sentences and its table, as the report has them."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+import pandas as pd
+from markupsafe import Markup
+
+from identifiability.report.marks import MARKS
+from identifiability.report.page import page_environment
+from identifiability.report.tables import Table, badge_cell, frame_table
+
+#: Rows that are shown; the rest is counted.
+SHOWN = 60
+
+_PIECE = """{% import "macros.html.j2" as m %}
+<div class="identifiability-piece"><style>{{ style }}</style>
+{% for line in lines %}<p class="statement">{{ line | symbols }}</p>
+{% endfor %}
+{% if table %}{{ m.table(table) }}{% endif %}
+{% if rest %}<p class="subtitle">{{ rest }}</p>{% endif %}
+</div>
+"""
+
+
+def notebook_piece(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:
+    """Return sentences and a table as HTML that needs nothing and leaves other cells alone.
+
+    Parameters
+    ----------
+    statement : str
+        A paragraph a line.
+    frame : DataFrame, optional
+        Of its rows the first `SHOWN`; words of verdicts bear their marks.
+    more : str
+        What gives the table as a whole, for the sentence that counts other rows.
+    """
+    rest = 0 if frame is None else max(len(frame) - SHOWN, 0)
+    said = f"{rest} more rows: {more}" if rest and more else f"{rest} more rows" if rest else ""
+    return (
+        page_environment()
+        .from_string(_PIECE)
+        .render(
+            lines=[line for line in statement.splitlines() if line.strip()],
+            table=None if frame is None or frame.empty else _table(frame[:SHOWN]),
+            rest=said,
+            style=Markup(_style()),
+        )
+    )
+
+
+def _table(frame: pd.DataFrame) -> Table:
+    """Return a table whose words of verdicts are badges; without what only a page's script does."""
+    columns = {str(name): list(frame[name]) for name in frame.columns}
+    for name, cells in columns.items():
+        words = [x for x in cells if isinstance(x, str)]
+        if words and all(word in MARKS for word in words):
+            columns[name] = [badge_cell(x) if isinstance(x, str) else x for x in cells]
+    return frame_table(pd.DataFrame(columns, dtype=object), digits=4)
+
+
+@cache
+def _style() -> str:
+    """Return the report's style sheet for the piece alone."""
+    loader = page_environment().loader
+    assert loader is not None
+    sheet = loader.get_source(page_environment(), "style.css")[0]
+    sheet = re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL)
+    own = re.sub(r"(?m)^(\s*)(?::root|html|body|main)(?=\s*\{)", r"\1:scope", sheet)
+    tidy = ".chips { display: none; } thead button { pointer-events: none; }"
+    narrow = ":scope { max-width: 100%; padding: 0 4px; font-size: 14px; background: none; }"
+    return f"@scope (.identifiability-piece) {{\n{own}\n{narrow}\n{tidy}\n}}"
