@@ -54,11 +54,14 @@ class Recordings:
     fitted, held : tuple of Log or LogFile
     hints : tuple of str
         On those that are read otherwise than literally, repeat others, or have wrong samples.
+    read : tuple of (str, str)
+        Logs that were read otherwise than literally, and how; the first hints say it.
     """
 
     fitted: tuple[Recording, ...]
     held: tuple[Recording, ...] = ()
     hints: tuple[str, ...] = ()
+    read: tuple[tuple[str, str], ...] = ()
 
 
 @frozen(kw_only=True)
@@ -151,17 +154,21 @@ def read_recordings(
     whole, turned = unwrap_logs([*train, *held])
     mended, wrong = mend_logs(whole)
     fitted, unseen, hints = drop_repeats(mended[: len(train)], mended[len(train) :])
-    return Recordings(
-        tuple(fitted), tuple(unseen), (*_notes([*train, *held]), *turned, *wrong, *hints)
-    )
+    read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held) if log.notes)
+    said = (*state_reading(read), *turned, *wrong, *hints)
+    return Recordings(tuple(fitted), tuple(unseen), said, read)
 
 
-def _notes(logs: Sequence[Log | LogFile]) -> list[str]:
-    """Return how logs were read otherwise than literally, each sentence once."""
+def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
+    """Return how logs were read otherwise than literally, each sentence once.
+
+    Parameters
+    ----------
+    read : sequence of (name, how)
+    """
     said: dict[str, list[str]] = {}
-    for log in logs:
-        if log.notes:
-            said.setdefault("; ".join(log.notes), []).append(log.name)
+    for name, how in read:
+        said.setdefault(how, []).append(name)
     return [
         f"How {listing(names, 4)} {'was' if len(names) == 1 else 'were'} read: {text}."
         for text, names in said.items()

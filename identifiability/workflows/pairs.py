@@ -23,7 +23,7 @@ from identifiability.logs.prepare.repetition import COVERED, find_lag
 from identifiability.logs.repeats import Recording
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.opening import Logs, Recordings, read_recordings
+from identifiability.workflows.opening import Logs, Recordings, read_recordings, state_reading
 
 #: Times closer than this share of a step are the same.
 SAME = 1e-3
@@ -63,7 +63,7 @@ class Pair:
 def read_sides(
     first: Logs, second: Logs, known: Conventions, *, alone: bool = False
 ) -> tuple[Recordings, Recordings]:
-    """Return the logs of two sides.
+    """Return the logs of two sides; how any were read is said with the first.
 
     Parameters
     ----------
@@ -87,7 +87,9 @@ def read_sides(
             f"{listing(twice, 4)} stands on both sides, and differs in nothing from itself; give "
             "another log."
         )
-    return one, other
+    said = state_reading((*one.read, *other.read))
+    own, more = (side.hints[len(state_reading(side.read)) :] for side in (one, other))
+    return replace(one, hints=(*said, *own)), replace(other, hints=more)
 
 
 def find_pairs(

@@ -19,10 +19,15 @@ from identifiability.robot.locate import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.calibrate.calibration import calibrate
+from identifiability.workflows.compare import compare
+from identifiability.workflows.excite import excite
 from identifiability.workflows.inspect import inspect
+from identifiability.workflows.payload import payload
 from identifiability.workflows.prune import prune
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
+#: Kinds of reports that are opened whenever everything is tested.
+LATER = ("payload", "comparison", "excitation", "prediction", "robot")
 KINDS = ("demo", "inspection", "analysis", "pruning", "calibration", "table", "index", "diagnosis")
 LONG = "a_joint_whose_name_is_" + "very_" * 12 + "long<script>alert(1)</script>"
 
@@ -102,8 +107,12 @@ def _hostile(folder: Path) -> tuple[Robot, object]:
     path.write_text(locate_robot("two-link").read_text().replace('"elbow"', f'"{name}"'))
     robot = Robot.load(path)
     rng = np.random.default_rng(0)
+    return robot, _record(robot, rng)
+
+
+def _record(robot: Robot, rng: np.random.Generator) -> object:
     motion = PrescribedMotion.of(random_trajectory(robot, rng), 500)
-    return robot, simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
+    return simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
 
 
 def _studies(folder: Path) -> dict[str, Path]:
@@ -116,8 +125,27 @@ def _studies(folder: Path) -> dict[str, Path]:
     return {"table": page, "index": index.write_index(folder)}
 
 
-@pytest.fixture(params=KINDS)
-def report(request, reports) -> Path:
+@pytest.fixture(scope="session")
+def later_reports(tmp_path_factory) -> dict[str, Path]:
+    """The pages of results that go on from others, of the arm with the hostile name."""
+    folder = tmp_path_factory.mktemp("later")
+    robot, log = _hostile(folder)
+    more = [_record(robot, np.random.default_rng(seed)) for seed in (1, 2)]
+    result = analyze(robot, [log, more[0]], replicates=100)
+    results = {
+        "payload": payload(robot, result, more[1]),
+        "comparison": compare(robot, more[0], more[1]),
+        "excitation": excite(robot, start_from=log, evaluations=100, iterations=2),
+        "prediction": result.predict(more[1]),
+        "robot": inspect(robot),
+    }
+    return {k: r.write_report(folder / f"{k}.html") for k, r in results.items()}
+
+
+@pytest.fixture(params=[*KINDS, *(pytest.param(k, marks=pytest.mark.everything) for k in LATER)])
+def report(request) -> Path:
+    """Every kind of report, one after the other."""
+    reports = request.getfixturevalue("later_reports" if request.param in LATER else "reports")
     if request.param not in reports:
         pytest.skip(f"there is no report of a {request.param} yet")
     return reports[request.param]

@@ -184,3 +184,12 @@ def test_the_study_holds_what_it_asks_for(tmp_path):
     assert null["said"].mean() <= 0.1
     assert frame[frame["changed"]]["found"].mean() >= 0.9
     assert (tmp_path / "c.html").is_file()
+
+
+def test_how_logs_of_both_sides_were_read_is_said_once():
+    note = "the times are in ms"
+    one, other = (replace(logs(PLANAR, s)[0], notes=(note,)) for s in (1, 2))
+    found = compare(PLANAR, one, other)
+    assert found.statement.count(note) == 1
+    assert found.statement.count("How ") == 1
+    assert f"{one.name}, {other.name} were read" in found.statement

@@ -28,7 +28,12 @@ from identifiability.report.sections.commands import (
     source_name,
 )
 from identifiability.report.sections.connections import section_confused
-from identifiability.report.sections.decision import answer_quality, answer_trust, grade_of
+from identifiability.report.sections.decision import (
+    answer_quality,
+    answer_trust,
+    grade_of,
+    state_error,
+)
 from identifiability.robot import Robot
 from identifiability.workflows.predict.frames import correlation_of
 
@@ -44,7 +49,7 @@ def test_an_error_has_a_grade(error, grade):
 def test_quality_names_the_best_and_the_worst_joint():
     answer = answer_quality(0.05, ("a", "b", "c"), np.array([0.04, 0.09, 0.02]), "another log")
     assert answer.short == "Good: it misses 5.00 % of how much torque varies."
-    assert "From 2.00 % (c) to 9.00 % (b)." in answer.text
+    assert "From 2.00 % (c) to 9.00 % (b), each joint by itself." in answer.text
     assert answer.text.endswith("Measured on another log.")
     assert answer.tone == "green"
 
@@ -198,3 +203,14 @@ def test_a_sidecar_and_a_ladder_are_named_where_they_do_not_lie_beside_the_robot
     assert ladder_option(robot, LadderSource(entry, "pruned.toml", "")) == " --ladder pruned.toml"
     assert ladder_option(robot, LadderSource(entry, "default", "")) == ""
     assert ladder_option(robot, None) == ""
+
+
+def test_where_loads_differ_each_joint_is_judged_by_its_own_error():
+    joints, each = ("a", "b"), np.array([0.13, 0.22])
+    judged, short, said = state_error(0.08, joints, each)
+    assert 0.13 < judged < 0.22
+    assert short.startswith("Poor: it misses 13.0 % (a) to 22.0 % (b)")
+    assert "all together it is 8.00 %" in said
+    judged, short, said = state_error(0.15, joints, each)
+    assert judged == 0.15
+    assert short == "Fair: it misses 15.0 % of how much torque varies."

@@ -41,17 +41,34 @@ def answer_quality(error: float, joints: Sequence[str], each: Array, kind: str) 
     """
     if not np.isfinite(error):
         return Answer("How good is it?", "There is no error to tell.", tone="grey")
-    grade, tone = grade_of(error), tone_of(error)
-    spread = ""
-    if len(joints) > 1 and np.isfinite(each).all():
-        low, high = int(np.argmin(each)), int(np.argmax(each))
-        spread = (
-            f"From {error_text(float(each[low]))} ({joints[low]}) to "
-            f"{error_text(float(each[high]))} ({joints[high]}). "
-        )
-    short = sentence("decision.grades", grade, error=error_text(error))
-    text = sentence("decision.quality", use=sentence("decision.uses", grade), spread=spread)
-    return Answer("How good is it?", short, f"{text} Measured on {kind}.", tone)
+    judged, short, spread = state_error(error, joints, each)
+    use = sentence("decision.uses", grade_of(judged))
+    text = sentence("decision.quality", use=use, spread=spread)
+    return Answer("How good is it?", short, f"{text} Measured on {kind}.", tone_of(judged))
+
+
+def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float, str, str]:
+    """Return the error that a model is judged by, that in a word, and what is said of joints.
+
+    Joints whose loads differ make the torque of all together vary more than that of any: then the
+    error of all together is smaller than that of each, and joints are judged by their own.
+
+    Parameters
+    ----------
+    error, joints, each
+        As for `answer_quality`.
+    """
+    known = len(joints) > 1 and bool(np.isfinite(each).all())
+    if not known:
+        return error, sentence("decision.grades", grade_of(error), error=error_text(error)), ""
+    low, high = int(np.argmin(each)), int(np.argmax(each))
+    ends = [f"{error_text(float(each[k]))} ({joints[k]})" for k in (low, high)]
+    if error >= each[low]:
+        short = sentence("decision.grades", grade_of(error), error=error_text(error))
+        return error, short, f"From {ends[0]} to {ends[1]}, each joint by itself. "
+    judged = float(np.sqrt(np.mean(each**2)))
+    short = sentence("decision.grades", grade_of(judged), error=" to ".join(ends))
+    return judged, short, sentence("decision.together", error=error_text(error))
 
 
 def answer_trust(notes: Sequence[Note], doubt: str, found: int, size: int) -> Answer:

@@ -6,16 +6,15 @@ import numpy as np
 
 from identifiability.report.blocks import Answer, Answers, Sketch
 from identifiability.report.figures.skeleton import Part
-from identifiability.report.numbers import error_text, format_number, join, percent
+from identifiability.report.numbers import format_number, join, percent
 from identifiability.report.sections.commands import (
     answer_next,
     held_back,
     name_logs,
     source_name,
 )
-from identifiability.report.sections.decision import grade_of, tone_of
+from identifiability.report.sections.decision import state_error, tone_of
 from identifiability.report.sections.drawn import moved_pose, sketch_parts
-from identifiability.report.words import sentence
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.words import headline
 
@@ -49,17 +48,19 @@ def _gap(d: Diagnosis) -> Answer:
     if before == after:
         short = f"Hardly any: the error over all joints stays at {after}."
     text = (
-        f"On {d.verified_on}, which took no part in fitting or choosing (95 % of the change: "
-        f"{low} … {high} points)."
+        f"All joints together on {d.verified_on}, which took no part in fitting or choosing (95 % "
+        f"of the change: {low} … {high} points)."
     )
     return Answer(question, short, text, "green" if falls else "amber")
 
 
 def _left(d: Diagnosis) -> Answer:
     error = d.held_after if d.effects else d.held_before
-    grade = grade_of(error) if np.isfinite(error) else "useless"
-    short = sentence("decision.grades", grade, error=error_text(error))
-    return Answer("How good is the model then?", short, d.unexplained, tone_of(error))
+    question = "How good is the model then?"
+    if not np.isfinite(error):
+        return Answer(question, "There is no error to tell.", d.unexplained, "grey")
+    judged, short, spread = state_error(error, d.robot.joints, d.error_frame()["after"].to_numpy())
+    return Answer(question, short, f"{spread}{d.unexplained}", tone_of(judged))
 
 
 def _next_commands(d: Diagnosis) -> list[tuple[str, str]]:
