@@ -11,12 +11,15 @@ from identifiability.effects import Part, Placed
 from identifiability.foundation.names import Array
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose.evidence import solve_chosen, undetermined
+from identifiability.workflows.diagnose.evidence import (
+    measure_strength,
+    solve_chosen,
+    undetermined,
+)
 from identifiability.workflows.diagnose.findings import (
     Curve,
     NamedEffect,
     Placement,
-    Shown,
     Verified,
 )
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
@@ -31,6 +34,7 @@ from identifiability.workflows.diagnose.residual import (
     smooth_share,
 )
 from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.shown import Shown
 
 #: Score that an effect must reach where no step was made that says so.
 CRITICAL = 8.0
@@ -108,7 +112,7 @@ def _verify(
             joints_before=joints[k],
             joints_after=joints[k + 1],
             joints_interval=gap.interval_over_joints(k, k + 1, rng),
-            shown=_show(gap, m, [naming.chosen[at].place for at in own], k, k + 1, apart),
+            shown=_show(gap, m, [placed[at][0] for at in own], k, k + 1, apart),
             real=(real[k], real[k + 1]),
             unnamed=naming.chosen[own[0]].family.unnamed,
             rare=naming.chosen[own[0]].family.unnamed or naming.chosen[own[0]].family.late,
@@ -136,33 +140,39 @@ def _each_place(
     if not units:
         return []
     rests = [[c for c in naming.chosen if c.group != (e.name, place)] for e, place in units]
+    own = [[p for p in e.placements if p.place == place] for e, place in units]
     gap, last = m.held.gap([*rests, naming.chosen]), len(rests)
     errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
     return [
         replace(
             e,
-            placements=tuple(p for p in e.placements if p.place == place),
+            placements=tuple(own[k]),
             before=errors[k],
             after=errors[last],
             interval=gap.interval(k, last, rng),
             joints_before=joints[k],
             joints_after=joints[last],
             joints_interval=gap.interval_over_joints(k, last, rng),
-            shown=_show(gap, m, [place], k, last, rng),
+            shown=_show(gap, m, own[k], k, last, rng),
             real=(float("nan"), float("nan")),
         )
-        for k, (e, place) in enumerate(units)
+        for k, (e, _) in enumerate(units)
     ]
 
 
 def _show(
-    gap: Gap, m: Material, places: Sequence[str], first: int, second: int, rng: np.random.Generator
+    gap: Gap,
+    m: Material,
+    placements: Sequence[Placement],
+    first: int,
+    second: int,
+    rng: np.random.Generator,
 ) -> Shown:
     """Return what a gap shows from one model to another at the joints of some places.
 
     Of what is at no single joint it is all joints.
     """
-    joints = m.setting.structure.robot.joints
+    joints, places = m.setting.structure.robot.joints, [p.place for p in placements]
     at = [k for k, joint in enumerate(joints) if joint in places]
     own = gap.at(at if set(places) <= set(joints) else range(len(joints)))
     errors = own.error_over_joints().tolist()
@@ -171,6 +181,7 @@ def _show(
         after=errors[second],
         interval=own.interval_over_joints(first, second, rng),
         expected=own.expected_change(first, second),
+        strength=float(np.linalg.norm([p.strength for p in placements])),
     )
 
 
@@ -213,6 +224,7 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
             rivals=tuple(rivals),
             stress=naming.stress.get(c.slot, ()),
             open=tuple(p.name for p, known in zip(parameters, own, strict=True) if not known),
+            strength=measure_strength(m.white, rest, c, value),
         )
         j = int(np.argmax(np.abs(added).sum(0)))
         of = c.family.drawn_over(c.effect, m.setting.structure.robot, j)

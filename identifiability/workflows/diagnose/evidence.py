@@ -289,3 +289,11 @@ def solve_chosen(white: Whitened, chosen: Sequence[Candidate]) -> list[tuple[Arr
     value, error = solve_values(white, white.columns(chosen))
     ends = white.X.shape[1] + np.cumsum([0, *(len(c.columns) for c in chosen)])
     return [(value[a:b], error[a:b]) for a, b in pairwise(ends)]
+
+
+def measure_strength(
+    white: Whitened, rest: Sequence[Candidate], c: Candidate, value: Array
+) -> float:
+    """Return the size of an effect of some value (k,) in standard errors, beside the others."""
+    added = white.D[:, list(c.columns)] @ value
+    return float(np.linalg.norm(project_out(orthonormal(white.columns(rest)), added)))

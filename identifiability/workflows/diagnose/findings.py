@@ -17,6 +17,7 @@ from identifiability.workflows.diagnose.lookalikes import Alias, Rival
 from identifiability.workflows.diagnose.material import Setting
 from identifiability.workflows.diagnose.residual import Discrepancy, Remainder
 from identifiability.workflows.diagnose.rows import Refusal
+from identifiability.workflows.diagnose.shown import Shown
 
 
 @frozen
@@ -40,6 +41,8 @@ class Placement:
     open : tuple of str
         Parameters that the motion determines together with others only: their values are the
         smallest of many.
+    strength : float
+        Its size in standard errors of that.
     """
 
     place: str
@@ -53,6 +56,7 @@ class Placement:
     rivals: tuple[Rival, ...]
     stress: tuple[Survival, ...]
     open: tuple[str, ...] = ()
+    strength: float = float("inf")
 
     @property
     def rows(self) -> list[tuple[str, float, float, str]]:
@@ -88,32 +92,6 @@ class Curve:
     learned: Array
     spread: Array
     data: Array
-
-
-@frozen
-class Shown:
-    """What the motion that verifies shows of an effect at the joints where it is.
-
-    Attributes
-    ----------
-    before, after : float
-        Error over each of these joints' own scale, without and with the effect.
-    interval : (float, float)
-        95 % of the change.
-    expected : float
-        The change that an effect of the fitted size would bring; zero or less.
-    """
-
-    before: float
-    after: float
-    interval: tuple[float, float]
-    expected: float
-
-    @property
-    def contradicts(self) -> bool:
-        """Whether the error surely rises, or does not fall where it surely should fall further."""
-        low, high = self.interval
-        return low > 0 or (high >= 0 and low > self.expected)
 
 
 @frozen
@@ -169,11 +147,12 @@ class NamedEffect:
         """Whether the motion that verifies contradicts it.
 
         It surely has more error with it, or what is shown where it is contradicts it. What is rare
-        must be confirmed.
+        must be confirmed by motion that can; a function without a name by any.
         """
         if self.confirmed:
             return False
-        return self.rare or self.joints_interval[0] > 0 or self.shown.contradicts
+        needed = self.unnamed or (self.rare and self.shown.telling)
+        return needed or self.joints_interval[0] > 0 or self.shown.contradicts
 
     @property
     def joints(self) -> tuple[str, ...]:

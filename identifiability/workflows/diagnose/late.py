@@ -81,8 +81,9 @@ def name_late(
     named = any(c.family.late for c in again.chosen)
     if named and predicts_better(material.held, naming, wider.held, again, rules.gain):
         return wider, again
-    merged = merge_springs(naming, wider.candidates)
-    return (material, naming) if merged is naming else (wider, merged)
+    # No late name is given, but each may be another name for what is: its rival.
+    start = [find_same(c, wider.candidates) for c in naming.chosen]
+    return wider, merge_springs(replace(naming, chosen=tuple(start)), wider.candidates)
 
 
 def _late(families: Sequence[Family]) -> tuple[Family, ...]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from identifiability.workflows.diagnose.findings import NamedEffect, Placement, Shown
+from identifiability.workflows.diagnose.findings import NamedEffect, Placement
 from identifiability.workflows.diagnose.gates import (
     Survival,
     add_places,
@@ -18,6 +18,7 @@ from identifiability.workflows.diagnose.gates import (
 from identifiability.workflows.diagnose.held_out import Gain
 from identifiability.workflows.diagnose.lookalikes import Rival
 from identifiability.workflows.diagnose.material import Rules
+from identifiability.workflows.diagnose.shown import Shown
 
 
 @dataclass
@@ -146,6 +147,36 @@ def test_an_effect_large_enough_to_show_that_does_not_show_is_refuted(interval, 
     assert replace(effect, joints_interval=(0.1, 0.2)).refuted
     # What surely helps over all joints is confirmed, unless its own surely suffer.
     assert replace(effect, joints_interval=(-0.5, -0.1)).confirmed
+
+
+def test_what_is_expected_of_an_effect_knows_the_error_of_its_size():
+    """An effect of 7 errors may be 28 % smaller: what it adds then brings 44 % of the fall."""
+    shown = Shown(0.2, 0.1, (-0.1, 0.05), -0.2)
+    assert shown.least == -0.2
+    known = replace(shown, strength=7.0)
+    assert known.least == pytest.approx((1 - 2 * 1.96 / 7) * -0.2, rel=1e-3)
+    assert shown.contradicts
+    assert not known.contradicts
+    assert replace(known, interval=(-0.08, 0.05)).contradicts
+    # Of what may be half as large nothing is expected; it is contradicted by harm alone.
+    small = replace(shown, strength=3.0, interval=(-0.001, 0.05))
+    assert small.least == 0
+    assert not small.contradicts
+    assert replace(small, interval=(0.001, 0.05)).contradicts
+
+
+@pytest.mark.parametrize(
+    ("interval", "unnamed", "refuted"),
+    [((-0.3, 0.1), False, False), ((-0.3, 0.1), True, True), ((-0.15, 0.01), False, True)],
+)
+def test_what_is_rare_must_be_confirmed_by_motion_that_can(interval, unnamed, refuted):
+    """A fall of 0.1 does not show where the change is known to 0.2; it does where to 0.08."""
+    effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
+                         interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
+                         joints_interval=(-0.5, 0.5), shown=Shown(0.2, 0.1, interval, -0.1, 4.0),
+                         rare=True, unnamed=unnamed)  # fmt: skip
+    assert not effect.confirmed
+    assert effect.refuted == refuted
 
 
 def test_a_named_effect_speaks_for_all_its_places():
