@@ -10,9 +10,10 @@ import numpy as np
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.shares import REACH
 from identifiability.posterior.diagnostics import Thresholds
+from identifiability.posterior.edges import SWAY
 from identifiability.report.blocks import Gallery, Note, Notes, Section
 from identifiability.report.figures.belief import draw_forest, draw_pair
-from identifiability.report.numbers import whole_percent
+from identifiability.report.numbers import join, whole_percent
 from identifiability.report.sections.facts import model_title, stated_values
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import columns, gallery, note, picture, section, words
@@ -60,7 +61,7 @@ def section_posterior(analysis: Analysis) -> Section:
 
 
 def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
-    """Return why a posterior is not shown, if one is not."""
+    """Return why a posterior, or an interval of it, is not shown, if one is not."""
     belief = analysis.belief
     assert belief is not None
     notes = []
@@ -70,6 +71,12 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
             notes.append(note("no-posterior", name=name, why=f"{why[0].upper()}{why[1:]}"))
         elif not summary.trustworthy:
             notes.append(note("doubtful", name=name, why=" ".join(summary.convergence.reasons)))
+        elif not summary.stated.all():
+            names = np.array(analysis.chosen.rung.columns)[~summary.stated].tolist()
+            share = f"{len(names)} of {len(summary.stated)}"
+            notes.append(
+                note("swayed", name=name, share=share, names=join(names, ROWS), limit=100 * SWAY)
+            )
     return tuple(notes)
 
 
@@ -134,7 +141,8 @@ def forest_layers(analysis: Analysis) -> tuple[dict[str, Array], Array]:
         roads["block bootstrap"] = np.where(open_[:, None], np.nan, ends)
     for name, summary in posteriors.items():
         if summary is not None:
-            roads[name] = np.column_stack([summary.mean, summary.interval])
+            both = np.column_stack([summary.mean, summary.interval])
+            roads[name] = np.where(summary.stated[:, None], both, np.nan)
     if any(v.sigma_omit for v in chosen.verdicts):
         label = np.array([v.sigma_label for v in chosen.verdicts])
         roads["label"] = value[:, None] + np.outer(np.where(open_, np.nan, label), half)

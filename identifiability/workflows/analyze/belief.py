@@ -19,6 +19,7 @@ from identifiability.estimation.verdict import Class, Thresholds, Verdict
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.posterior.diagnostics import Convergence
+from identifiability.posterior.edges import SWAY
 from identifiability.workflows.analyze.assessment import RungResult
 
 #: Margin of the point inside the cone that the samplers start from.
@@ -72,13 +73,16 @@ class Summary:
     ----------
     mean, sd : (m,)
     interval : (m, 2)
-        95 %, as in `believed_interval`.
+        95 %, as in `believed_interval` and with room for `sway`.
     draws : (D, m)
         Some draws, for pictures.
     chains : (E, K, N, m)
         All draws by ensemble and walker, in order.
     at_edge : (m,)
         Share of draws within 1 % of an interval's width of zero, for one-sided parameters.
+    sway : (m,)
+        By how many sd the mean may move where the prior has another density at the edges of what
+        is possible.
     convergence : Convergence
         Whether the numbers may be shown.
     """
@@ -89,7 +93,13 @@ class Summary:
     draws: Array
     chains: Array
     at_edge: Array
+    sway: Array
     convergence: Convergence
+
+    @property
+    def stated(self) -> np.ndarray:
+        """Which intervals may be stated, (m,) bool; the others are the prior's."""
+        return np.asarray(self.sway <= SWAY)
 
     @property
     def trustworthy(self) -> bool:
@@ -190,6 +200,12 @@ def believed_interval(draws: Array, nonnegative: np.ndarray) -> Array:
     return np.column_stack([low[best], high[best]])
 
 
+def widen_interval(interval: Array, nonnegative: np.ndarray, moved: Array) -> Array:
+    """Return intervals (m, 2) that hold whatever the density at the edges: by what means move."""
+    low, high = interval[:, 0] - moved, interval[:, 1] + moved
+    return np.column_stack([np.where(nonnegative, np.maximum(low, 0.0), low), high])
+
+
 def refine_verdicts(
     result: RungResult, belief: Belief, thresholds: Thresholds | None = None
 ) -> tuple[Verdict, ...]:
@@ -209,6 +225,14 @@ def refine_verdicts(
         narrowed = physical.sd[k] ** 2 < rules.constraint_variance * v.sigma_robust**2
         if not (open_ and narrowed):
             out.append(v)
+            continue
+        if not physical.stated[k]:
+            text = (
+                "Bodies that can exist and the prior narrow it, but how far is up to the density "
+                "that the prior has at the edge of what can exist: the prior decides, and no "
+                "interval is stated."
+            )
+            out.append(replace(v, verdict=Class.PRIOR, reason=f"{v.reason} {text}"))
             continue
         low, high = physical.interval[k]
         # Like with like: the same data and prior, with and without bodies that can exist.
@@ -248,7 +272,9 @@ def belief_dict(result: RungResult, belief: Belief) -> dict[str, Any]:
         }
         if summary.trustworthy:
             known = {"name": result.rung.columns, "mean": summary.mean, "sd": summary.sd}
-            frame = pd.DataFrame({**known, "interval95": summary.interval.tolist()})
+            pairs = zip(summary.interval.tolist(), summary.stated, strict=True)
+            ends = [pair if stated else None for pair, stated in pairs]
+            frame = pd.DataFrame({**known, "interval95": ends, "sway": summary.sway})
             out[name]["parameters"] = frame.to_dict("records")
     standard = belief.standard
     if standard is not None and belief.physical is not None and belief.physical.trustworthy:

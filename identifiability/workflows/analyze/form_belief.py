@@ -20,6 +20,7 @@ from identifiability.posterior.diagnostics import (
     diagnose_convergence,
     may_suffice,
 )
+from identifiability.posterior.edges import log_distances, measure_sway
 from identifiability.posterior.ensemble import Posterior, sample_posterior
 from identifiability.posterior.exact import Progress
 from identifiability.posterior.prior import Prior
@@ -41,6 +42,7 @@ from identifiability.workflows.analyze.belief import (
     Summary,
     believed_interval,
     refine_verdicts,
+    widen_interval,
 )
 
 
@@ -152,7 +154,8 @@ def _sample_signs(model: FittedModel, rng: np.random.Generator, effort: Effort) 
     start[low] = 0.01 * np.maximum(estimate.sigma[low], 1e-12)
     # The start must lie inside; a step of 1 % of σ off the edge is nothing to the sampler.
     posterior, convergence = _sample(target, start, rng, effort)
-    return _summarise(posterior.draws, rung, rng, convergence)
+    sway = measure_sway(posterior.draws, log_distances(region, posterior.draws))
+    return _summarise(posterior.draws, rung, rng, sway, convergence)
 
 
 def _sample(
@@ -205,7 +208,9 @@ def _sample_physical(
     signed = region.signed
     start[signed] = np.maximum(start[signed], OFF_EDGE * prior.sd[signed])
     posterior, convergence = _sample(target, start, rng, effort, progress)
-    summary = _summarise(posterior.draws @ model.to_x.T, model.rung, rng, convergence)
+    chains = posterior.draws @ model.to_x.T
+    sway = measure_sway(chains, log_distances(region, posterior.draws))
+    summary = _summarise(chains, model.rung, rng, sway, convergence)
     return summary, _look_at_standard(structure, target, posterior)
 
 
@@ -235,19 +240,22 @@ def _look_at_standard(structure: Structure, target: Target, posterior: Posterior
 
 
 def _summarise(
-    chains: Array, rung: Rung, rng: np.random.Generator, convergence: Convergence
+    chains: Array, rung: Rung, rng: np.random.Generator, sway: Array, convergence: Convergence
 ) -> Summary:
     draws = chains.reshape(-1, chains.shape[-1])
+    sd = draws.std(0, ddof=1)
     interval = believed_interval(draws, rung.nonnegative)
+    interval = widen_interval(interval, rung.nonnegative, sway * sd)
     width = interval[:, 1] - interval[:, 0]
     edge = np.where(rung.nonnegative, (draws < 0.01 * width).mean(0), 0.0)
     shown = draws[rng.permutation(len(draws))[:SHOWN]]
     return Summary(
         mean=draws.mean(0),
-        sd=draws.std(0, ddof=1),
+        sd=sd,
         interval=interval,
         draws=shown,
         chains=chains,
         at_edge=edge,
+        sway=sway,
         convergence=convergence,
     )

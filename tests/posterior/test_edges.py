@@ -1,0 +1,73 @@
+"""How far a posterior is the prior's density at the edge, against laws that are known exactly."""
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.posterior.edges import POWER, SWAY, log_distances, measure_sway
+
+SIGNS = PhysicalSet(np.empty((0, 10), int), np.array([True, False]))
+
+
+def sway(draws):
+    """Of draws (D, 2), the first of which may not be negative, as four ensembles."""
+    chains = draws.reshape(4, 8, -1, 2)
+    return measure_sway(chains, log_distances(SIGNS, chains))
+
+
+def test_an_exponential_moves_by_half_of_its_sd():
+    """Times the distance to a power ε it is a gamma law of mean 1 + ε."""
+    rng = np.random.default_rng(0)
+    x, other = rng.exponential(size=160_000), rng.standard_normal(160_000)
+    np.testing.assert_allclose(sway(np.column_stack([x, other])), [POWER, 0.0], atol=0.015)
+    # What goes with it moves with it, and half as far where half of its variance is its own.
+    both = np.column_stack([x, x + other])
+    np.testing.assert_allclose(sway(both), [POWER, POWER / np.sqrt(2)], atol=0.015)
+
+
+@pytest.mark.parametrize("mean", [0.0, 1.0, 2.0, 5.0])
+def test_a_truncated_normal_moves_as_its_mean_under_another_power(mean):
+    law, eps = stats.truncnorm(-mean, np.inf, loc=mean), 1e-3
+
+    def under(power):
+        top, bottom = (
+            integrate.quad(lambda x, k=k: law.pdf(x) * x ** (k + power), 0, mean + 10)[0]
+            for k in (1, 0)
+        )
+        return top / bottom
+
+    moved = POWER * (under(eps) - under(-eps)) / (2 * eps) / law.std()
+    draws = law.ppf(np.random.default_rng(1).uniform(size=(160_000, 2)))
+    found = sway(draws)[0]
+    assert found == pytest.approx(moved, abs=0.015)
+    assert (found > SWAY) == (mean < 2.5)
+
+
+def test_few_draws_do_not_accuse_what_has_nothing_to_do_with_an_edge():
+    """Thirty edges and 320 draws: squares of Monte-Carlo errors alone would come to .15."""
+    rng = np.random.default_rng(2)
+    chains, logs = (
+        rng.standard_normal((4, 8, 10, 200)),
+        np.log(rng.exponential(size=(4, 8, 10, 30))),
+    )
+    found = measure_sway(chains, logs)
+    assert np.mean(found**2 > 0) < 0.7
+    assert np.mean(found) < 0.09
+    assert np.mean(found > SWAY) < 0.01
+
+
+def test_what_never_moves_is_not_moved_by_a_prior():
+    chains = np.zeros((4, 8, 10, 2))
+    np.testing.assert_array_equal(measure_sway(chains, log_distances(SIGNS, chains)), [0.0, 0.0])
+
+
+def test_the_distance_of_a_body_is_its_determinant():
+    """Of a body's pseudo-inertia: m³ times the volume of its ellipsoid, to scale."""
+    one = PhysicalSet(np.arange(10)[None], np.zeros(10, bool))
+    theta = np.array([0.17, 0.01, 0.0, 0.10, 0.0, 0.09, 0.1, 0.0, 0.0, 2.0])
+    logs = log_distances(one, np.stack([theta, 2 * theta]))
+    assert logs.shape == (2, 1)
+    assert logs[1, 0] - logs[0, 0] == pytest.approx(4 * np.log(2))
+    near = np.stack([theta, theta + [0, 0, 0, 0, 0, 0, 0.2, 0, 0, 0]])
+    assert np.diff(log_distances(one, near)[:, 0])[0] < -0.5
