@@ -85,7 +85,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Trial:
-    """What one log gave: which intervals hold the truth, which are stated, and errors by weights."""
+    """What one log gave: intervals that hold the truth or are stated, and errors by weights."""
 
     held: dict[str, np.ndarray]
     stated: dict[str, np.ndarray]

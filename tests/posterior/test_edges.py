@@ -69,5 +69,5 @@ def test_the_distance_of_a_body_is_its_determinant():
     logs = log_distances(one, np.stack([theta, 2 * theta]))
     assert logs.shape == (2, 1)
     assert logs[1, 0] - logs[0, 0] == pytest.approx(4 * np.log(2))
-    near = np.stack([theta, theta + [0, 0, 0, 0, 0, 0, 0.2, 0, 0, 0]])
+    near = np.stack([theta, theta + 0.2 * np.eye(10)[6]])
     assert np.diff(log_distances(one, near)[:, 0])[0] < -0.5

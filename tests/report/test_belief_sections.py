@@ -49,7 +49,11 @@ def test_every_road_has_its_interval(believed_analysis):
         "label",
     ]  # fmt: skip
     np.testing.assert_allclose(layers["robust σ"], np.outer(np.ones(12), [0, -1.96, 1.96]))
-    for name, values in layers.items():
+    physical = believed_analysis.belief.physical
+    assert 6 < physical.stated.sum() < 12
+    assert np.isnan(layers["posterior with bodies"][~physical.stated]).all()
+    shown = layers | {"posterior with bodies": layers["posterior with bodies"][physical.stated]}
+    for name, values in shown.items():
         assert (np.diff(values[:, [1, 0, 2]], axis=1) > 0).all()
         assert name == "label" or np.abs(values).max() < 6
     verdicts = believed_analysis.chosen.verdicts
@@ -77,17 +81,28 @@ def test_a_reduced_models_table_shows_both_what_it_fits_and_what_its_labels_say(
 
 def test_what_the_motion_leaves_open_is_seen_from_the_posterior(believed_analysis):
     chosen = believed_analysis.chosen
-    verdicts = [
-        replace(chosen.verdicts[0], sigma=np.inf, sigma_robust=np.inf),
-        *chosen.verdicts[1:],
-    ]
+    k = int(believed_analysis.belief.physical.stated.argmax())
+    verdicts = list(chosen.verdicts)
+    verdicts[k] = replace(verdicts[k], sigma=np.inf, sigma_robust=np.inf)
     models = [*believed_analysis.models]
     models[believed_analysis.selected] = replace(chosen, verdicts=tuple(verdicts))
     layers, _ = forest_layers(replace(believed_analysis, models=tuple(models)))
-    assert np.isnan(layers["white σ"][0]).all()
-    assert np.isnan(layers["block bootstrap"][0]).all()
-    assert layers["posterior with bodies"][0, 0] == 0
-    assert np.isfinite(layers["posterior with signs"][0]).all()
+    assert np.isnan(layers["white σ"][k]).all()
+    assert np.isnan(layers["block bootstrap"][k]).all()
+    assert layers["posterior with bodies"][k, 0] == 0
+    assert np.isfinite(layers["posterior with signs"][k]).all()
+
+
+def test_intervals_that_the_prior_decides_are_named_and_withheld(believed_analysis):
+    physical = believed_analysis.belief.physical
+    (only,) = sections(believed_analysis)["posterior"].blocks[0].notes
+    left = np.array(believed_analysis.chosen.rung.columns)[~physical.stated]
+    assert only.title.startswith(f"The prior decides {len(left)} of 12 intervals of the posterior")
+    assert all(name in only.text for name in left)
+    calm = replace(believed_analysis.belief, physical=replace(physical, sway=0 * physical.sway))
+    calm = replace(believed_analysis, belief=calm)
+    assert not hasattr(sections(calm)["posterior"].blocks[0], "notes")
+    assert np.isfinite(forest_layers(calm)[0]["posterior with bodies"]).all()
 
 
 def test_parameters_are_grouped_and_long_groups_are_cut(believed_analysis):
@@ -122,7 +137,7 @@ def test_a_chain_that_has_not_converged_is_withheld_with_its_reasons(believed_an
     analysis = doubt(believed_analysis, *names)
     found, layers = sections(analysis), forest_layers(analysis)[0]
     notes = found["posterior"].blocks[0].notes
-    assert [n.text for n in notes] == [REASON] * len(names)
+    assert [n.text for n in notes if n.level == "warning"] == [REASON] * len(names)
     assert all("withheld" in n.title for n in notes)
     assert ("posterior with signs" in layers) == ("signs" not in names)
     assert ("posterior with bodies" in layers) == ("physical" not in names)

@@ -228,9 +228,9 @@ def refine_verdicts(
             continue
         if not physical.stated[k]:
             text = (
-                "Bodies that can exist and the prior narrow it, but how far is up to the density "
-                "that the prior has at the edge of what can exist: the prior decides, and no "
-                "interval is stated."
+                "Bodies that can exist, with the prior around the robot file, narrow it, but how "
+                "far is up to the prior's density at the edge of what can exist: the prior "
+                "decides, and no interval is stated."
             )
             out.append(replace(v, verdict=Class.PRIOR, reason=f"{v.reason} {text}"))
             continue
