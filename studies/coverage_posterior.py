@@ -156,10 +156,16 @@ class Subject:
         return value, np.sqrt(np.diag(np.linalg.inv(G)) * scale * time)
 
 
-def measure(subject: Subject, name: str, logs: int, seed: int) -> list[Cell]:
+def measure(
+    subject: Subject,
+    name: str,
+    logs: int,
+    seed: int,
+    correlations: Sequence[tuple[float, float]] = CORRELATIONS,
+) -> list[Cell]:
     """Return the cells of one robot."""
     cells = []
-    for first, others in CORRELATIONS:
+    for first, others in correlations:
         trials = []
         for rng in np.random.default_rng(seed).spawn(logs):
             tau = subject.observe(first, others, rng)
@@ -239,11 +245,13 @@ def main(argv: Sequence[str] | None = None) -> list[Cell]:
     parser.add_argument("--logs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS), choices=list(ROBOTS))
+    parser.add_argument("--slow", action="store_true", help="only where one actuator is slow")
     given = parser.parse_args(argv)
+    rows = [c for c in CORRELATIONS if c[0] > c[1] or not given.slow]
     cells = [
         cell
         for name in given.robots
-        for cell in measure(Subject(name, given.seed), name, given.logs, given.seed)
+        for cell in measure(Subject(name, given.seed), name, given.logs, given.seed, rows)
     ]
     method = (
         f"{given.logs} logs of every row, seed {given.seed}, of 750 samples; errors are "
