@@ -28,7 +28,7 @@ ENSEMBLES = 4
 EXACT = 0.9
 
 #: Draws a walker after which it is asked whether they are enough.
-ROUND = 10
+ROUND = 4
 
 #: Size of a Crank–Nicolson step, as a share of the Gaussian.
 STEP = 0.1

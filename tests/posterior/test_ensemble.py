@@ -10,7 +10,7 @@ from arviz_stats.base import array_stats
 import identifiability.posterior
 from identifiability.posterior import ensemble
 from identifiability.posterior.diagnostics import Thresholds, diagnose_convergence
-from identifiability.posterior.ensemble import Posterior, sample_posterior
+from identifiability.posterior.ensemble import ROUND, Posterior, sample_posterior
 from identifiability.posterior.exact import build_sampler
 
 from .exactly import sample_exact
@@ -122,9 +122,9 @@ def test_sampling_ends_when_it_is_enough_or_when_the_budget_is_used_up(posterior
         return len(asked) == 2
 
     done = sample_posterior(target, start, rng, draws=50, walkers=8, enough=enough)
-    assert (asked, done.draws.shape[2], done.stopped) == ([10, 20], 20, "")
+    assert (asked, done.draws.shape[2], done.stopped) == ([ROUND, 2 * ROUND], 2 * ROUND, "")
     poor = sample_posterior(target, start, rng, draws=50, walkers=8, warmup=5, pieces=150)
-    assert 10 <= poor.draws.shape[2] < 50
+    assert ROUND <= poor.draws.shape[2] < 50
     said = f"Sampling stopped at {poor.draws.shape[2]} of 50 draws a walker"
     assert poor.stopped.startswith(said)
     assert poor.stopped.count(".") == 1
