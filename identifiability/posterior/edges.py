@@ -75,4 +75,5 @@ def measure_sway(draws: Array, logs: Array) -> Array:
     square = (c.sum(0) ** 2 - (c**2).sum(0)).sum(-1) / (E * (E - 1))
     sd = draws.reshape(-1, m).std(0)
     moved = POWER * np.sqrt(np.maximum(square, 0.0))
-    return np.divide(moved, sd, out=np.zeros(m), where=sd > 0)
+    share: Array = np.divide(moved, sd, out=np.zeros(m), where=sd > 0)
+    return share
