@@ -5,17 +5,24 @@ trial, and the diagnosis is told that share; or the values are those that `analy
 three other logs with their own noise, and the diagnosis is told their covariance. Beside both a
 payload of a tenth of the robot's mass is hidden, which must be named, with its mass.
 
-``python studies/fixed_values.py [TRIALS] [ROBOT…]``
+    python studies/fixed_values.py --trials 100 --robots five-bar --how share --out studies/results
+
+Every trial is written as soon as it is there, to `fixed_values.jsonl` in the folder `--out`; the
+same command goes on where it was stopped.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import json
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from hidden_effect_trials import BASE_EFFECTS, campaign, simulated
+from hidden_effect import read_rows
+from hidden_effect_trials import BASE_EFFECTS, ENCODER, campaign, simulated
 from scipy import stats
 
 from identifiability.effects.rigid_body import last_bodies
@@ -89,45 +96,72 @@ def trial(name: str, how: str, seed: int) -> Diagnosis:
     )
 
 
-def main(trials: int, robots: Sequence[str] = ROBOTS, ways: Sequence[str] = HOW) -> None:
-    """Print one line a trial with a name, and one for every robot and way."""
-    for how in ways:
-        pooled, every = 0, 0
-        for name in (r for r in robots if how != "payload" or r in LOADED):
-            named = held = first = 0
-            for seed in range(trials):
-                d = trial(name, how, seed)
-                named += bool(d.effects) if how != "payload" else _found(d)
-                if how == "payload":
-                    first += any(e.name == "payload" for e in d.effects)
-                    held += _holds(d, payload(name)[1])
-                elif d.effects:
-                    said = "; ".join(f"{e.name}@{'+'.join(e.joints)}" for e in d.effects)
-                    print(f"  {name} {how}, seed {seed}: {said}", flush=True)
-            pooled, every = pooled + named, every + trials
-            _say(name, how, named, trials)
-            if how == "payload":
-                print(f"  its mass within 1.96 standard errors in {held} of {first} so named")
-        _say("all robots", how, pooled, every)
+def row_of(name: str, how: str, seed: int) -> dict[str, Any]:
+    """Return one trial as a line of the file."""
+    d = trial(name, how, seed)
+    row = {"robot": name, "how": how, "seed": seed, "named": bool(d.effects)}
+    row["said"] = "; ".join(f"{e.names}@{'+'.join(e.joints)}" for e in d.effects)
+    if how == "payload":
+        row["named"] = any("payload" in (e.name, *e.alternatives) for e in d.effects)
+        masses = [
+            (float(value), float(error))
+            for e in d.effects
+            for p in e.placements
+            for parameter, value, error, _ in p.rows
+            if parameter.endswith("payload_m")
+        ]
+        row |= {"mass": payload(name)[1], "masses": masses}
+    return row
 
 
-def _found(d: Diagnosis) -> bool:
-    return any("payload" in (e.name, *e.alternatives) for e in d.effects)
-
-
-def _holds(d: Diagnosis, mass: float) -> bool:
-    rows = [r for e in d.effects for p in e.placements for r in p.rows]
-    return any(n.endswith("payload_m") and abs(v - mass) < 1.96 * s for n, v, s, _ in rows)
-
-
-def _say(name: str, how: str, count: int, trials: int) -> None:
-    ci = stats.binomtest(count, trials).proportion_ci()
+def tell(rows: Sequence[dict[str, Any]], how: str, name: str) -> None:
+    """Print how many of some trials were given a name, with its 95 % interval."""
+    if not rows:
+        return
+    count = sum(r["named"] for r in rows)
+    ci = stats.binomtest(count, len(rows)).proportion_ci()
     what = "with the payload named" if how == "payload" else "given a name"
-    print(f"{name}, {how}: {count} of {trials} {what} ({ci.low:.3f} … {ci.high:.3f})", flush=True)
+    print(f"{name}, {how}: {count} of {len(rows)} {what} ({ci.low:.3f} … {ci.high:.3f})")
+    if how == "payload":
+        held = [abs(v - r["mass"]) < 1.96 * s for r in rows for v, s in r["masses"]]
+        print(f"  its mass within 1.96 standard errors in {sum(held)} of {len(held)}")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the trials that are missing, and print what became of all."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--trials", type=int, default=100, help="a robot and way")
+    parser.add_argument("--robots", nargs="*", default=list(ROBOTS), choices=ENCODER)
+    parser.add_argument("--how", nargs="*", default=list(HOW), choices=HOW)
+    parser.add_argument("--out", type=Path, default=None, help="folder; goes on where it stopped")
+    options = parser.parse_args(argv)
+    path = None
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+        path = options.out / "fixed_values.jsonl"
+    rows = read_rows(path)
+    done = {(r["robot"], r["how"], r["seed"]) for r in rows}
+    cells = [
+        (name, how)
+        for how in options.how
+        for name in options.robots
+        if how != "payload" or name in LOADED
+    ]
+    for job in ((*cell, seed) for seed in range(options.trials) for cell in cells):
+        if job in done:
+            continue
+        rows.append(row_of(*job))
+        if path is not None:
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(rows[-1]) + "\n")
+        if rows[-1]["said"]:
+            print(f"  {job[0]} {job[1]}, seed {job[2]}: {rows[-1]['said']}", flush=True)
+    for how in options.how:
+        own = [r for r in rows if r["how"] == how]
+        for name in options.robots:
+            tell([r for r in own if r["robot"] == name], how, name)
+        tell(own, how, "all robots")
 
 
 if __name__ == "__main__":
-    words = sys.argv[1:]
-    count = int(words.pop(0)) if words and words[0].isdigit() else 100
-    chosen = [w for w in words if w not in HOW]
-    main(count, chosen or ROBOTS, [w for w in words if w in HOW] or HOW)
+    main()

@@ -22,7 +22,7 @@ from typing import Any
 
 import pandas as pd
 from hidden_effect_outside import OUTSIDE, SMOOTH
-from hidden_effect_trials import FAMILIES, PAPER, RHO, Job, run
+from hidden_effect_trials import ENCODER, FAMILIES, PAPER, RHO, Job, run
 from joblib import Parallel, delayed
 from scipy import stats
 
@@ -176,7 +176,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--quick", action="store_true", help="one seed, two nulls")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--nulls", type=int, default=67, help="seeds a cell and robot")
-    parser.add_argument("--robots", nargs="*", default=list(ROBOTS), choices=ROBOTS)
+    parser.add_argument("--robots", nargs="*", default=list(ROBOTS), choices=ENCODER)
     parser.add_argument("--parts", nargs="*", default=list(PARTS), choices=PARTS)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--out", type=Path, default=None, help="folder; goes on where it stopped")

@@ -25,7 +25,7 @@ from identifiability.workflows.diagnose.rows import build_rows
 
 #: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
 LEVEL, RHO = 0.012, 0.9
-ENCODER = {"3-rps": 1e-6, "five-bar": 2e-5, "six-dof-arm": 2e-5}
+ENCODER = {"3-rps": 1e-6, "five-bar": 2e-5, "six-dof-arm": 2e-5, "two-link": 2e-5}
 #: Families, and a size of the order that robots have: rms over that of the joint's torque.
 REALISTIC = {
     "stribeck_friction": 0.05,

@@ -2,14 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import wraps
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.robot import Motion, Robot
+
+#: Torque of a robot along a motion, (N, n) [N·m or N].
+Torque = Callable[[Robot, Motion], Array]
+
+
+def once(torque: Torque) -> Torque:
+    """Return a torque that is computed once for a robot's motion, as long as the motion is there.
+
+    A dictionary asks dozens of effects about one motion, and many of them for the same load.
+    """
+    found: WeakKeyDictionary[Motion, tuple[Robot, Array]] = WeakKeyDictionary()
+
+    @wraps(torque)
+    def known(robot: Robot, motion: Motion) -> Array:
+        of, tau = found.get(motion, (None, None))
+        if of is not robot or tau is None:
+            tau = torque(robot, motion)
+            tau.flags.writeable = False
+            found[motion] = robot, tau
+        return tau
+
+    return known
 
 
 def project(robot: Robot, motion: Motion, tree: Array) -> Array:
@@ -52,6 +76,7 @@ def _load_model(robot: Robot) -> Any:
     return model
 
 
+@once
 def rigid_torque(robot: Robot, motion: Motion) -> Array:
     """Return the rigid-body torque of the actuated joints by the file's masses, (N, n)."""
     model = _load_model(robot)

@@ -1,7 +1,5 @@
 """Torque that is recorded later than the motion it belongs to."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from identifiability.effects.actuator_inertia import ActuatorInertia
@@ -10,17 +8,21 @@ from identifiability.effects.coulomb_friction import CoulombFriction
 from identifiability.effects.effect import Effect
 from identifiability.effects.family import actuated_joints
 from identifiability.effects.joint_stiffness import JointStiffness
-from identifiability.effects.nominal import needs_masses, reference_values, rigid_torque
+from identifiability.effects.nominal import (
+    Torque,
+    needs_masses,
+    once,
+    reference_values,
+    rigid_torque,
+)
 from identifiability.effects.registry import declare
 from identifiability.effects.viscous_friction import ViscousFriction
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
 
-#: The torque that is delayed, as a function of the motion, (N, n).
-Torque = Callable[[Robot, Motion], Array]
 
-
+@once
 def nominal_torque(robot: Robot, motion: Motion) -> Array:
     """Return the torque by all values that the robot file states, (N, n)."""
     tau = rigid_torque(robot, motion)
@@ -55,7 +57,7 @@ class TimeDelay(Effect):
 
     Attributes
     ----------
-    torque : callable
+    torque : callable(Robot, Motion) -> (N, n)
         Model torque; by default that of the robot file's values.
     """
 

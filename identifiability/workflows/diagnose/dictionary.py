@@ -15,10 +15,14 @@ from identifiability.effects import Effect, Part, Placed
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare.samples import Piece
 from identifiability.robot import Robot
 
-#: Samples that columns are computed of at a time.
-PIECE = 1024
+#: Samples that columns are computed of at a time, at least; and in units of what a decimation
+#: filter draws on beside them, so that it costs little more than the samples themselves.
+PIECE, REACHES = 1024, 4
+#: Columns that are filtered together.
+TOGETHER = 64
 
 #: Torque (N,) by joint and column, where it is not zero everywhere.
 Entries = dict[tuple[int, int], Array]
@@ -168,7 +172,8 @@ def compute_entries(
     rows = sum(s.outputs for s in samples)
     entries: Entries = {}
     start = 0
-    for piece in (piece for s in samples for piece in s.pieces(PIECE)):
+    for piece in (piece for s in samples for piece in s.pieces(_size(s))):
+        outputs = len(piece.tau[piece.at])
         found: Entries = {}
         for effect, width, columns in layout:
             W = np.zeros((len(piece.motion), len(robot.actuated), width))
@@ -177,16 +182,29 @@ def compute_entries(
                 w = W[:, :, own]
                 for j in np.flatnonzero(np.einsum("nj,nj->j", w, w)).tolist():
                     found[j, column] = w[:, j]
-        if not found:
-            start += len(piece.tau[piece.at])
-            continue
-        down = piece.down(np.stack(list(found.values()), axis=1))
-        for at, values in zip(found, down.T, strict=True):
-            if at not in entries:
-                entries[at] = np.zeros(rows)
-            entries[at][start : start + len(values)] = values
-        start += len(down)
+            if len(found) >= TOGETHER:
+                _write(entries, piece, found, start, rows)
+                found = {}
+        _write(entries, piece, found, start, rows)
+        start += outputs
     return entries
+
+
+def _size(samples: Samples) -> int:
+    """Return how many samples of a log columns are computed of at a time."""
+    d = samples.decimation
+    return PIECE if d is None else max(PIECE, REACHES * d.reach)
+
+
+def _write(entries: Entries, piece: Piece, found: Entries, start: int, rows: int) -> None:
+    """Write what effects are along a piece, decimated, where its outputs begin in all rows."""
+    if not found:
+        return
+    down = piece.down(np.stack(list(found.values()), axis=1))
+    for at, values in zip(found, down.T, strict=True):
+        if at not in entries:
+            entries[at] = np.zeros(rows)
+        entries[at][start : start + len(values)] = values
 
 
 def _lay_out(
