@@ -13,6 +13,7 @@ from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.model import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.known_values import know_share, share_spread
+from identifiability.workflows.diagnose.real_robot import real_robot
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -111,3 +112,23 @@ def test_values_are_kept_in_one_way_at_a_time(tmp_path):
     out = CliRunner().invoke(app, argv)
     assert out.exit_code == 2
     assert "one way at a time" in " ".join(out.output.split())
+
+
+def test_a_simulation_forward_begins_with_the_values_of_the_result(logs_of):
+    """The robot is far from its file: kept values of a result simulate it, the file's do not."""
+    far = {"link1.m": 1.0, "link2.m": 0.8, "link2.mx": 0.2, "elbow.Fc": 0.3}
+    before = moved(logs_of("two-link", seed=5), "two-link", far)
+    hidden = logs_of("two-link", "joint_stiffness@shoulder=0.05", seed=6)
+    logs = moved(hidden, "two-link", far)
+    a = analyze("two-link", before[:3], replicates=0)
+    few = {"effects": ["joint_stiffness"], "replicates": 99}
+    d = diagnose("two-link", logs[:4], logs[4:], fixed=a, **few)
+    assert [(e.name, e.joints) for e in d.effects] == [("joint_stiffness", ("shoulder",))]
+    kept = real_robot(d, d.structure)
+    base = d.structure.G @ [kept.values[name] for name in d.structure.columns]
+    sd = np.sqrt(np.diag(d.known.covariance))
+    assert np.abs((base - a.fit.base) / sd).max() < 0.5
+    assert d.forward.error_after < d.forward.error_before < 0.3
+    added = {name: value for p in d.effects[0].placements for name, value, *_ in p.rows}
+    both = real_robot(d, d.completed).values
+    assert both == pytest.approx({n: kept.values.get(n, 0.0) + added.get(n, 0.0) for n in both})

@@ -9,9 +9,12 @@ from identifiability.estimation.estimate import estimate
 from identifiability.regression.gather import gather_information
 from identifiability.regression.model import Model
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose import BASE_EFFECTS
+from identifiability.workflows.diagnose import BASE_EFFECTS, workflow
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.odd_log import locate_error, state_odd_log
+from identifiability.workflows.diagnose.odd_log import OddLog, describe_odd_log, locate_error
+
+FEW = {"effects": ["joint_stiffness", "torque_offset", "position_ripple"], "quick": True}
+FEW |= {"replicates": 99, "forward": False}
 
 
 def about(logs):
@@ -23,7 +26,8 @@ def about(logs):
 
 def said(logs):
     regression, information = about(logs)
-    return state_odd_log(regression, information, estimate(information))
+    odd = describe_odd_log(regression, information, estimate(information))
+    return "" if odd is None else odd.left_out
 
 
 def changed(log, since=0.0, size=0.5):
@@ -56,8 +60,26 @@ def test_the_time_is_told_where_only_a_part_of_the_log_errs(logs_of):
     assert half - 0.5 < float(begin) < float(end)
 
 
-def test_a_diagnosis_says_so_first(logs_of):
-    logs = logs_of("two-link")
-    logs = [changed(logs[0]), *logs[1:]]
-    d = diagnose("two-link", logs[:4], logs[4:], effects=["torque_offset"], quick=True)
-    assert d.hints[0].startswith(f"{logs[0].name} disagrees with the other logs")
+def test_effects_are_named_from_the_others_and_that_is_said(logs_of, named):
+    logs = list(logs_of("two-link", "joint_stiffness@shoulder=0.04"))
+    logs[1] = changed(logs[1])
+    d = diagnose("two-link", logs[:4], logs[4:], **FEW)
+    assert named(d) == [("joint_stiffness", ("shoulder",))]
+    assert d.hints[0].startswith(f"{logs[1].name} disagrees with the other logs")
+    assert "left out" in d.hints[0]
+    told = d.to_dict()["roles"]
+    assert told["left_out"] == [logs[1].name]
+    assert told["fitted"] == [log.name for log in (logs[0], *logs[2:4])]
+    alone = diagnose("two-link", [logs[0], *logs[2:4]], logs[4:], **FEW)
+    assert d.error_after == alone.error_after  # nothing of that log is in it
+
+
+def test_a_log_whose_motion_alone_shows_an_effect_comes_back(logs_of, named, monkeypatch):
+    logs = list(logs_of("two-link", "joint_stiffness@shoulder=0.04"))
+    odd = OddLog(1, logs[1].name, "so and so")
+    monkeypatch.setattr(workflow, "describe_odd_log", lambda *_: odd)
+    d = diagnose("two-link", logs[:4], logs[4:], **FEW)
+    assert named(d) == [("joint_stiffness", ("shoulder",))]
+    assert d.left_out == ()
+    assert [s.name for s in d.samples] == [log.name for log in logs[:4]]
+    assert "explains that, so it was fitted with them" in d.hints[0]

@@ -202,7 +202,9 @@ def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement
         rest = [other for other in naming.chosen if other is not c]
         value, error = found
         if is_body(c):
-            value = fit_body(m.white, rest, c)
+            # What the bounds of a body move is not known any better than without them.
+            body = fit_body(m.white, rest, c)
+            value, error = body, np.hypot(error, body - value)
         if c.family.flexible:
             value, error = leave_to_model(m.white, rest, c, value, m.setting.rules.alias)
         added, spread = D @ value, np.sqrt((D**2) @ error**2)

@@ -82,6 +82,8 @@ class Setting:
         Unseen motion, in words: neither fitted nor used to choose.
     preparation : Preparation
         How logs were turned into motion, with one cut-off.
+    left_out : tuple of str
+        Logs that disagree with the fitted ones and were left out.
     """
 
     structure: Structure
@@ -94,6 +96,7 @@ class Setting:
     chosen_by: str = ""
     verified_on: str = ""
     preparation: Preparation = Preparation()
+    left_out: tuple[str, ...] = ()
 
 
 @frozen

@@ -2,7 +2,8 @@
 
 What differs between logs (a load, a temperature, another robot) looks like whatever effect the
 logs' motions happen to tell apart. Only a log is told of without which the others agree: an effect
-that the model misses makes all of them disagree.
+that the model misses makes all of them disagree. It is left out while effects are named. One whose
+motion alone shows an effect is odd, too: where what the others name explains it, it comes back.
 """
 
 from __future__ import annotations
@@ -12,11 +13,16 @@ from itertools import pairwise
 
 import numpy as np
 
+from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.motions import LEVEL, Motions, compare_motions
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.several_logs import differences
 
 #: Stretches of the log that are looked at, and how much more than the typical one is "when".
@@ -42,23 +48,63 @@ def find_odd_log(information: Information, fit: Estimate) -> tuple[Motions, int]
     return (motions, odd) if motions.without(odd) >= LEVEL and motions.moved.any() else None
 
 
-def state_odd_log(regression: Regression, information: Information, fit: Estimate) -> str:
-    """Return one sentence on the log that disagrees with the others, or none."""
+@frozen
+class OddLog:
+    """A fitted log that disagrees with the others.
+
+    Attributes
+    ----------
+    number : int
+        Which of the fitted logs.
+    name : str
+    difference : str
+        What differs there, in which joint and when, in words.
+    """
+
+    number: int
+    name: str
+    difference: str
+
+    @property
+    def left_out(self) -> str:
+        """What is said where effects are named without it."""
+        return (
+            f"{self.name} disagrees with the other logs, and did so before any effect was looked "
+            f"for: {self.difference}. A payload, a temperature or another robot does that: it was "
+            "left out, and effects are named from the others; diagnose it by itself."
+        )
+
+    @property
+    def kept(self) -> str:
+        """What is said where effects that the others named explain it."""
+        return (
+            f"{self.name} disagreed with the other logs before any effect was looked for: "
+            f"{self.difference}. What the others named without it explains that, so it was fitted "
+            "with them."
+        )
+
+
+def describe_odd_log(
+    regression: Regression, information: Information, fit: Estimate
+) -> OddLog | None:
+    """Return the log that disagrees with the others, or None."""
     found = find_odd_log(information, fit)
     if found is None:
-        return ""
+        return None
     motions, odd = found
     log = int(motions.which[odd])
     others = fit.estimator.fit(information.take(information.log != log))
-    name, joints = regression.samples[log].name, regression.robot.joints
     scale = np.sqrt(np.maximum(others.variance, 1e-300))
-    where = locate_error(regression, log, others.value, scale, joints)
-    return (
-        f"{name} disagrees with the other logs, and did so before any effect was looked for: "
-        f"{differences(motions, information.columns, odd)}; {where}. A payload, a temperature "
-        "or another robot does that: leave it out, or diagnose it by itself, or its difference may "
-        "be named as an effect."
-    )
+    where = locate_error(regression, log, others.value, scale, regression.robot.joints)
+    difference = f"{differences(motions, information.columns, odd)}; {where}"
+    return OddLog(log, regression.samples[log].name, difference)
+
+
+def still_odd(structure: Structure, samples: Sequence[Prepared], number: int) -> bool:
+    """Whether a log disagrees with the others under a model, too."""
+    information = gather_information(structure.regression(tuple(samples)))
+    found = find_odd_log(information, find_estimator("wls").fit(information))
+    return found is not None and int(found[0].which[found[1]]) == number
 
 
 def locate_error(

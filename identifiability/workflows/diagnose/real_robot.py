@@ -14,8 +14,10 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import Samples
 from identifiability.physical.cad_prior import WEAK
 from identifiability.physical.feasibility import find_nearest
-from identifiability.physical.fitted_model import FittedModel
+from identifiability.physical.fitted_model import FittedModel, physical_set
+from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.mass import real_robot_dict
+from identifiability.physical.project import Projection
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import full_rung
 from identifiability.regression.regression import Regression
@@ -55,7 +57,8 @@ def fit_physical(
 def real_robot(d: Findings, structure: Structure) -> Physical:
     """Return the real robot of a diagnosis under the model without or with the named effects.
 
-    With the file's values kept (``fixed``) it is these and what the named effects add.
+    With values kept (``fixed``) it is these, as a real robot can have them, and what the named
+    effects add.
 
     Raises
     ------
@@ -64,14 +67,32 @@ def real_robot(d: Findings, structure: Structure) -> Physical:
     """
     if not d.fixed:
         return fit_physical(structure, d.samples, d.validation)
-    values = dict.fromkeys(structure.columns, 0.0)
-    for p in d.structure.parameters:
-        values[p.name] = d.robot.nominal.get(p.name, 0.0)
+    values = dict.fromkeys(structure.columns, 0.0) | _kept(d)
     named = d.effects if structure is d.completed else ()
     for placement in (p for e in named for p in e.placements):
         for name, value, *_ in placement.rows:
             values[name] += value
     return Physical(structure, values)
+
+
+def _kept(d: Findings) -> dict[str, float]:
+    """Return the values that a diagnosis keeps, those of a result at the nearest real robot."""
+    columns, own = d.structure.columns, d.structure
+    if d.known is None or np.array_equal(d.known.values, own.nominal_base):
+        return {name: d.robot.nominal.get(name, 0.0) for name in columns}
+    if "rigid_body" not in own.model.names:
+        standard = own.nominal + np.linalg.pinv(own.G) @ (d.known.values - own.nominal_base)
+        return dict(zip(columns, standard.tolist(), strict=True))
+    sd = np.sqrt(np.maximum(np.diag(d.known.covariance), 0.0))
+    weight = 1.0 / np.maximum(sd, 1e-9 * (np.abs(d.known.values) + sd.max(initial=0.0)) + 1e-12)
+    data = LeastSquares(weight[:, None] * own.G, weight * d.known.values, 0.0, 1.0)
+    try:
+        found = Projection(physical_set(own), reference=own.nominal).solve(data).phi
+    except ValueError as error:
+        raise IdentifiabilityError(
+            f"No real robot has {d.known.words} or any near them: {error}"
+        ) from None
+    return dict(zip(columns, found.tolist(), strict=True))
 
 
 def nearest_dict(d: Findings) -> dict[str, Any]:

@@ -149,6 +149,7 @@ class Diagnosis(Result, Findings, Predicts):
                 **pick(self, chosen="chosen_by", verified="verified_on"),
                 "fitted": [s.name for s in self.samples],
                 "verified_logs": [s.name for s in self.validation],
+                "left_out": list(self.left_out),
             },
             "real_robot": pick(self, error_ra_before="real_before", error_ra_after="real_after"),
             "forward": None if self.forward is None else _forward_row(self.forward),

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from identifiability.effects import default_effects, find_families
+from identifiability.effects import default_effects
 from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.options import (
@@ -35,7 +35,6 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import say_band
 from identifiability.workflows.analyze.decisive import state_decisive
-from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.known_values import (
     Given,
     KnownValues,
@@ -43,14 +42,11 @@ from identifiability.workflows.diagnose.known_values import (
     know_share,
     read_given,
 )
-from identifiability.workflows.diagnose.late import early, name_late
-from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting, gather
+from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting
 from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows, samples_each
-from identifiability.workflows.diagnose.naming import name_effects
-from identifiability.workflows.diagnose.odd_log import state_odd_log
+from identifiability.workflows.diagnose.odd_log import OddLog, describe_odd_log
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
-from identifiability.workflows.diagnose.stress import stress_named
-from identifiability.workflows.diagnose.unnamed import name_unnamed
+from identifiability.workflows.diagnose.search import Search
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -171,28 +167,27 @@ def diagnose(
             verified_on=roles.verified_on,
             preparation=how or Preparation(),
         )
-        simulated = settle_count(replicates, DRAWS, DRAWS // 2, quick=quick)
-        first = [f.name for f in early(find_families(effects))]
-        material = gather(setting, choose, streams[0], first, simulated)
-        doubts = [EXACT] * (fixed is True) if fixed is not False else _doubt_logs(opening)
-        say("naming effects", 0.4)
-        present = setting.structure.model.names
-        naming = name_effects(
-            material.bench, material.candidates, material.held, setting.rules, present, say
+        odd, decided = (None, "") if setting.fixed else _doubt_logs(opening)
+        search = Search(
+            logs=roles.fit,
+            choose=tuple(choose),
+            how=how,
+            effects=None if effects is None else tuple(effects),
+            draws=settle_count(replicates, DRAWS, DRAWS // 2, quick=quick),
+            streams=tuple(streams),
+            say=say,
         )
-        material, naming = name_late(material, naming, choose, streams[4], effects, simulated, say)
-        material, naming = name_unnamed(
-            material, naming, choose, streams[5], effects, simulated, say
-        )
-        say("changing the preparation", 0.8)
-        naming = stress_named(material, naming, roles.fit, how, streams[1])
-        say("verifying", 0.9)
-        found = conclude(material, naming, streams[2])
+        doubts = [EXACT] * (fixed is True)
+        if odd is None:
+            found = search.run(setting)
+        else:
+            found, said = search.run_without(setting, odd)
+            doubts = [said]
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed is True if known is None else known.words,
             "rules": setting.rules,
-            "replicates": simulated,
+            "replicates": search.draws,
             "quick": quick,
             "preparation": preparation or Preparation(),
         }
@@ -200,6 +195,7 @@ def diagnose(
             found,
             hints=(
                 *doubts,
+                *([decided] if decided else []),
                 *opening.hints,
                 *say_band(how),
                 *free_again(model),
@@ -213,13 +209,13 @@ def diagnose(
         return replace(found, forward=simulate_forward(found, streams[3]))
 
 
-def _doubt_logs(opening: Opening) -> list[str]:
-    """Return a sentence on a log that disagrees, and one on stretches that decide a value."""
+def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
+    """Return the log that disagrees, if one does, and a sentence on what decides a value."""
     information = gather_information(opening.regression)
     fit = find_estimator("wls").fit(information)
-    odd = state_odd_log(opening.regression, information, fit)
+    odd = describe_odd_log(opening.regression, information, fit)
     decided = state_decisive(opening.robot.joints, opening.samples, information, fit)
-    return [text for text in (odd, decided) if text]
+    return odd, decided
 
 
 def _settle_values(

@@ -1,0 +1,89 @@
+"""`Search`: from logs that are ready to findings: three passes of naming, stress, verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from identifiability.effects import find_families
+from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Preparation, Samples
+from identifiability.logs.repeats import Recording
+from identifiability.workflows.diagnose.conclude import conclude
+from identifiability.workflows.diagnose.late import early, name_late
+from identifiability.workflows.diagnose.material import Setting, gather
+from identifiability.workflows.diagnose.naming import Say, name_effects
+from identifiability.workflows.diagnose.odd_log import OddLog, still_odd
+from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.stress import stress_named
+from identifiability.workflows.diagnose.unnamed import name_unnamed
+
+T = TypeVar("T")
+
+
+@frozen
+class Search:
+    """How effects are looked for in some logs.
+
+    Attributes
+    ----------
+    logs : tuple of Log or LogFile
+        As they were measured, one for each of the setting's fitted samples.
+    choose : tuple of Samples
+        What judges while names are chosen; none to leave out fitted motion in turn.
+    how : Preparation or None
+        How derivatives are made.
+    effects : tuple of str or None
+        Families that may be named.
+    draws : int
+        Simulated noises.
+    streams : tuple of numpy.random.Generator
+    say : callable(str, float)
+    """
+
+    logs: tuple[Recording, ...]
+    choose: tuple[Samples, ...]
+    how: Preparation | None
+    effects: tuple[str, ...] | None
+    draws: int
+    streams: tuple[np.random.Generator, ...]
+    say: Say
+
+    def run(self, setting: Setting) -> Diagnosis:
+        """Name what is missing, add it, verify."""
+        say, streams = self.say, self.streams
+        first = [f.name for f in early(find_families(self.effects))]
+        m = gather(setting, self.choose, streams[0], first, self.draws)
+        say("naming effects", 0.4)
+        present = setting.structure.model.names
+        naming = name_effects(m.bench, m.candidates, m.held, setting.rules, present, say)
+        for widen, stream in ((name_late, streams[4]), (name_unnamed, streams[5])):
+            m, naming = widen(m, naming, self.choose, stream, self.effects, self.draws, say)
+        say("changing the preparation", 0.8)
+        naming = stress_named(m, naming, self.logs, self.how, streams[1])
+        say("verifying", 0.9)
+        return conclude(m, naming, streams[2])
+
+    def run_without(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
+        """Name effects without a log that disagrees, and with it where these explain it.
+
+        Returns
+        -------
+        found : Diagnosis
+        said : str
+            What became of the log.
+        """
+        samples = drop(setting.samples, odd.number)
+        others = replace(self, logs=drop(self.logs, odd.number))
+        found = others.run(replace(setting, samples=samples, left_out=(odd.name,)))
+        if not found.effects or still_odd(found.completed, setting.samples, odd.number):
+            return found, odd.left_out
+        return self.run(setting), odd.kept
+
+
+def drop(several: Sequence[T], number: int) -> tuple[T, ...]:
+    """Return all but one."""
+    return (*several[:number], *several[number + 1 :])
