@@ -60,7 +60,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     reason = ""
     with _printed_errors() as printed:
         try:
-            model = pin.buildModelFromXML(_with_angles(root, path.stem))
+            model = pin.buildModelFromXML(plain_urdf(root, path.stem))
         except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
             reason = _one_line(error)
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
@@ -117,7 +117,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
 ENDLESS = ("inf", "+inf", "-inf", "infinity", "-infinity", ".inf", "-.inf")
 
 
-def _with_angles(root: ET.Element, name: str) -> str:
+def plain_urdf(root: ET.Element, name: str) -> str:
     """Return a URDF whose continuous joints are revolute ones, as far as they like.
 
     Pinocchio holds a continuous joint as cosine and sine, from which nobody can tell how often it

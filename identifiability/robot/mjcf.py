@@ -72,6 +72,26 @@ def _parse(path: Path, root: ET.Element) -> Any:
     return spec
 
 
+def compile_shapes(path: Path, root: ET.Element) -> Any:
+    """Return an MJCF compiled with the geoms that collide and no others.
+
+    Raises
+    ------
+    RobotError
+    """
+    with _refused(path, root):
+        spec = mujoco.MjSpec.from_string(file_text(path, root))
+        spec.modelfiledir = str(path.parent)
+        _name_all(spec)
+        for geom in list(spec.geoms):
+            if not (geom.contype or geom.conaffinity):
+                spec.delete(geom)
+        _forget_looks(spec)
+        # Bodies without shapes weigh nothing here, which is nobody's concern.
+        spec.compiler.boundmass, spec.compiler.boundinertia = 1e-6, 1e-9
+        return spec.compile()
+
+
 @contextmanager
 def _refused(path: Path, root: ET.Element) -> Iterator[None]:
     """Give MuJoCo's reasons as ours."""
@@ -119,6 +139,11 @@ def _take_out_idle(spec: Any) -> None:
             filed = geom.meshname or geom.hfieldname or int(geom.type) in _FILED
             if filed and not (moves and _weighs(spec.compiler, body, geom)):
                 spec.delete(geom)
+    _forget_looks(spec)
+
+
+def _forget_looks(spec: Any) -> None:
+    """Remove materials, and the assets that nothing uses."""
     for element in (*spec.geoms, *spec.sites, *spec.tendons, *spec.meshes):
         element.material = ""
     used = {e.meshname for e in (*spec.geoms, *spec.sites)} | {f.name for f in spec.flexes}

@@ -24,6 +24,7 @@ from identifiability.robot.dependence import invert, passes_singular
 from identifiability.robot.loop_equations import loop_jacobian
 from identifiability.robot.newton import LEAP
 from identifiability.simulation.motion import Trajectory
+from identifiability.workflows.excite.clearance import MARGIN, Clearance, nearness
 from identifiability.workflows.excite.drive import Drive
 from identifiability.workflows.excite.limits import Box, Limits
 from identifiability.workflows.excite.question import Known, Question
@@ -38,6 +39,9 @@ INNER = 0.9
 
 #: Samples of a batch at most: its regressor stays in the processor's cache.
 BATCH = 2400
+#: Cost of each sample at which bodies touch that are not joined, and the step of its gradient, over
+#: which distances change by more than their rounding.
+TOUCHING, NUDGE = 4.0, 1e-3
 #: Cost of a candidate whose loops do not close everywhere; more for each sample.
 OPEN = 50.0
 
@@ -275,27 +279,69 @@ class Objective:
         """What the drives can do, if it was stated."""
         return Drive.of(self.question.structure.robot, self.limits)
 
+    @cached_property
+    def watched(self) -> tuple[Clearance | None, str]:
+        """What of the robot may collide, or the sentence that says why nothing is watched."""
+        return Clearance.of(self.question.structure.robot)
+
     def __call__(self, x: Array) -> Array:
         """Return the costs of candidates (m, size), (m,)."""
+        cost = self._alone(x)
+        if self.watched[0] is not None:
+            cost = cost + TOUCHING * nearness(self.gaps(x, self.samples)).sum(1)
+        return cost
+
+    def _alone(self, x: Array) -> Array:
+        """Return the costs without those of bodies that come near each other, (m,)."""
         size = max(1, BATCH // self.samples)
         parts = [self._batch(x[at : at + size]) for at in range(0, len(x), size)]
         return np.concatenate(parts)
 
     def gradient(self, x: Array, step: float = 1e-5) -> tuple[float, Array]:
         """Return the cost of one candidate and its gradient by forward differences."""
-        cost = self(np.vstack([x, x + step * np.eye(len(x))]))
+        cost = self._alone(np.vstack([x, x + step * np.eye(len(x))]))
         slope: Array = (cost[1:] - cost[0]) / step
-        return float(cost[0]), slope
+        if self.watched[0] is None:
+            return float(cost[0]), slope
+        gaps = self.gaps(x[None], self.samples)
+        near = gaps[0] < 3 * MARGIN  # a neighbour is not far: the others stay where they are
+        total = TOUCHING * float(nearness(gaps).sum())
+        if near.any():
+            moved = self.gaps(x + NUDGE * np.eye(len(x)), self.samples, near)
+            slope = slope + (TOUCHING * nearness(moved).sum(1) - total) / NUDGE
+        return float(cost[0]) + total, slope
+
+    def gaps(self, x: Array, samples: int, at: np.ndarray | None = None) -> Array:
+        """Return the least distance of bodies that may collide, (m, samples) [m].
+
+        It is infinite where nothing is watched, at samples whose loops do not close and, given
+        `at` (samples,) bool, at the others.
+        """
+        x, watched = np.atleast_2d(x), self.watched[0]
+        out = np.full(len(x) * samples, np.inf)
+        motion = None if watched is None else self._complete(x, samples)
+        if watched is not None and motion is not None:
+            wanted = np.ones(samples, bool) if at is None else at
+            rows = wanted[motion.kept % samples]
+            out[motion.kept[rows]] = watched.gaps(motion.q[rows])
+        return out.reshape(len(x), samples)
+
+    def _complete(self, x: Array, samples: int) -> Motion | None:
+        """Return the motion of all joints of candidates one after the other, if loops close."""
+        q, v, a = (part.reshape(-1, self.series.joints) for part in self.series.motion(x, samples))
+        try:
+            t = np.arange(len(q), dtype=float)
+            return complete_motion(self.question.structure.robot, t, q, v, a)
+        except ClosureError:
+            return None
 
     def look(self, x: Array, samples: int) -> tuple[Array, Workspace]:
         """Return Gram matrices of logs and candidates together (m, k, k), and the workspace."""
         x = np.atleast_2d(x)
         m, n = len(x), self.series.joints
-        q, v, a = (part.reshape(-1, n) for part in self.series.motion(x, samples))
         known, robot = self.known, self.question.structure.robot
-        try:
-            motion = complete_motion(robot, np.arange(len(q), dtype=float), q, v, a)
-        except ClosureError:
+        motion = self._complete(x, samples)
+        if motion is None:
             missing = np.full(m, samples)
             nowhere = np.full(m, np.inf)
             G = np.repeat(known.G[None], m, 0)

@@ -12,7 +12,7 @@ A limits file is TOML; every key is optional and replaces what the robot says::
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -177,6 +177,35 @@ def find_limits(
         boxes=tuple(_box(robot, body, box) for body, box in entry.workspace.items()),
         assumed=tuple(assumed),
     )
+
+
+def doubt_assumed(limits: Limits, logs: Mapping[str, tuple[Array, Array]]) -> Iterator[str]:
+    """Give a sentence for assumed limits that the logs to start from go beyond.
+
+    Parameters
+    ----------
+    limits : Limits
+    logs : mapping
+        Name of a log to the least and the largest position, velocity and acceleration, (3, n) each.
+    """
+    beyond: list[str] = []
+    for name, (low, high) in logs.items():
+        fast = np.maximum(-low[1], high[1])
+        for k, joint in enumerate(limits.joints):
+            if f"{joint}.v" in limits.assumed and fast[k] > limits.speed[k]:
+                beyond.append(f"{joint} goes at {fast[k]:.3g} in {name} ({limits.speed[k]:.3g})")
+            elif f"{joint}.q" in limits.assumed and (
+                low[0, k] < limits.low[k] or high[0, k] > limits.high[k]
+            ):
+                span = f"{low[0, k]:.3g} … {high[0, k]:.3g}"
+                room = f"{limits.low[k]:.3g} … {limits.high[k]:.3g}"
+                beyond.append(f"{joint} moves over {span} in {name} ({room})")
+    if beyond:
+        yield (
+            f"Limits that were assumed (in brackets) are too narrow: {listing(beyond, 4)}; state "
+            "what the joints may do in the sidecar's [limits] or by --limits, or the motion found "
+            "says less than it could."
+        )
 
 
 def _of_drives(robot: Robot, entry: LimitsFile, kind: str) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import MOST_SAMPLES, PrescribedMotion, Trajectory
+from identifiability.workflows.excite.clearance import MARGIN, Clearance
 from identifiability.workflows.excite.drive import Drive
 from identifiability.workflows.excite.limits import Limits
 
@@ -50,14 +51,15 @@ def play(
             f"{longest:g} s at {rate:g} Hz are more than {MOST_SAMPLES:,} samples; give a lower "
             "rate or fewer periods."
         )
-    drive = Drive.of(robot, limits)
+    drive, (watched, _) = Drive.of(robot, limits), Clearance.of(robot)
     for rise in RISES:
         motion = _windowed(trajectory, rise * trajectory.period, rate, periods)
-        if _keeps(robot, motion, limits, drive):
+        if _keeps(robot, motion, limits, drive, watched):
             return motion
     raise LogError(
-        f"No way from rest into {trajectory.name} was found that keeps the limits of {robot.name}; "
-        "search with slightly narrower limits of speed, acceleration or workspace."
+        f"No way from rest into {trajectory.name} was found that keeps the limits of {robot.name} "
+        "and its bodies apart; search with slightly narrower limits of position, speed, "
+        "acceleration or workspace."
     )
 
 
@@ -82,8 +84,14 @@ def _windowed(path: Trajectory, rise: float, rate: float, periods: int) -> Presc
     )
 
 
-def _keeps(robot: Robot, motion: PrescribedMotion, limits: Limits, drive: Drive | None) -> bool:
-    """Return whether a motion keeps every limit, of loops and workspace too."""
+def _keeps(
+    robot: Robot,
+    motion: PrescribedMotion,
+    limits: Limits,
+    drive: Drive | None,
+    watched: Clearance | None,
+) -> bool:
+    """Return whether a motion keeps every limit, of loops and workspace too, and bodies apart."""
     fast = np.abs(motion.dq).max(0) / limits.speed
     hard = np.abs(motion.ddq).max(0) / limits.acceleration
     if max(fast.max(), hard.max()) > SLACK:
@@ -98,4 +106,6 @@ def _keeps(robot: Robot, motion: PrescribedMotion, limits: Limits, drive: Drive 
         at = robot.tree.positions(whole.q, box.point)
         if np.any(at > box.high) or np.any(at < box.low):
             return False
-    return drive is None or float(drive.load(whole).max()) <= SLACK
+    if drive is not None and float(drive.load(whole).max()) > SLACK:
+        return False
+    return watched is None or float(watched.gaps(whole.q).min()) >= MARGIN / 2

@@ -81,8 +81,10 @@ class Excitation(Result):
     end : {"converged", "evaluations", "time"}
         What ended the search.
     seed : int
+    gap : float [m]
+        Least distance at any sample of bodies that are not joined; infinite where none is watched.
     hints : tuple of str
-        What was not used.
+        What was not used, assumed or watched.
     provenance : mapping
         Versions, seed, options, and hashes of the inputs.
     preparation : Preparation
@@ -109,6 +111,7 @@ class Excitation(Result):
     seconds: float
     end: End
     seed: int
+    gap: float = np.inf
     hints: tuple[str, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
     preparation: Preparation = Preparation()
@@ -199,6 +202,7 @@ class Excitation(Result):
             "before": self.before.figure,
             "after": self.after.figure,
             "closure": self.closure,
+            **({"gap": self.gap} if np.isfinite(self.gap) else {}),
             "joints": self.to_frame().to_dict("records"),
             "parameters": self.parameters_frame().to_dict("records"),
             "complete": self.end == "converged",
@@ -261,6 +265,8 @@ class Excitation(Result):
                 f"number of the closure stays below {_ceil(self.closure)} (bound "
                 f"{self.limits.closure_bound:g})"
             )
+        if np.isfinite(self.gap):
+            text += f", bodies that are not joined keep {1000 * self.gap:.3g} mm from each other"
         if np.isfinite(self.room):
             text += f", and stays {1000 * self.room:.3g} mm inside the workspace"
         if self.limits.assumed:

@@ -35,8 +35,9 @@ from identifiability.regression.reduction import ModelLike, free_again, unused_l
 from identifiability.robot import Robot, RobotLike
 from identifiability.simulation.motion import MOST_SAMPLES
 from identifiability.workflows.excite.candidates import OPEN, Objective, Series, Workspace
+from identifiability.workflows.excite.clearance import MARGIN
 from identifiability.workflows.excite.criteria import Separation, scaled
-from identifiability.workflows.excite.limits import Limits, find_limits
+from identifiability.workflows.excite.limits import Limits, doubt_assumed, find_limits
 from identifiability.workflows.excite.question import Known, Question, gather_known, pose_question
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import Search, search
@@ -147,7 +148,8 @@ def excite(
         logs = [prepare_log(robot, log, how, engine=engine or Serial()) for log in start]
         if start_from is not None and not logs:
             raise LogError("No log was given to start from; give at least one, or none at all.")
-        hints = (*wrong, *free_again(model), *unused_ladder(robot, model))
+        low = tuple(doubt_assumed(bounds, {s.name: (s.survey.low, s.survey.high) for s in logs}))
+        hints = (*low, *wrong, *free_again(model), *unused_ladder(robot, model))
         series = Series(bounds, duration, harmonics, at_rest)
         asked = {"iterations": iterations, "evaluations": evaluations, "time_limit": time_limit}
         options = {**asked, "preparation": preparation or Preparation()}
@@ -218,7 +220,8 @@ def find_motion(
         time_limit=np.inf if time_limit is None else time_limit,
         say=show,
     )
-    x, G, space = _best(objective, found, samples)
+    x, G, space, gap = _best(objective, found, samples)
+    watched, unwatched = objective.watched
     return Excitation(
         robot=robot,
         trajectory=series.trajectory(x, samples, name),
@@ -233,12 +236,13 @@ def find_motion(
         limits=series.limits,
         closure=float(space.condition[0]),
         room=float(-space.outside[0]),
+        gap=gap,
         history=found.steps,
         evaluations=found.evaluations,
         seconds=time.monotonic() - begin,
         end=found.end,
         seed=seed,
-        hints=tuple(hints),
+        hints=(*hints, *filter(None, (unwatched, watched.said if watched else ""))),
         provenance=provenance or {},
     )
 
@@ -250,14 +254,20 @@ def _suggested(parameters: object, start_from: object, separate: object) -> str:
     return "information" if parameters or start_from is not None else "condition"
 
 
-def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Array, Workspace]:
-    """Return the best candidate that keeps the workspace at all samples, with what it tells."""
+def _best(
+    objective: Objective, found: Search, samples: int
+) -> tuple[Array, Array, Workspace, float]:
+    """Return the best candidate that keeps the workspace at all samples, and what it tells.
+
+    Last is how near bodies come that are not joined [m].
+    """
     order = [k for k in np.argsort(found.costs)[:10] if found.costs[k] < OPEN]
     ends = [x for _, x in found.found]
     for x in [*ends, *found.draws[order]]:
         G, space = objective.look(x, samples)
-        if space.kept(objective.limits.closure_bound)[0]:
-            return x, G[0], space
+        gap = float(objective.gaps(x, samples).min())
+        if space.kept(objective.limits.closure_bound)[0] and gap >= MARGIN / 2:
+            return x, G[0], space, gap
     robot, limits = objective.question.structure.robot, objective.limits
     demands = []
     if robot.closed:
@@ -265,6 +275,8 @@ def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Arr
         demands.append(f"loops that close everywhere with a condition number below {bound}")
     if limits.boxes:
         demands.append(f"{listing([b.body for b in limits.boxes])} within the box")
+    if objective.watched[0] is not None:
+        demands.append(f"bodies that keep {500 * MARGIN:g} mm from each other")
     raise ClosureError(
         f"No motion of {robot.name} was found that stays within the workspace "
         f"({' and '.join(demands)}); give narrower limits of the joints about its home position "

@@ -1,0 +1,151 @@
+"""A motion that is found does not let the robot hit itself, where its file has shapes."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from identifiability import Log, Robot, excite
+from identifiability.workflows.excite import candidates
+from identifiability.workflows.excite.clearance import MARGIN, Clearance
+
+INERTIA = '<inertia ixx=".01" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/>'
+LINK = '<link name="{}"><inertial><mass value="1"/>' + INERTIA + "</inertial>{}</link>"
+LIMIT = '<limit lower="-2.9" upper="2.9" velocity="2" effort="9"/>'
+JOINT = (
+    '<joint name="j{0}" type="revolute"><parent link="l{1}"/><child link="l{0}"/>'
+    '<origin xyz="{2} 0 0"/><axis xyz="0 0 1"/>' + LIMIT + "</joint>"
+)
+SHAPE = "<collision>{}<geometry>{}</geometry></collision>"
+TURNED = '<origin xyz="{} 0 0" rpy="0 1.5707963267948966 0"/>'
+LONG, SHORT = (
+    SHAPE.format(TURNED.format(x / 2), f'<cylinder radius="0.04" length="{x}"/>')
+    for x in (0.4, 0.3)
+)
+BLOCK = SHAPE.format('<origin xyz="0.15 0 0"/>', '<box size="0.3 0.06 0.06"/>')
+
+MJCF = """
+<mujoco model="curling"><compiler angle="radian"/><worldbody><geom type="plane" size="5 5 .1"/>
+<body name="l1"><inertial pos=".2 0 0" mass="1" diaginertia=".01 .02 .02"/>
+<joint name="j1" axis="0 0 1" range="-2.9 2.9"/>
+<geom type="cylinder" fromto="0 0 0 .4 0 0" size=".04"/>
+<body name="l2" pos=".4 0 0"><inertial pos=".1 0 0" mass="1" diaginertia=".01 .02 .02"/>
+<joint name="j2" axis="0 0 1" range="-2.9 2.9"/>
+<geom type="cylinder" fromto="0 0 0 .3 0 0" size=".04"/>
+<body name="l3" pos=".3 0 0"><inertial pos=".1 0 0" mass="1" diaginertia=".01 .02 .02"/>
+<joint name="j3" axis="0 0 1" range="-2.9 2.9"/>
+<geom type="box" pos=".15 0 0" size=".15 .03 .03"/>
+</body></body></body></worldbody>
+<actuator><motor joint="j1"/><motor joint="j2"/><motor joint="j3"/></actuator></mujoco>
+"""
+
+
+def urdf(shapes):
+    parts = [LINK.format(f"l{k}", shape) for k, shape in enumerate(shapes)]
+    parts += [JOINT.format(k, k - 1, at) for k, at in ((1, 0), (2, 0.4), (3, 0.3))]
+    return f'<robot name="curling">{"".join(parts)}</robot>'
+
+
+SHAPES = ["", LONG, SHORT, BLOCK]
+
+
+@pytest.fixture(params=["urdf", "xml"])
+def curling(request, tmp_path):
+    """Return an arm that hits itself where it curls up."""
+    path = tmp_path / f"curling.{request.param}"
+    path.write_text(MJCF if request.param == "xml" else urdf(SHAPES))
+    return Robot.load(path)
+
+
+@pytest.fixture
+def world(tmp_path):
+    """Return a function: does MuJoCo see a contact of the arm with itself?"""
+    made = mujoco.MjModel.from_xml_string(MJCF)
+    data = mujoco.MjData(made)
+
+    def touches(q):
+        data.qpos = q
+        mujoco.mj_kinematics(made, data)
+        mujoco.mj_collision(made, data)
+        pairs = data.contact.geom[: data.ncon]
+        return bool(len(pairs) and (pairs.min(1) > 0).any())
+
+    return touches
+
+
+def test_shapes_touch_where_mujoco_says_so(curling, world):
+    watched, why = Clearance.of(curling)
+    assert (watched.pairs, why, watched.touching) == (1, "", ())
+    q = np.random.default_rng(0).uniform(-2.9, 2.9, (400, 3))
+    gaps = watched.gaps(q)
+    sure = np.abs(gaps) > 1e-3
+    np.testing.assert_array_equal((gaps < 0)[sure], [world(row) for row in q[sure]])
+    assert 20 < (gaps < 0).sum() < 380
+
+
+def test_nothing_touches_along_what_is_played(curling, world, monkeypatch):
+    found = excite(curling, evaluations=2000, seed=1, samples=200)
+    assert found.gap >= MARGIN / 2
+    assert "bodies that are not joined keep" in found.statement
+    played = found.play(100)
+    assert not any(world(row) for row in played.q)
+    monkeypatch.setattr(candidates.Clearance, "of", staticmethod(lambda _robot: (None, "")))
+    careless = excite(curling, evaluations=2000, seed=1, samples=200)
+    assert any(world(row) for row in careless.motion[1])
+
+
+def test_the_cost_of_coming_near_has_the_slope_that_it_says(curling):
+    from identifiability.workflows.excite.candidates import Objective, Series
+    from identifiability.workflows.excite.limits import find_limits
+    from identifiability.workflows.excite.question import gather_known, pose_question
+
+    question = pose_question(curling, "condition", None, None, None)
+    series = Series(find_limits(curling), 5.0, 2)
+    objective = Objective(question, gather_known(question, [], 60), series, 60)
+    draws = series.draw(400, np.random.default_rng(2))
+    least = objective.gaps(draws, 60).min(1)
+    chosen = draws[np.flatnonzero(np.abs(least) < MARGIN)[0]]
+    cost, slope = objective.gradient(chosen)
+    assert cost == pytest.approx(objective(chosen[None])[0])
+    along = slope / np.linalg.norm(slope)
+    ends = objective(np.stack([chosen + s * 5e-4 * along for s in (-1, 1)]))
+    assert (ends[1] - ends[0]) / 1e-3 == pytest.approx(np.linalg.norm(slope), rel=0.1)
+
+
+def test_where_there_are_no_shapes_that_is_said(tmp_path):
+    robot = Robot.load("two-link")  # whose shapes are drawn and do not collide
+    said = excite(robot, iterations=1, evaluations=1).hints
+    assert any("has no shapes that can collide" in text for text in said)
+    path = tmp_path / "arm.urdf"
+    mesh = '<collision><geometry><mesh filename="away.stl"/></geometry></collision>'
+    path.write_text(urdf(["", mesh, "", mesh]))
+    assert "cannot be read" in Clearance.of(Robot.load(path))[1]
+
+
+def test_pairs_that_touch_at_home_are_named_and_left_out(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf([BLOCK.replace("0.15 0 0", "0.5 0 0"), *SHAPES[1:]]))
+    watched, _ = Clearance.of(Robot.load(path))
+    assert watched.touching == ("l0 and l2",)
+    assert watched.pairs == 2
+    assert "l0 and l2 are nearer than 10 mm already" in watched.said
+
+
+@pytest.mark.parametrize("speed", [1.0, 3.0])
+def test_assumed_limits_that_a_log_goes_beyond_are_named(speed, tmp_path):
+    path = tmp_path / "curling.xml"
+    path.write_text(MJCF)
+    t = np.arange(0, 8, 0.01)
+    q = np.stack([np.sin(speed * t + k) for k in range(3)], 1)
+    tau = np.random.default_rng(0).standard_normal(q.shape)
+    log = Log.from_arrays(t, q, tau, joints=("j1", "j2", "j3"), name="run.csv")
+    options = {"limits": {"j1": {"v": 50.0}}, "iterations": 1, "evaluations": 1}
+    motion = excite(Robot.load(path), start_from=log, **options)
+    told = [text for text in motion.hints if text.startswith("Limits that were assumed")]
+    assert "j2.v" in motion.limits.assumed
+    assert bool(told) == (speed == 3)  # 2 rad/s are assumed
+    for text in told:
+        assert "j2 goes at 3" in text
+        assert "in run.csv (2)" in text
+        assert "j1" not in text
