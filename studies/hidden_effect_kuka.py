@@ -34,11 +34,11 @@ JOINTLY = (
 BESIDE = ("quadratic_friction", "joint_stiffness", "load_dependent_friction", "actuator_inertia")
 
 
-def run(data: Any, train: Sequence[int], test: Sequence[int]) -> Diagnosis:
-    """Return the diagnosis of the rigid-body model from some runs."""
+def run(data: Any, train: Sequence[int], test: Sequence[int], **options: Any) -> Diagnosis:
+    """Return the diagnosis of the rigid-body model from some runs; options are `diagnose`'s."""
     robot = kuka_lwr4.load_robot(data)
     logs, held = ([kuka_lwr4.load_log(data, robot, k) for k in runs] for runs in (train, test))
-    return diagnose(robot, logs, held, model=["rigid_body"])
+    return diagnose(robot, logs, held, model=["rigid_body"], **options)
 
 
 def errors_together(data: Any, train: int, test: int) -> dict[str, float]:

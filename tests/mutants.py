@@ -23,6 +23,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import resource
 import shutil
 import signal
 import sys
@@ -44,13 +45,13 @@ ROOT = TESTS.parent
 PACKAGE = "identifiability"
 
 #: What a copy needs.
-PARTS = (PACKAGE, "models", "tests", "pyproject.toml")
+PARTS = (PACKAGE, "models", "studies", "tests", "pyproject.toml")
 
 #: What the package and its tests import and takes seconds.
 HEAVY = ("numpy", "scipy.stats", "scipy.signal", "pandas", "cvxpy", "pinocchio", "pydantic")
 
-#: A test run that takes longer than this does not end [s].
-PATIENCE = 300.0
+#: A mutant whose tests compute longer than this does not end; one that sleeps waits longer [s].
+PATIENCE, ASLEEP = 300, 3000.0
 
 
 @dataclass(frozen=True)
@@ -145,20 +146,22 @@ class Trial:
         if not self.pid:
             # Bytecode of what is never mutated is kept, that of mutants not written.
             sys.dont_write_bytecode = self.mutant is not None
+            if self.mutant is not None:  # time of its own: other work makes nothing endless
+                resource.setrlimit(resource.RLIMIT_CPU, (PATIENCE, PATIENCE + 10))
             test_here(self.copy, self.tests, self.output)
         return self
 
     def finished(self) -> bool:
         """Whether it has ended; then its mutant is out of the copy again."""
         pid, status = os.waitpid(self.pid, os.WNOHANG)
-        endless = not pid and time.monotonic() - self.began > PATIENCE
-        if endless:
+        asleep = not pid and time.monotonic() - self.began > ASLEEP
+        if asleep:
             os.kill(self.pid, signal.SIGKILL)
-            os.waitpid(self.pid, 0)
+            _, status = os.waitpid(self.pid, 0)
         elif not pid:
             return False
-        code = os.waitstatus_to_exitcode(status)
-        self.ended = "endless" if endless else {0: "passed", 1: "failed"}.get(code, "broken")
+        ends = {0: "passed", 1: "failed", -signal.SIGXCPU: "endless", -signal.SIGKILL: "endless"}
+        self.ended = ends.get(os.waitstatus_to_exitcode(status), "broken")
         self.said = self.output.read_text(encoding="utf-8")
         if self.clean is not None:
             self.clean[0].write_text(self.clean[1], encoding="utf-8")

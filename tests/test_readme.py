@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 
 import identifiability
 from identifiability.cli import app
+from identifiability.foundation.engines.local import Serial
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md"))]
@@ -30,6 +31,12 @@ RUN.append("docs/how-to/python.md")
 
 #: Verbs that a quick run of the README leaves out: what follows does not need them.
 SLOW = {"prune", "calibrate", "excite"}
+#: What the others are called with in its Python.
+FEW = {
+    "analyze": {"replicates": 200, "engine": Serial()},
+    "prune": {"replicates": 20},
+    "diagnose": {"quick": True, "draws": 99, "engine": Serial()},
+}
 
 
 def blocks(page: Path) -> Iterator[tuple[int, str, str]]:
@@ -70,9 +77,8 @@ def run(page: Path, folder: Path, *, quick: bool) -> list[tuple[str, str]]:
     known: dict[str, object] = {"__name__": "page"}
     pairs: list[tuple[str, str]] = []
     with contextlib.chdir(folder), pytest.MonkeyPatch.context() as patch:
-        for verb, less in {"analyze": 200, "prune": 20}.items() if quick else ():
-            few = partial(getattr(identifiability, verb), replicates=less)
-            patch.setattr(identifiability, verb, few)
+        for verb, less in FEW.items() if quick else ():
+            patch.setattr(identifiability, verb, partial(getattr(identifiability, verb), **less))
         for line, language, text in blocks(page):
             if language == "console":
                 for command in lines(text):

@@ -7,10 +7,11 @@ from identifiability.regression.structure import Structure
 from identifiability.workflows.export import export
 
 NAMED = ("stribeck_friction@slider1=0.03", "position_ripple@slider2=0.02")
+FEW = ("stribeck_friction", "position_ripple")
 
 
 def test_the_model_file_of_a_diagnosis_is_analysed_and_exported(diagnosis_of, logs_of, tmp_path):
-    d, logs = diagnosis_of("3-rps", *NAMED), logs_of("3-rps", *NAMED)
+    d, logs = diagnosis_of("3-rps", *NAMED, effects=FEW), logs_of("3-rps", *NAMED)
     path = d.write_model(tmp_path / "model.toml")
     assert set(d.structure.model.texts) < set(d.model.texts)
     result = analyze("3-rps", logs[:4], logs[4:], path, replicates=0)
@@ -28,7 +29,7 @@ def test_the_model_file_of_a_diagnosis_is_analysed_and_exported(diagnosis_of, lo
 
 
 def test_the_result_of_a_diagnosis_is_a_model_for_prune_and_excite(diagnosis_of, logs_of):
-    d, logs = diagnosis_of("3-rps", *NAMED), logs_of("3-rps", *NAMED)
+    d, logs = diagnosis_of("3-rps", *NAMED, effects=FEW), logs_of("3-rps", *NAMED)
     pruned = prune("3-rps", logs[:2], ladder=d, replicates=2)
     assert pruned.structure.model.texts == d.model.texts
     planned = excite("3-rps", model=d, evaluations=20, samples=50, seed=0)

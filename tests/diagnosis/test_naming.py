@@ -16,7 +16,7 @@ def seldom(*case):
     ("robot", "hidden", "joints"),
     [
         seldom("3-rps", "stribeck_friction@slider1+slider3=0.02", ("slider1", "slider3")),
-        ("3-rps", "joint_stiffness@slider2=0.02", ("slider2",)),
+        seldom("3-rps", "joint_stiffness@slider2=0.02", ("slider2",)),
         seldom("3-rps", "passive_joint_friction@hinge2=0.01", ("hinge2",)),
         ("five-bar", "position_ripple@right_shoulder=0.02", ("right_shoulder",)),
         ("five-bar", "time_delay@left_shoulder=0.03", ("left_shoulder",)),
@@ -62,17 +62,24 @@ def test_an_effect_that_no_family_fits_is_given_no_name(diagnosis_of):
     ("rho", "motion"), [seldom(0.0, 0.0), seldom(0.9, 0.0), seldom(0.98, 0.0), (0.9, 0.01)]
 )
 def test_nulls_get_a_name_no_more_often_than_they_may(rho, motion, logs_of):
-    """The whole path from the raw log on; at a rate of .1 more than 3 of 7 happen once in 370."""
+    """The whole path from the raw log on; at a rate of .1 more than 2 of 4 happen once in 270."""
     false = 0
-    for seed in range(7):
+    for seed in range(4):
         logs = logs_of("two-link", seed=100 + seed, rho=rho, motion=motion)
         d = diagnose("two-link", logs[:4], logs[4:], replicates=99, seed=seed)
         false += bool(d.effects)
-    assert false <= 3
+    assert false <= 2
 
 
-def test_coulomb_asymmetry_and_offset_are_one_name_with_two_words(diagnosis_of):
-    d = diagnosis_of("six-dof-arm", "coulomb_asymmetry@joint_1=0.03")
+def among(*effects):
+    """Run a test with few effects to choose from, and with all of them where there is time."""
+    every = pytest.param(None, marks=pytest.mark.everything)
+    return pytest.mark.parametrize("effects", [effects, every], ids=["few", "all"])
+
+
+@among("coulomb_asymmetry", "torque_offset", "joint_stiffness", "stribeck_friction", "gear_ripple")
+def test_coulomb_asymmetry_and_offset_are_one_name_with_two_words(effects, diagnosis_of):
+    d = diagnosis_of("six-dof-arm", "coulomb_asymmetry@joint_1=0.03", effects=effects)
     (effect,) = d.effects
     assert {effect.name, *effect.alternatives} == {"coulomb_asymmetry", "torque_offset"}
     assert effect.joints == ("joint_1",)
@@ -99,17 +106,19 @@ def test_the_papers_nonlinear_friction_is_named(rps, named):
     np.testing.assert_allclose(level, 372.0, rtol=0.35)
 
 
-def test_the_papers_rotational_friction_is_named(rps, named):
+@among("passive_joint_friction", "stribeck_friction", "quadratic_friction", "joint_stiffness")
+def test_the_papers_rotational_friction_is_named(rps, named, effects):
     hinges = {f"hinge{k}.{n}": v for k in (1, 2, 3) for n, v in (("Fv", 490.8), ("Fc", 34.2))}
     logs = paper_logs(rps, hinges)
-    d = diagnose(rps, logs[:4], logs[4:], replicates=99)
+    d = diagnose(rps, logs[:4], logs[4:], replicates=99, effects=effects)
     assert named(d) == [("passive_joint_friction", ("hinge1", "hinge2", "hinge3"))]
 
 
-def test_the_papers_actuator_dynamics_are_named(rps, named):
+@among("actuator_inertia", "payload", "time_delay", "quadratic_friction", "joint_stiffness")
+def test_the_papers_actuator_dynamics_are_named(rps, named, effects):
     logs = paper_logs(rps)
     model = ("rigid_body", "viscous_friction", "coulomb_friction")
-    d = diagnose(rps, logs[:4], logs[4:], model=model, replicates=99)
+    d = diagnose(rps, logs[:4], logs[4:], model=model, replicates=99, effects=effects)
     assert named(d) == [("actuator_inertia", ("slider1", "slider2", "slider3"))]
     np.testing.assert_allclose(d.to_frame().value, 483.1, rtol=0.1)
     assert d.held_after < 0.3 * d.held_before

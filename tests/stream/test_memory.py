@@ -39,6 +39,6 @@ def test_four_times_the_samples_take_the_same_memory(sizes, frame_of, saved, mon
     for form in ("parquet", "csv"):
         short, long = (
             peak(robot, saved(frame.iloc[np.arange(n) % 4000].assign(t=step * np.arange(n)), form))
-            for n in (6_000, 24_000)
+            for n in (4_000, 16_000)
         )
         assert long < 1.25 * short
