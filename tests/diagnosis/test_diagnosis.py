@@ -187,7 +187,8 @@ def test_evidence_and_discrepancies_come_as_frames(diagnosis):
 def test_the_same_seed_gives_the_same_answer(logs_of):
     logs = logs_of("two-link")
     a, b = (
-        diagnose("two-link", logs[:2], logs[4:], quick=True, seed=3, draws=99) for _ in range(2)
+        diagnose("two-link", logs[:2], logs[4:], quick=True, seed=3, replicates=49)
+        for _ in range(2)
     )
     assert plain(a.to_dict()) == plain(b.to_dict())
 
