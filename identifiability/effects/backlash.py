@@ -9,12 +9,10 @@ from identifiability.effects.nominal import needs_masses, rigid_torque
 from identifiability.effects.path_memory import stretch_of_springs
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
-from identifiability.robot import Axis, Motion, Robot
+from identifiability.robot import Motion, Robot
 
 #: Widths that are tried, as shares of the joint's range.
 SHARES = (0.003, 0.01, 0.03)
-#: Width where none is given [rad, m].
-TYPICAL = (0.005, 0.0005)
 
 
 def _widths(span: Span) -> tuple[float, ...]:
@@ -42,6 +40,7 @@ class Backlash(Shaped):
     equation = "τ = −Bl τ_load (1 − |z(q)|), z ← clip(z + Δq/w, ±1)"
     source = "[Nordin & Gutman 2002]"
     units = (("Bl", "1", "1"),)
+    usual = (0.005, 0.0005)
     nonnegative = True
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
@@ -52,8 +51,3 @@ class Backlash(Shaped):
             width = self.shape(robot, axis)
             z = stretch_of_springs(motion, at.travel, at.speed, width)
             put(out, k, at.load, (np.abs(z) - 1.0) * carried_load(load, at))
-
-    def typical(self, robot: Robot, axis: Axis) -> float:
-        """Return a few milliradians, or half a millimetre."""
-        del robot
-        return TYPICAL[axis.prismatic]

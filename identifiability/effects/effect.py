@@ -5,6 +5,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -165,12 +166,16 @@ class Shaped(AlongAxes):
         One axis, or a pattern such as ``wrist_*``; None for all.
     """
 
+    #: The shape where none is stated: at an axis that turns, and at one that slides.
+    usual: ClassVar[tuple[float, float]]
+
     given: float | None = None
     only: str | None = None
 
-    @abstractmethod
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return the shape at an axis for which none is stated."""
+        del robot
+        return self.usual[axis.prismatic]
 
     def shape(self, robot: Robot, axis: Axis) -> float:
         """Return the shape at an axis."""

@@ -9,10 +9,6 @@ from identifiability.effects.nominal import needs_masses, rigid_torque
 from identifiability.effects.registry import declare
 from identifiability.effects.smooth_function import SmoothFunction
 from identifiability.foundation.names import Array
-from identifiability.robot import Axis, Robot
-
-#: Load where none is given [N·m, N].
-TYPICAL = (10.0, 100.0)
 
 
 def largest_load(span: Span) -> tuple[float, ...]:
@@ -26,6 +22,17 @@ def largest_load(span: Span) -> tuple[float, ...]:
     return (max(float(np.abs(x).max(initial=0.0)) for x in loads) or 1.0,)
 
 
+class OfLoad(SmoothFunction):
+    """A function of the load; its shape is the largest one [N·m or N]."""
+
+    usual = (10.0, 100.0)
+
+    def coordinate(self, at: Along) -> Array:
+        """Return the load over the largest one."""
+        load = carried_load(rigid_torque(at.robot, at.motion), at)
+        return load / self.shape(at.robot, at.axis)
+
+
 @declare(
     "an unnamed function of the load",
     shapes=largest_load,
@@ -37,19 +44,9 @@ def largest_load(span: Span) -> tuple[float, ...]:
     told_by="move with and without a load",
     rank=31,
 )
-class FunctionOfLoad(SmoothFunction):
+class FunctionOfLoad(OfLoad):
     """``τ = f(τ_load)`` of the load by the file's masses. Its shape is the largest load."""
 
     name = "function_of_load"
     equation = "τ = f(τ_load), f = Σ cₖ Bₖ(τ_load)"
     units = (("fl", "N·m", "N"),)
-
-    def coordinate(self, at: Along) -> Array:
-        """Return the load over the largest one."""
-        load = carried_load(rigid_torque(at.robot, at.motion), at)
-        return load / self.shape(at.robot, at.axis)
-
-    def typical(self, robot: Robot, axis: Axis) -> float:
-        """Return a load of some size [N·m or N]."""
-        del robot
-        return TYPICAL[axis.prismatic]

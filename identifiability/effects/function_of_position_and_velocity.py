@@ -5,10 +5,6 @@ from identifiability.effects.family import SPEEDS, Span
 from identifiability.effects.registry import declare
 from identifiability.effects.smooth_function import WithVelocity
 from identifiability.foundation.names import Array
-from identifiability.robot import Axis, Robot
-
-#: Distance from home where none is given [rad, m].
-TYPICAL = (3.0, 0.5)
 
 
 def _farthest(span: Span) -> tuple[float, ...]:
@@ -30,12 +26,8 @@ class FunctionOfPositionAndVelocity(WithVelocity):
     name = "function_of_position_and_velocity"
     equation = "τ = f₀(q) + f₁(q) sign(q̇) + f₂(q) q̇, f = Σ cₖ Bₖ"
     units = (("fqv", "N·m", "N"),)
+    usual = (3.0, 0.5)
 
     def coordinate(self, at: Along) -> Array:
         """Return the position from home over the largest one."""
         return at.travel / self.shape(at.robot, at.axis)
-
-    def typical(self, robot: Robot, axis: Axis) -> float:
-        """Return a distance of some size [rad or m]."""
-        del robot
-        return TYPICAL[axis.prismatic]

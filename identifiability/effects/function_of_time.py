@@ -5,7 +5,6 @@ from identifiability.effects.family import Span
 from identifiability.effects.registry import declare
 from identifiability.effects.smooth_function import SmoothFunction
 from identifiability.foundation.names import Array
-from identifiability.robot import Axis, Robot
 
 #: Duration where none is given [s].
 TYPICAL = 30.0
@@ -30,12 +29,8 @@ class FunctionOfTime(SmoothFunction):
     name = "function_of_time"
     equation = "τ = f(t), f = Σ cₖ Bₖ(t)"
     units = (("ft", "N·m", "N"),)
+    usual = (TYPICAL, TYPICAL)
 
     def coordinate(self, at: Along) -> Array:
         """Return the time, from −1 to 1."""
         return 2.0 * at.motion.t / self.shape(at.robot, at.axis) - 1.0
-
-    def typical(self, robot: Robot, axis: Axis) -> float:
-        """Return half a minute."""
-        del robot, axis
-        return TYPICAL

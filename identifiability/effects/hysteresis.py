@@ -5,14 +5,11 @@ from identifiability.effects.family import Span
 from identifiability.effects.path_memory import stretch_of_springs
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
-from identifiability.robot import Axis, Robot
 
 #: Ways that are tried, as shares of the joint's range.
 SHARES = (0.003, 0.01, 0.03, 0.1)
 #: Ways of the elements over the shape.
 ELEMENTS = (1.0, 2.0, 4.0)
-#: Way where none is given [rad, m].
-TYPICAL = (0.01, 0.001)
 
 
 def _ways(span: Span) -> tuple[float, ...]:
@@ -40,14 +37,10 @@ class Hysteresis(Shaped):
     equation = "τ = Σ Hₖ zₖ(q), zₖ ← clip(zₖ + Δq/rₖ, ±1)"
     source = "[Iwan 1966; Al-Bender 2005]"
     units = tuple((f"H{k + 1}", "N·m", "N") for k in range(len(ELEMENTS)))
+    usual = (0.01, 0.001)
     nonnegative = True
 
     def curves(self, at: Along) -> list[Array]:
         """Return how far each spring is stretched."""
         r = self.shape(at.robot, at.axis)
         return [stretch_of_springs(at.motion, at.travel, at.speed, r * k) for k in ELEMENTS]
-
-    def typical(self, robot: Robot, axis: Axis) -> float:
-        """Return a hundredth of a radian, or a millimetre."""
-        del robot
-        return TYPICAL[axis.prismatic]

@@ -9,9 +9,10 @@ from dataclasses import replace
 from identifiability.effects.effect import Effect
 from identifiability.effects.placed import Part, Placed
 from identifiability.effects.registry import declare
-from identifiability.effects.rigid_body import RigidBody, last_bodies
+from identifiability.effects.rigid_body import RigidBody
 from identifiability.foundation.names import Array, Parameter
 from identifiability.robot import Motion, Robot
+from identifiability.robot.changed import last_bodies
 
 
 @declare(

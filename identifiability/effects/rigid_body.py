@@ -8,12 +8,7 @@ from identifiability.effects.nominal import tree_motion
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Motion, Robot
-
-
-def last_bodies(robot: Robot) -> tuple[str, ...]:
-    """Return the bodies that carry no other: where a payload can be."""
-    parents = {int(robot.model.parents[k]) for k in range(1, robot.model.njoints)}
-    return tuple(b for k, b in enumerate(robot.bodies) if k + 1 not in parents)
+from identifiability.robot.changed import last_bodies
 
 
 def _inner_bodies(robot: Robot) -> tuple[str, ...]:

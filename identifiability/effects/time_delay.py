@@ -65,11 +65,12 @@ class TimeDelay(Effect):
     name = "time_delay"
     equation = "τ = −δ dτ/dt"
     source = "[Ljung 1999, Sec. 4.2]"
+    kind = "delay"
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return the delay of every actuated joint."""
+        """Return that of every actuated joint."""
         return tuple(
-            Parameter(a.name, "delay", "s", self.name, a.symbol, nonnegative=True)
+            Parameter(a.name, self.kind, "s", self.name, a.symbol, nonnegative=True)
             for a in robot.axes[: len(robot.actuated)]
         )
 

@@ -94,6 +94,12 @@ def _keep_geometry(path: Path, home: Path) -> None:
     document.write(path, encoding="unicode")
 
 
+def last_bodies(robot: Description) -> tuple[str, ...]:
+    """Return the bodies that carry no other: where a load can hang."""
+    parents = {int(robot.model.parents[k]) for k in range(1, robot.model.njoints)}
+    return tuple(b for k, b in enumerate(robot.bodies) if k + 1 not in parents)
+
+
 def body_of(robot: Description, body: str | None) -> str:
     """Return a body that is named, or the only one that carries no other.
 
@@ -102,8 +108,7 @@ def body_of(robot: Description, body: str | None) -> str:
     RobotError
     """
     if body is None:
-        parents = {int(robot.model.parents[k]) for k in range(1, robot.model.njoints)}
-        last = [b for k, b in enumerate(robot.bodies) if k + 1 not in parents]
+        last = last_bodies(robot)
         if len(last) > 1:
             raise RobotError(
                 f"A load may hang on {listing(last, 8)} of {robot.name}; name its body."

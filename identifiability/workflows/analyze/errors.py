@@ -1,8 +1,8 @@
-"""Of one model what analyze and prune tell alike: errors by joint and log, its real robot."""
+"""Of one model what analyze and prune tell alike: its errors by joint and log."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,7 @@ import pandas as pd
 
 from identifiability.estimation.prediction import Prediction
 from identifiability.logs.prepare.longsamples import Prepared
-from identifiability.physical.mass import real_robot_dict
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.assessment import RungResult
 
 #: What is told of a log, and more of a joint: in N or N·m, and of the torque as it was measured.
 OF_LOG = ("error", "error_validation")
@@ -85,15 +83,3 @@ def state_raw(unseen: Prediction) -> str:
         "This error is of torque that was low-passed like the model's columns; of the torque as "
         f"it was measured it is {100 * raw:.3g} %."
     )
-
-
-def physical_dict(robot: Robot, result: RungResult, shapes: Mapping[str, float]) -> dict[str, Any]:
-    """Return the nearest real robot of a model as plain values, as `export` reads them."""
-    real, errors = result.physical, (result.error_ra_real, result.error_ra_file)
-    return {
-        "feasible": result.feasible,
-        "margin": result.margin,
-        "infeasible": list(result.infeasible),
-        "error_ra_validation": result.error_ra_physical,
-        **real_robot_dict(robot, real.parameters(), errors, shapes, real.cad_weight),
-    }

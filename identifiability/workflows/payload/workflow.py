@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.effects.rigid_body import last_bodies
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import listing, near_match
@@ -27,6 +26,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.robot.changed import last_bodies
 from identifiability.robot.kinematics import WORLD
 from identifiability.workflows.instruments import LOUD
 from identifiability.workflows.opening import Logs, require_signal

@@ -1,7 +1,5 @@
 """`Ladder`: the rungs from the unpruned model down, which one to use, and why."""
 
-from collections.abc import Mapping
-from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -11,10 +9,7 @@ import pandas as pd
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
 from identifiability.foundation.output import write_text
-from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.physical.mass import state_masses
-from identifiability.regression.information import Information
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderSource,
@@ -22,17 +17,9 @@ from identifiability.regression.reduction import (
     ladder_text,
     rung_entry,
 )
-from identifiability.workflows.analyze.errors import (
-    errors_dict,
-    physical_dict,
-    state_raw,
-    tell_errors,
-)
-from identifiability.workflows.analyze.keep import keep_fit
+from identifiability.workflows.analyze.assessment import RungResult
+from identifiability.workflows.analyze.laddered import Laddered
 from identifiability.workflows.analyze.words import state_physics
-from identifiability.workflows.opening import Opening
-from identifiability.workflows.predict import Fit, Predicts
-from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.prune.absorption import Absorption
 from identifiability.workflows.prune.elimination import Refusal
 from identifiability.workflows.prune.moves import Partition
@@ -42,13 +29,11 @@ from identifiability.workflows.prune.stability import Stability
 
 
 @frozen(kw_only=True)
-class Ladder(Result, Opening, Measured, Predicts):
+class Ladder(Laddered, Measured):
     """The answer of `prune`. `to_frame`, `to_json`, `write_report`, `write_model` give it away.
 
     Attributes
     ----------
-    information : Information
-        About the base parameters.
     start : Rung
         The model that pruning started from.
     selected, least : int
@@ -57,28 +42,31 @@ class Ladder(Result, Opening, Measured, Predicts):
         Suggested moves that the data contradict.
     stability : Stability
     absorption : Absorption
-    criterion, method, seed
+    criterion
         As asked for.
     source : LadderSource
         Where the model that pruning started from came from.
-    settings : mapping
-        Other options that decided the numbers.
     """
 
     schema: ClassVar[str] = "identifiability/pruning/1"
 
-    information: Information
     start: Rung
-    selected: int
     least: int
     refused: tuple[Refusal, ...]
     stability: Stability
     absorption: Absorption
     criterion: Criterion
-    method: str
-    seed: int
     source: LadderSource
-    settings: Mapping[str, object]
+
+    @property
+    def _ladder(self) -> tuple[PrunedRung, ...]:
+        """Every rung, the unpruned model first."""
+        return self.rungs
+
+    @property
+    def _used(self) -> RungResult:
+        """The rung to use, with all that was asked of it."""
+        return self.result
 
     @property
     def chosen(self) -> PrunedRung:
@@ -108,41 +96,16 @@ class Ladder(Result, Opening, Measured, Predicts):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        raw = "" if self.nothing else state_raw(self.held_out)
-        return " ".join(filter(None, (_state_answer(self), raw, *self.hints)))
+        return self._state(_state_answer(self))
 
-    @cached_property
-    def provenance(self) -> dict[str, str]:
-        """Versions, seed, options, and hashes of the inputs."""
-        options = {"method": self.method, "criterion": self.criterion, **self.settings}
-        logs = (*self.samples, *self.validation)
-        return state_provenance(self.robot, logs, self.seed, self.source, options)
-
-    @cached_property
-    def fit(self) -> Fit:
-        """The rung to use: values, covariance, and how torque scatters about it."""
-        both = (self.fitted, self.held_out)
-        return keep_fit(
-            self.structure,
-            self.information,
-            self.result,
-            both,
-            self.samples,
-            self.settings,
-            self.nothing,
-        )
+    @property
+    def _asked(self) -> dict[str, object]:
+        """Options beside `settings`."""
+        return {**super()._asked, "criterion": self.criterion}
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the rung to use."""
         return pd.DataFrame([v.to_row() for v in self.verdicts])
-
-    def ladder_frame(self) -> pd.DataFrame:
-        """Return one row a rung."""
-        return pd.DataFrame([r.row() for r in self.rungs])
-
-    def error_frame(self) -> pd.DataFrame:
-        """Return the errors of the rung to use by joint and by log, as `Analysis.error_frame`."""
-        return tell_errors(self.robot, self.samples, self.validation, self.fitted, self.held_out)
 
     def stability_frame(self) -> pd.DataFrame:
         """Return how often each parameter of the starting model survives."""
@@ -153,49 +116,25 @@ class Ladder(Result, Opening, Measured, Predicts):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values."""
-        return {
-            "schema": self.schema,
-            "robot": self.robot.identity,
-            "samples": self.information.samples,
-            "statement": self.statement,
-            "hints": list(self.hints),
-            "preparation": {s.name: list(s.notes) for s in (*self.samples, *self.validation)},
-            "nothing": self.nothing or None,
-            "models": [r.row() for r in self.rungs],
-            "selected": self.chosen.name,
-            "errors": errors_dict(self.error_frame()),
-            "parameters": [v.to_row() for v in self.verdicts],
-            "full_parameters": [v.to_row() for v in self.full.verdicts],
-            "fit": None if self.nothing else self.fit.to_dict(),
+        told, stability = super().to_dict(), self.stability
+        survives = zip(stability.columns, stability.survives.tolist(), strict=True)
+        return told | {
             "refused": [
                 {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
             ],
             "stability": {
-                "replicates": self.stability.replicates,
-                "same": self.stability.same,
-                "survives": dict(
-                    zip(self.stability.columns, self.stability.survives.tolist(), strict=True)
-                ),
-                "models": [{"columns": m, "share": s} for m, s in self.stability.models],
+                "replicates": stability.replicates,
+                "same": stability.same,
+                "survives": dict(survives),
+                "models": [{"columns": m, "share": s} for m, s in stability.models],
             },
             "absorption": self.absorption.to_frame().to_dict("records"),
-            "physical": {
-                "sentence": self.result.physical.sentence,
-                **physical_dict(self.robot, self.result, self.shapes),
-            },
+            "physical": {"sentence": self.result.physical.sentence, **told["physical"]},
             "ladder": self.model_text,
             "effects": list(self.effects),
             "criterion": self.criterion,
-            "method": self.method,
-            "estimator": self.result.estimate.estimator.name,
             "seed": self.seed,
-            "provenance": self.provenance,
         }
-
-    @property
-    def mass_statement(self) -> str:
-        """What the nearest real robot and its bodies weigh beside the robot file's, in a line."""
-        return state_masses(self.robot, self.result.physical.parameters())
 
     def write_model(self, path: str | Path) -> Path:
         """Write the chosen model as a model file (a ladder of one rung), for every other verb."""
