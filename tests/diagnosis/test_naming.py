@@ -81,7 +81,10 @@ def among(*effects):
 def test_coulomb_asymmetry_and_offset_are_one_name_with_two_words(effects, diagnosis_of):
     d = diagnosis_of("six-dof-arm", "coulomb_asymmetry@joint_1=0.03", effects=effects)
     (effect,) = d.effects
-    assert {effect.name, *effect.alternatives} == {"coulomb_asymmetry", "torque_offset"}
+    names = {effect.name, *effect.alternatives}
+    assert names >= {"coulomb_asymmetry", "torque_offset"}
+    # Beside the two only what an offset is the greater part of.
+    assert names <= {"coulomb_asymmetry", "torque_offset", "free_spring", "torque_drift"}
     assert effect.joints == ("joint_1",)
     assert effect.similar[effect.alternatives[0]] > 0.9
     assert "cannot tell" in d.statement
