@@ -30,8 +30,9 @@ def build_datatree(
     Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw;
     with ``which="physical"`` also ``standard`` of the standard parameters. The coordinate
     ``ensemble`` says which chains started together, for `arviz_stats.rhat_nested`. Group
-    ``constant_data`` holds the estimate and its σ, and the prior. The attribute ``trustworthy`` is
-    0, with the reasons beside it, where the chains have not converged.
+    ``constant_data`` holds the estimate and its σ, the prior, and ``sway``, by how many sd a mean
+    may move with the prior's density at edges. The attribute ``trustworthy`` is 0, with the reasons
+    beside it, where the chains have not converged.
 
     Parameters
     ----------
@@ -60,7 +61,11 @@ def build_datatree(
         raise ModelError(f"The result has no posterior '{which}': {belief.note}.")
     estimate, standard = result.estimate, belief.standard
     draws = {"phi": _walkers(summary.chains, PARAMETER)}
-    constants = {"estimate": (PARAMETER, estimate.value), "sigma": (PARAMETER, estimate.sigma)}
+    constants = {
+        "estimate": (PARAMETER, estimate.value),
+        "sigma": (PARAMETER, estimate.sigma),
+        "sway": (PARAMETER, summary.sway),
+    }
     names = {PARAMETER: list(result.rung.columns)}
     if which == "physical" and standard is not None:
         draws["standard"] = _walkers(standard.chains, STANDARD)
