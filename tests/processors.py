@@ -128,7 +128,7 @@ def allowed(content: dict[str, Any], path: tuple[Any, ...], value: float) -> flo
 
 def _allowed_of_samples(content: dict[str, Any], path: tuple[Any, ...]) -> float:
     last = path[-1]
-    if last in ("ess", "rhat", "acceptance"):
+    if last in ("ess", "rhat", "acceptance", "sway"):
         return math.inf  # of these chains; whether they may be shown is compared
     row = at(content, path[: 4 if path[1] != "standard" else 3])
     if last in ("prior_mean", "prior_sd"):
