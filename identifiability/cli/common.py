@@ -11,7 +11,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Literal, NoReturn
 from unicodedata import category
 
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.errors import IdentifiabilityError, legible
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -31,7 +31,7 @@ def sentences() -> Iterator[None]:
     except BrokenPipeError:  # the reader of our output went away; typer knows what to do
         raise
     except OSError as error:
-        _fail(f"'{error.filename}' cannot be used: {error.strerror or error}.")
+        _fail(legible(f"'{error.filename}' cannot be used: {error.strerror or error}."))
     except MemoryError:
         _fail("There is not enough memory for this; give fewer samples or decimate them.")
     except KeyboardInterrupt:

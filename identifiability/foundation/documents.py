@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import stat
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,13 +19,18 @@ Schema = TypeVar("Schema", bound=BaseModel)
 _PARSERS = {"TOML": tomllib.loads, "JSON": json.loads}
 
 #: Bytes of a document that is read; of TOML, what people write, and of JSON, what results are.
-MOST_BYTES = {"TOML": 4_000_000, "JSON": 400_000_000}
+MOST_BYTES = {"TOML": 1_000_000, "JSON": 50_000_000}
+
+#: Lists, objects and keys of a JSON; tables in a list, keys in a table and numbers in a list of a
+#: TOML.
+MOST_PARTS, MOST_TABLES, MOST_KEYS, MOST_VALUES = 2_000_000, 500, 10_000, 100_000
 
 #: Tables in tables that a dotted key may name; its parser takes the square of them in memory.
 DEEPEST = 64
 
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
-_DEEP_KEY = re.compile(rf"{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST},}}")
+# It begins where a part does: looked for in the middle, long words would take their square in time.
+_DEEP_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST},}}")
 
 
 def read_document(
@@ -48,7 +54,12 @@ def read_document(
         What to raise: the sentence names the file, the key and what was expected.
     """
     try:
-        size = Path(path).stat().st_size
+        status = Path(path).stat()
+        if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(
+            status.st_mode
+        ):  # a pipe would be waited for, a device has no end
+            raise error(f"The {what} file '{path}' is no file; give a {form} file.")
+        size = status.st_size
         if size > MOST_BYTES[form]:
             most = f"{MOST_BYTES[form] / 1e6:g} MB"
             raise error(
@@ -63,8 +74,12 @@ def read_document(
         raise error(f"'{path}' is not a {what} file ({form}): {problem}.") from None
     if form == "TOML" and _DEEP_KEY.search(text):
         raise error(f"{path} is not valid TOML here: a key names more than {DEEPEST} tables.")
+    if form == "JSON" and sum(map(text.count, "[{:")) > MOST_PARTS:
+        raise error(f"{path} has more than {MOST_PARTS} lists and keys; it is no {what}.")
     try:
         content = _PARSERS[form](text)
+        if form == "TOML":
+            _check_lengths(content)
     except RecursionError:
         raise error(f"{path} is not valid {form}: it is nested too deeply.") from None
     except ValueError as problem:
@@ -73,6 +88,24 @@ def read_document(
         return schema.model_validate(content)
     except ValidationError as problem:
         raise error(f"{path}: {first_problem(problem, schema)}") from None
+
+
+def _check_lengths(content: dict[str, Any]) -> None:
+    """Refuse a TOML that has more of something than anybody writes.
+
+    Raises
+    ------
+    ValueError
+    """
+    left: list[tuple[str, Any]] = [("the file", content)]
+    while left:
+        name, value = left.pop()
+        inner = isinstance(value, list) and bool(value) and isinstance(value[0], dict)
+        most = MOST_KEYS if isinstance(value, dict) else MOST_TABLES if inner else MOST_VALUES
+        if len(value) > most:
+            raise ValueError(f"{name[:100]} has {len(value)} entries, more than {most}")
+        pairs = value.items() if isinstance(value, dict) else ((name, x) for x in value)
+        left += [(f"'{key}'", x) for key, x in pairs if isinstance(x, (dict, list))]
 
 
 def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:

@@ -10,6 +10,9 @@ from unicodedata import category
 #: Letters of a quoted name beyond which its middle is left out, and letters of its ends.
 _LONG, _HEAD, _TAIL = 240, 100, 60
 
+#: Letters of a sentence beyond which its middle is left out.
+LONGEST = 4000
+
 #: Kinds of characters that are written as escapes: control, format, surrogate, line, paragraph.
 _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")
 
@@ -54,7 +57,8 @@ def legible(sentence: str) -> str:
     line = "".join(
         c.encode("unicode_escape").decode() if category(c) in _UNSEEN else c for c in sentence
     )
-    return re.sub(rf"[^' ]{{{_LONG},}}", lambda m: f"{m[0][:_HEAD]}…{m[0][-_TAIL:]}", line)
+    line = re.sub(rf"[^' ]{{{_LONG},}}", lambda m: f"{m[0][:_HEAD]}…{m[0][-_TAIL:]}", line)
+    return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]}…{line[-LONGEST // 3 :]}"
 
 
 def near_match(name: str, known: Iterable[str]) -> str:

@@ -37,7 +37,7 @@ def check_writable(path: FilePath) -> Path:
             raise OutputError(f"'{path}' is a folder; give a file name to write to.")
         if path.exists() and not path.is_file():
             raise OutputError(f"'{path}' is no regular file; give another name to write to.")
-        folder = path.resolve().parent
+        folder = real(path).parent
         if not folder.is_dir():
             raise OutputError(f"The folder '{folder}' does not exist; create it or choose another.")
     except (OSError, ValueError) as error:
@@ -76,12 +76,17 @@ def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> 
     ------
     OutputError
     """
-    taken = [Path(path).resolve() for path in inputs]
+    taken = [real(path) for path in inputs]
     for path in outputs:
-        place = Path(path).resolve()
+        place = real(path)
         if place in taken:
             raise OutputError(f"'{path}' is an input or another output; give it its own name.")
         taken.append(place)
+
+
+def real(path: str | Path) -> Path:
+    """Return where a path leads; one whose links go in a ring leads to itself."""
+    return Path(os.path.realpath(path))
 
 
 def _reason(error: Exception) -> str:
@@ -106,7 +111,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     OutputError
     """
     path = check_writable(path)
-    target = path.resolve()  # a link stays a link
+    target = real(path)  # a link stays a link
     temporary = _beside(target)
     try:
         _fill(temporary, content, target)
@@ -129,7 +134,7 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     ------
     OutputError
     """
-    targets = [check_writable(path).resolve() for path, _ in files]
+    targets = [real(check_writable(path)) for path, _ in files]
     fresh = [_beside(target) for target in targets]
     aside: list[tuple[Path, Path]] = []
     placed: list[Path] = []

@@ -11,6 +11,13 @@ from collections.abc import Mapping
 
 from identifiability.foundation.values import frozen
 
+#: Repetitions in a rule, and letters of a name that it is tried on: a search takes the length of
+#: the name to the power of the repetitions.
+MOST_REPEATS, LONGEST = 3, 200
+
+_REPEATS = re.compile(r"\\.|([*+{])", re.DOTALL)
+_REPEATED_GROUP = re.compile(r"(?<!\\)\)[*+{]")
+
 
 @frozen
 class Renames:
@@ -48,6 +55,12 @@ class Renames:
                     f"'{old}' = '{new}' is no rule for names ({error}); give a name and its new "
                     r"name, or a regular expression as in 'fer_joint(\d)' = 'panda_joint\1'"
                 ) from None
+            repeats = sum(bool(m[1]) for m in _REPEATS.finditer(old))
+            if repeats > MOST_REPEATS or _REPEATED_GROUP.search(old):
+                raise ValueError(
+                    f"'{old}' = '{new}' may be looked for without end: give a rule with at most "
+                    f"{MOST_REPEATS} repetitions (*, +), none of them of a group"
+                )
             if not old or not new:
                 raise ValueError(f"'{old}' = '{new}' renames nothing; give two names")
         return Renames(tuple(rules.items()))
@@ -66,7 +79,7 @@ class Renames:
             if name == old:
                 # Groups have no text here: the rule means itself.
                 return new
-            match = re.fullmatch(old, name)
+            match = re.fullmatch(old, name) if len(name) <= LONGEST else None
             if match is not None:
                 return match.expand(new)
         return name

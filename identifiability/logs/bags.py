@@ -11,8 +11,9 @@ passive and left out.
 from __future__ import annotations
 
 import hashlib
+import sqlite3
 from collections.abc import Iterable, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.names import Array
+from identifiability.logs.sizes import MOST_DESCRIBED, check_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -127,8 +129,27 @@ def _opened(path: Path) -> Iterator[Any]:
         raise LogError(
             f"{path} is a bag, which needs the extra 'ros': pip install 'identifiability[ros]'."
         ) from None
+    _check_files(path)
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
         yield reader
+
+
+def _check_files(path: Path) -> None:
+    """Refuse a bag that would be read without end.
+
+    Raises
+    ------
+    LogError
+    """
+    described = path / "metadata.yaml"
+    if described.is_file() and described.stat().st_size > MOST_DESCRIBED:
+        raise LogError(f"{described} is larger than {MOST_DESCRIBED // 10**6} MB; record anew.")
+    for file in [path, *path.glob("*.db3")] if path.is_dir() else [path]:
+        if file.suffix == ".db3" and file.is_file():
+            with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as base:
+                found = base.execute("select type, sql from sqlite_master").fetchall()
+            if any(kind in ("view", "trigger") or "VIRTUAL" in (sql or "") for kind, sql in found):
+                raise LogError(f"{file} computes its messages and holds none; record anew.")
 
 
 def _choose_topic(path: Path, reader: Any, wanted: str | None) -> str:
@@ -179,6 +200,8 @@ def _collect(
             order = [names.index(j) for j in wanted]
             rows.append({c: _pick(getattr(message, f), names, order) for c, f in FIELDS.items()})
             measured = message.header.stamp
+            if not len(rows) % 100_000:
+                check_values(path, len(rows) * len(wanted) * len(FIELDS))
             clocks.append((measured.sec * 10**9 + measured.nanosec, recorded))
     _check_same(path, topic, list(all_names))
     if not rows:

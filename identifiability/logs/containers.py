@@ -17,6 +17,14 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.logs.aliases import guess_column
 from identifiability.logs.form import PLAIN, Form, find_form
+from identifiability.logs.sizes import (
+    MOST_SHEET_BYTES,
+    check_archive,
+    check_columns,
+    check_elements,
+    check_sheets,
+    check_values,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,6 +78,7 @@ def read_container(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:
     if suffix == ".npz":
         if not content.startswith(b"PK"):
             raise LogError(f"{path} is no archive of arrays, as numpy.savez writes it.")
+        check_archive(path, content)
         try:
             with np.load(BytesIO(content), allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
@@ -104,6 +113,7 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
     flat = _shortened(_flatten(arrays))
+    check_values(source, sum(x.size for x in flat.values()))
     names = _joint_names(flat)
     numbers = {k: x for k, x in flat.items() if x.dtype.kind in "fiumM"}
     shaped = {k: np.atleast_1d(x.squeeze()) for k, x in numbers.items()}
@@ -127,6 +137,7 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
             columns |= {f"{j}.{name}": array[:, k] for k, j in enumerate(names)}
         else:
             columns |= {f"{name}[{k}]": array[:, k] for k in range(array.shape[1])}
+    check_columns(source, len(columns))
     kinds = {g.kind for k in columns if (g := guess_column(k, k, names))}
     if not {"q", "tau"} <= kinds and lost:
         shapes = [f"{k} {_shape(flat[k])}" for k in lost]
@@ -232,6 +243,7 @@ def _read_mat(path: Path, content: bytes) -> Mapping[str, Any]:
             f"{path} is a MATLAB file of version 7.3 (HDF5), which is not read; save it in MATLAB "
             f"with save('{path.name}', 't', 'q', 'tau', '-v7'), or write CSV."
         )
+    check_elements(path, content)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
         found: Mapping[str, Any] = loadmat(BytesIO(content), simplify_cells=True)
@@ -242,6 +254,8 @@ def _read_sheet(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:
     """Return the first sheet of a workbook that holds anything."""
     import pandas as pd  # noqa: PLC0415
 
+    check_archive(path, content, MOST_SHEET_BYTES)
+    check_sheets(path, content)
     try:
         sheets = pd.read_excel(
             BytesIO(content), sheet_name=None, header=None, dtype=object, engine="openpyxl"

@@ -23,6 +23,9 @@ SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "'|'", " ": "
 #: Lines on which the form is decided.
 LOOK = 60
 
+#: Letters of the longest number.
+LONGEST_NUMBER = 400
+
 LINE_END = re.compile(r"\r\n|\r|\n")
 _POINT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf(inity)?)", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?(\d+,\d*|,\d+)([eE][-+]?\d+)?")
@@ -82,6 +85,8 @@ class Form:
     def is_number(self, field: str) -> bool:
         """Whether a field is a number in this form."""
         text = field.strip()
+        if len(text) > LONGEST_NUMBER:
+            return False
         return bool(_POINT.fullmatch(text) or (self.decimal == "," and _COMMA.fullmatch(text)))
 
 

@@ -8,6 +8,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.measured import call_currents, missing_torque
 from identifiability.logs.naming import name_columns
 from identifiability.logs.scan import BEGINNING, begin_csv
+from identifiability.logs.tables import parsing
 
 #: Bytes in which there is no quoted name in most logs.
 QUOTED = 4096
@@ -26,13 +27,16 @@ def check_header(path: Path, known: Conventions) -> None:
     LogError
         What `Log.read` would say of the columns.
     """
-    with path.open("rb") as file:
-        start = file.read(BEGINNING)
-    if b'"' in start[:QUOTED]:  # a name may go over several lines
+    if not path.is_file():  # a pipe would be waited for
         return
-    table, rest = begin_csv(path, start)
-    line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]
-    row = dict(zip(table.columns, table.form.split(line), strict=False))
+    with parsing(path):
+        with path.open("rb") as file:
+            start = file.read(BEGINNING)
+        if b'"' in start[:QUOTED]:  # a name may go over several lines
+            return
+        table, rest = begin_csv(path, start)
+        line = table.form.plain_text(rest).decode(errors="replace").partition("\n")[0]
+        row = dict(zip(table.columns, table.form.split(line), strict=False))
     texts = {name: text for name, text in row.items() if not table.form.is_number(text)}
     made = missing_torque(table.columns, known) if known.motion_alone else []
     found = [*table.columns, *made]

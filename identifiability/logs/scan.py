@@ -14,6 +14,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.logs.bags import hash_files
 from identifiability.logs.cut import judge_end
 from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form
+from identifiability.logs.sizes import check_columns
 from identifiability.logs.tables import Table, is_parquet, open_parquet, opened
 
 if TYPE_CHECKING:
@@ -86,9 +87,15 @@ def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
     """Return a CSV without its rows, and what follows its header."""
     if not start.strip(b"\xef\xbb\xbf\0 \t\r\n"):
         raise LogError(f"{path} is empty; nothing was written to it.")
+    if len(start) >= BEGINNING and not re.search(rb"[\r\n]", start[:BEGINNING]):
+        raise LogError(
+            f"{path} has no end of a line in its first {BEGINNING // 1000} kB, so it has no "
+            "header; give a table with a row a sample."
+        )
     encoding = find_encoding(start)
     text = start[:BEGINNING].decode(encoding, errors="replace")
     form = find_form(text, encoding)
+    check_columns(path, len(form.columns))
     if form.plain:
         header, rest = _split_header(start)
         names = header.decode("utf-8-sig").strip()
@@ -100,7 +107,7 @@ def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
     errors = "surrogateescape" if encoding == "utf-8" else "replace"
     exact = start[:BEGINNING].decode(encoding, errors)
     ends = [m.end() for m in LINE_END.finditer(exact)][: form.lines]
-    at = len(exact[: ends[-1] if form.lines else 0].encode(encoding, errors))
+    at = len(exact[: ends[-1] if ends else 0].encode(encoding, errors))
     return Table(path, form.columns, (), line.encode(), form), start[at:]
 
 

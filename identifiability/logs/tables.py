@@ -21,6 +21,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
 from identifiability.logs.containers import CONTAINERS
 from identifiability.logs.form import PLAIN, Form
+from identifiability.logs.sizes import check_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,6 +32,9 @@ NUMBERS = ("double", "float", "int64", "int32", "int16", "int8")
 
 #: Rows of a piece of Parquet.
 PIECE_ROWS = 8_192
+
+#: Bytes of a cell, on average over a group of rows.
+LONGEST_CELL = 4_096
 
 #: Bytes of a Parquet file that is read at once.
 WHOLE = 64_000_000
@@ -204,9 +208,24 @@ def open_parquet(path: Path, whole: bytes | None = None) -> Table:
         meta = file.metadata
         sizes = [meta.row_group(k).num_rows for k in range(meta.num_row_groups)]
         # The names as pandas has them: an index that was stored is no column.
+        check_columns(path, len(file.schema_arrow.names))
+        _check_texts(path, meta)
         names = file.schema_arrow.empty_table().to_pandas().columns
     pieces = tuple((row, k) for k, row in enumerate(accumulate(sizes, initial=0)))
     return Table(path, tuple(str(n) for n in names), pieces)
+
+
+def _check_texts(path: Path, meta: Any) -> None:
+    """Refuse a file whose cells are so long that a few rows would not fit into memory."""
+    for k in range(meta.num_row_groups):
+        group = meta.row_group(k)
+        for c in range(group.num_columns):
+            column = group.column(c)
+            if column.total_uncompressed_size > LONGEST_CELL * max(group.num_rows, 100):
+                raise LogError(
+                    f"{path}: the cells of '{column.path_in_schema}' are longer than "
+                    f"{LONGEST_CELL} bytes; leave the column out."
+                )
 
 
 def opened(path: Path, whole: bytes | None = None) -> Any:

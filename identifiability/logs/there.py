@@ -18,9 +18,12 @@ def check_there(path: Path) -> None:
     bag = split_topic(path)[0]
     try:
         there = bag.exists()
+        other = there and not bag.is_file() and not bag.is_dir()
     except OSError:  # no name of a file; its reader says why
         return
     if not there and is_bag(bag):
         raise LogError(f"There is no bag '{bag}'; give a .mcap, .db3 or .bag file or a folder.")
+    if other:  # a pipe would be waited for, a device has no end
+        raise LogError(f"'{path}' is no file; give a CSV or Parquet file.")
     if not there:
         raise LogError(f"There is no log file '{path}'; give a CSV or Parquet file.")

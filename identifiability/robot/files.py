@@ -27,6 +27,7 @@ from identifiability.robot.locking import (
     settle_locks,
     weld,
 )
+from identifiability.robot.magnitudes import check_magnitudes
 from identifiability.robot.markup import read_markup
 from identifiability.robot.massless import merge_axes
 from identifiability.robot.parts import Coupling, Stated
@@ -52,6 +53,7 @@ def read_robot(
         stated = _read_urdf(path, root, extra)
     if stated.model.njoints < 2:
         raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
+    check_magnitudes(path, stated.model)
     return replace(assemble(path, chosen, extra, stated), lock_option=tuple(read_locks(lock)))
 
 
@@ -64,7 +66,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
             reason = _one_line(error)
     if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
-        reason = printed[0] if printed else reason
+        reason = printed[0][:300] if printed else reason
         raise RobotError(f"{path} cannot be read as URDF: {reason}.")
     read = {f.name for f in model.frames if f.type == pin.FrameType.BODY}
     lost = [link.get("name", "") for link in root.findall("link") if link.get("name") not in read]

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from unicodedata import category
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-
-#: What is larger would take minutes, or all the stack, to read.
-MOST_BYTES = 50_000_000
-MOST_BODIES = 200
-MOST_ELEMENTS = 20_000
-DEEPEST = 250
+from identifiability.robot.bounded_xml import check_room, check_size, expand_includes, parse_xml
+from identifiability.robot.magnitudes import LONGEST_NAME
 
 _URDF_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _ENDLESS = ("nan", "inf", "infinity")
@@ -30,10 +27,11 @@ def read_markup(path: Path) -> ET.Element:
     ------
     RobotError
     """
-    root = _parse(path, ("mujoco", "robot"))
+    root = parse_xml(path, ("mujoco", "robot"))
     if root.tag == "mujoco":
-        _expand_includes(path, root, (path,), [])
-    _check_size(path, root)
+        expand_includes(path, root, (path,), [])
+    check_size(path, root)
+    _check_names(path, root)
     (_check_mjcf if root.tag == "mujoco" else _check_urdf)(path, root)
     return root
 
@@ -57,86 +55,26 @@ def included_files(path: Path) -> tuple[Path, ...]:
     RobotError
     """
     found: list[Path] = []
-    root = _parse(path, ("mujoco", "robot"))
+    root = parse_xml(path, ("mujoco", "robot"))
     if root.tag == "mujoco":
-        _expand_includes(path, root, (path,), found)
+        expand_includes(path, root, (path,), found)
     return tuple(found)
 
 
-def check_regular(path: Path) -> None:
-    """Refuse what is there but is no file, such as a pipe, which would be waited for.
-
-    Raises
-    ------
-    RobotError
-    """
-    if path.exists() and not path.is_file():
-        raise RobotError(f"{path} cannot be read: it is no file.")
-
-
-def _parse(path: Path, roots: tuple[str, ...]) -> ET.Element:
-    check_regular(path)
-    if path.is_file() and path.stat().st_size > MOST_BYTES:
-        raise RobotError(
-            f"{path} is larger than {MOST_BYTES // 10**6} MB; robot files are read up to that."
-        )
-    try:
-        root = ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise RobotError(f"{path} is not an MJCF or URDF file: it is not XML ({error}).") from None
-    except OSError as error:
-        raise RobotError(f"{path} cannot be read: {error.strerror}.") from None
-    except (ValueError, LookupError) as error:  # bytes or an encoding that XML does not know
-        raise RobotError(f"{path} cannot be read as XML: {error}.") from None
-    if root.tag not in roots:
-        raise RobotError(
-            f"{path} is not an MJCF or URDF file: its root element is <{root.tag}>, expected "
-            f"{' or '.join(f'<{r}>' for r in roots)}."
-        )
-    return root
-
-
-def _expand_includes(
-    path: Path, root: ET.Element, above: tuple[Path, ...], found: list[Path]
-) -> None:
-    """Put the children of included files where they are included."""
-    for parent in list(root.iter()):
-        for child in [c for c in parent if c.tag == "include"]:
-            file = path.parent / child.get("file", "")
-            if file in above:
-                raise RobotError(f"{above[-1]} includes {file}, which includes it; break the ring.")
-            inner = _parse(file, ("mujoco", "mujocoinclude"))
-            found.append(file)
-            _expand_includes(path, inner, (*above, file), found)
-            at = list(parent).index(child)
-            parent[at : at + 1] = list(inner)
-
-
-def _check_size(path: Path, root: ET.Element) -> None:
-    """Refuse what would take minutes, or all the memory, with <replicate> counted out."""
-    level, bodies, elements = [(root, 1)], 0, 0
-    for _ in range(DEEPEST):
-        below = []
-        for element, times in level:
-            bodies += times * (element.tag in ("body", "link"))
-            elements += times
-            if element.tag == "replicate" and (element.get("count") or "").strip().isdigit():
-                times *= max(int(element.get("count", "1")[:9]), 1)  # noqa: PLW2901
-            below += [(child, times) for child in element]
-        if bodies > MOST_BODIES:
-            raise RobotError(
-                f"{path} has more bodies than {MOST_BODIES}; robots of up to so many can be read."
-            )
-        if elements > MOST_ELEMENTS:
-            raise RobotError(f"{path} has more than {MOST_ELEMENTS} elements; simplify it.")
-        level = below
-        if not level:
-            return
-    raise RobotError(f"{path} nests elements deeper than {DEEPEST} levels; flatten it.")
+def _check_names(path: Path, root: ET.Element) -> None:
+    """Refuse names of more than one line, of no end, or that a terminal would obey."""
+    for element in root.iter():
+        for name in (element.get("name", ""), element.get("model", "")):
+            if len(name) > LONGEST_NAME or any(category(c) == "Cc" for c in name):
+                raise RobotError(
+                    f"{path}: the name '{name}' of a <{element.tag}> has control characters or "
+                    f"more than {LONGEST_NAME} letters; give it another."
+                )
 
 
 def _check_mjcf(path: Path, root: ET.Element) -> None:
     names = {e.get("name") for e in root.iter()}
+    check_room(path, root)
     for element in root.iter():
         if element.tag in _REFUSED:
             raise RobotError(f"{path} uses <{element.tag}>; {_REFUSED[element.tag]}.")

@@ -18,7 +18,8 @@ import mujoco
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, near_match
-from identifiability.robot.markup import check_regular, file_text, read_markup
+from identifiability.robot.bounded_xml import check_regular, check_weight
+from identifiability.robot.markup import file_text, read_markup
 
 _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom
 _FILED = (int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF))
@@ -69,6 +70,7 @@ def _parse(path: Path, root: ET.Element) -> Any:
     _take_out_idle(spec)
     for file in _mesh_files(path, spec):
         check_regular(file)
+        check_weight(path, [file])
     return spec
 
 
@@ -98,7 +100,7 @@ def _refused(path: Path, root: ET.Element) -> Iterator[None]:
     try:
         with quiet():
             yield
-    except (ValueError, mujoco.FatalError) as error:
+    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         raise RobotError(f"{path} cannot be read as MJCF: {_reason(error, root)}") from None
 
 
@@ -144,11 +146,12 @@ def _take_out_idle(spec: Any) -> None:
 
 def _forget_looks(spec: Any) -> None:
     """Remove materials, and the assets that nothing uses."""
-    for element in (*spec.geoms, *spec.sites, *spec.tendons, *spec.meshes):
+    geoms, sites = list(spec.geoms), list(spec.sites)  # each look at them takes a while
+    for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
         element.material = ""
-    used = {e.meshname for e in (*spec.geoms, *spec.sites)} | {f.name for f in spec.flexes}
+    used = {e.meshname for e in (*geoms, *sites)} | {f.name for f in spec.flexes}
     meshes = [m for m in spec.meshes if m.name not in used]
-    heights = {g.hfieldname for g in spec.geoms}
+    heights = {g.hfieldname for g in geoms}
     fields = [h for h in spec.hfields if h.name not in heights]
     for asset in (*spec.materials, *spec.textures, *meshes, *fields):
         spec.delete(asset)

@@ -117,6 +117,7 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.renames import Renames
 from identifiability.robot.known_torque import Interpolation
+from identifiability.robot.magnitudes import LARGEST, LONGEST_NAME
 from identifiability.robot.measured_torque import Side
 
 Triple = tuple[float, float, float]
@@ -154,6 +155,10 @@ Names = Annotated[list[str], AfterValidator(_unique)]
 Span = Annotated[tuple[float, float], AfterValidator(_rising)]
 Masses = Annotated[tuple[Annotated[float, Field(ge=0)], float], AfterValidator(_rising)]
 Length = Annotated[float, Field(gt=0)]
+#: No value of a robot in SI units is larger.
+Held = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+#: Coefficients of a polynomial.
+DEGREE = 50
 
 
 class LoopEntry(_Strict):
@@ -174,8 +179,8 @@ class CouplingEntry(_Strict):
     name: str = ""
     joint: str
     of: str | None = None
-    polynomial: list[float] = Field(default=[0.0, 1.0], min_length=1)
-    terms: dict[str, Annotated[list[float], Field(min_length=1)]] = {}
+    polynomial: list[float] = Field(default=[0.0, 1.0], min_length=1, max_length=DEGREE)
+    terms: dict[str, Annotated[list[float], Field(min_length=1, max_length=DEGREE)]] = {}
 
     @model_validator(mode="after")
     def _two_joints(self) -> CouplingEntry:
@@ -238,7 +243,7 @@ class KnownTorqueEntry(_Strict):
     along: str
     table: list[tuple[float, float]] = []
     interpolation: Interpolation | None = None
-    polynomial: list[float] = []
+    polynomial: list[float] = Field(default=[], max_length=DEGREE)
     range: Span | None = None
 
     @model_validator(mode="after")
@@ -295,8 +300,8 @@ class PriorEntry(_Strict):
 class Sidecar(_Strict):
     """The whole file."""
 
-    name: str = ""
-    description: str = ""
+    name: str = Field(default="", max_length=LONGEST_NAME)
+    description: str = Field(default="", max_length=20 * LONGEST_NAME)
     actuated: list[str] | None = None
     locked: Names | dict[str, float | None] = []
     angles: Literal["rad", "deg"] | None = None
@@ -310,7 +315,7 @@ class Sidecar(_Strict):
     axes: list[AxisEntry] = []
     symbols: dict[str, str] = {}
     base_parameters: BaseParametersEntry = BaseParametersEntry()
-    nominal: dict[str, float] = {}
+    nominal: dict[str, Held] = {}
     rest: dict[str, float] = {}
     shapes: dict[str, Annotated[float, Field(gt=0)]] = {}
     reference: dict[str, float] = {}

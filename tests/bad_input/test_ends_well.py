@@ -95,7 +95,7 @@ def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tm
         (".".join(["a"] * 50_000) + " = 1", "a key names more than 64 tables"),
         ("[" + ".".join(['"a b"'] * 50_000) + "]", "a key names more than 64 tables"),
         ("x = {" + " . ".join(["a"] * 50_000) + " = 1}", "a key names more than 64 tables"),
-        ("# " + "x" * 5_000_000, "larger than 4 MB"),
+        ("# " + "x" * 5_000_000, "larger than 1 MB"),
     ],
 )
 def test_a_document_without_end_is_refused_at_once(tmp_path, text, sentence):

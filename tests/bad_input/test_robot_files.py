@@ -42,7 +42,7 @@ NO_ROBOT = {
         "nests elements deeper than 250 levels",
     ),
     "large": (
-        f"<mujoco><worldbody>{'<body>' * 5000}{'</body>' * 5000}</worldbody></mujoco>",
+        f"<mujoco><worldbody>{'<body/>' * 5000}</worldbody></mujoco>",
         "has more bodies than 200",
     ),
 }

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import OutputError, RobotError, listing, near_match
-from identifiability.foundation.output import check_apart, check_ending, write_together
+from identifiability.foundation.output import check_apart, check_ending, real, write_together
 from identifiability.foundation.toml_text import toml_text
 from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
@@ -69,7 +69,7 @@ def convert_dh(table: str | Path | Mapping[str, Any], out: str | Path) -> Conver
     beside = out.with_suffix(".toml")
     check_ending(out, ".xml")
     given = [] if isinstance(table, Mapping) else [table]
-    if beside.resolve() in [Path(path).resolve() for path in given]:
+    if real(beside) in [real(path) for path in given]:
         raise OutputError(
             f"The sidecar of '{out}' would be '{beside}', which is the table; give --out another "
             f"name, as in '{out.stem}_robot{out.suffix}'."

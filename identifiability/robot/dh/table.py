@@ -67,6 +67,9 @@ from identifiability.robot.sidecar import Length, Sidecar, Span, Triple
 #: The name of what the first links stand on.
 BASE = "base"
 
+#: Letters of the longest angle.
+LONG = 60
+
 _PI = re.compile(r"([+-]?)\s*(\d*\.?\d*)\s*\*?\s*(?:pi|π)\s*(?:/\s*(\d+\.?\d*))?")
 
 
@@ -91,9 +94,11 @@ def read_pi(text: str) -> float:
     ------
     ValueError
     """
-    found = _PI.fullmatch(text.strip())
-    if found is None or (found[3] and not float(found[3])):
-        raise ValueError(f"'{text}' is no part of pi; write it as -pi/2 or 3*pi/4, or as a number")
+    found = _PI.fullmatch(text.strip()[:LONG])
+    if found is None or len(text) > LONG or (found[3] and not float(found[3])):
+        raise ValueError(
+            f"'{text[:LONG]}' is no part of pi; write it as -pi/2 or 3*pi/4, or as a number"
+        )
     sign = -1.0 if found[1] == "-" else 1.0
     return sign * float(found[2] or 1.0) * math.pi / float(found[3] or 1.0)
 

@@ -39,6 +39,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.robot.sidecar import Held
 from identifiability.workflows.opening import Logs, read_recordings
 from identifiability.workflows.predict.about import Entry, RobotEntry
 from identifiability.workflows.predict.frames import Covaries, square_frame
@@ -197,7 +198,7 @@ class FitEntry(Entry):
 
     model: RungEntry
     names: list[str]
-    values: list[float]
+    values: list[Held]
     covariance: list[list[float]]
     unknown: list[list[float]]
     low: list[float]

@@ -1,0 +1,48 @@
+"""Refuse robots whose numbers no arithmetic holds, or of more joints than can be worked on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identifiability.foundation.errors import RobotError
+
+#: Degrees of freedom of the joints that move; memory grows faster than their number.
+MOST_JOINTS = 100
+
+#: Letters of a name.
+LONGEST_NAME = 500
+
+#: No mass, moment, length or gravity in SI units is larger, and no mass smaller unless it is zero.
+LARGEST, SMALLEST = 1e15, 1e-30
+
+
+def check_magnitudes(path: Path, model: Any) -> None:
+    """Refuse a model (pinocchio.Model) that is too large in number or size.
+
+    Parameters
+    ----------
+    path : Path
+    model : pinocchio.Model
+
+    Raises
+    ------
+    RobotError
+    """
+    if model.nv > MOST_JOINTS:
+        raise RobotError(
+            f"{path} has {model.nv} degrees of freedom; robots of up to {MOST_JOINTS} are read: "
+            "lock joints that do not move ([locked] in the sidecar, or --lock)."
+        )
+    if not np.all(np.abs(model.gravity.linear) < LARGEST):
+        raise RobotError(f"{path} states a gravity that is none; give it in m/s².")
+    for k in range(1, model.njoints):
+        body, place = model.inertias[k], model.jointPlacements[k].translation
+        numbers = np.concatenate([body.toDynamicParameters(), place])
+        if not np.all(np.abs(numbers) < LARGEST) or 0 < abs(body.mass) < SMALLEST:
+            raise RobotError(
+                f"{path}: mass, inertia or place of what joint '{model.names[k]}' moves is no "
+                "number of a robot; give kg, m and kg·m²."
+            )

@@ -1,0 +1,314 @@
+"""Every reader's stated limits (docs/reference/limits.md): one sentence past them, at once."""
+
+import io
+import json
+import os
+import time
+import zipfile
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability import Log, Robot
+from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
+from identifiability.foundation.documents import MOST_KEYS, MOST_PARTS, MOST_TABLES, MOST_VALUES
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.renames import Renames
+from identifiability.logs import header, sizes
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.tables import LONGEST_CELL
+from identifiability.regression.reduction import read_ladder
+from identifiability.robot import bounded_xml as xml
+from identifiability.robot import magnitudes
+from identifiability.robot.dh import convert_dh
+from identifiability.workflows.predict import read_fit
+
+#: Seconds of CPU in which a sentence comes.
+SOON = 5.0
+
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+COLUMNS = ("t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau")
+
+
+@pytest.fixture
+def refuses(tmp_path):
+    """A function (read, name, content) -> None that asks for a sentence within seconds."""
+
+    def check(read, name, content, sentence):
+        path = tmp_path / name
+        if callable(content):
+            content(path)
+        else:
+            path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        start = time.process_time()
+        with pytest.raises(IdentifiabilityError, match=sentence):
+            read(path)
+        assert time.process_time() - start < SOON
+
+    return check
+
+
+def sparse(path):
+    """Make a file of 60 MB."""
+    path.touch()
+    os.truncate(path, 60_000_000)
+
+
+def arm(inside="", head="", name="j", mass="1"):
+    inertial = f'<inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/>'
+    body = f'<body name="b"><joint name="{name}"/>{inertial}{inside}</body>'
+    return f"<mujoco>{head}<worldbody>{body}</worldbody></mujoco>"
+
+
+def chain(count):
+    """Write a URDF of so many joints."""
+    moments = " ".join(f'{key}="{int(key[1] == key[2])}"' for key in MOMENTS)
+    inertia = f'<inertial><mass value="1"/><inertia {moments}/></inertial>'
+    links = "".join(f'<link name="l{k}">{inertia}</link>' for k in range(count + 1))
+    joints = "".join(
+        f'<joint name="j{k}" type="continuous"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        '<axis xyz="0 0 1"/></joint>'
+        for k in range(count)
+    )
+    return f'<robot name="r">{links}{joints}</robot>'
+
+
+def including(count, deep):
+    """Write a file that includes so many, beside or in each other."""
+
+    def write(path):
+        names = [f"{k}.xml" for k in range(count)]
+        for k, name in enumerate(names):
+            inner = f'<include file="{k + 1}.xml"/>' if deep and k + 1 < count else ""
+            path.with_name(name).write_text(f"<mujoco>{inner}</mujoco>")
+        first = names[:1] if deep else names
+        path.write_text(arm(head="".join(f'<include file="{n}"/>' for n in first)))
+
+    return write
+
+
+ROBOTS = {
+    "elements": (arm("<site/>" * xml.MOST_ELEMENTS), "more than 20000 elements"),
+    "elements that never end": (b"<mujoco>" + b"<a>" * 2_000_000, "nests elements deeper than 250"),
+    "depth": (arm("<frame>" * 260 + "</frame>" * 260), "nests elements deeper than 250 levels"),
+    "bodies": (arm("<body/>" * xml.MOST_BODIES), "more bodies than 200"),
+    "bytes": (sparse, "larger than 50 MB"),
+    "a tag that never ends": (b'<mujoco a="' + b"x" * 40_000_000, "it is not XML"),
+    "includes": (including(xml.MOST_INCLUDES + 1, deep=False), "includes more than 100 files"),
+    "includes in includes": (including(30, deep=True), "deeper in each other than 20 levels"),
+    "idle": (arm(head="<asset>" + "<material/>" * 2001 + "</asset>"), "more than 2000 sensors"),
+    "room": (arm(head='<size nkey="2000000000"/>'), 'has nkey="2000000000"; it is read up to'),
+    "a name": (arm(name="x" * 501), "control characters or more than 500 letters"),
+    "a name on two lines": (arm(name="a&#10;b"), "has control characters"),
+    "mass": (arm(mass="1e16"), "is no number of a robot"),
+    "gravity": (arm(head='<option gravity="0 0 1e16"/>'), "states a gravity that is none"),
+}
+
+
+@pytest.mark.parametrize("what", ROBOTS)
+def test_limits_of_robot_files(refuses, what):
+    content, sentence = ROBOTS[what]
+    refuses(Robot.load, "robot.xml", content, sentence)
+
+
+def test_limits_of_joints(refuses, tmp_path):
+    most = magnitudes.MOST_JOINTS
+    refuses(Robot.load, "robot.urdf", chain(most + 1), f"has {most + 1} degrees of freedom")
+    whole = tmp_path / "whole.urdf"
+    whole.write_text(chain(most))
+    assert len(Robot.load(whole).joints) == most
+
+
+def test_a_mesh_that_weighs_is_bounded(refuses):
+    def write(path):
+        with path.with_name("m.stl").open("wb") as file:
+            file.truncate(xml.MOST_BYTES + 1)
+        mesh = '<asset><mesh name="m" file="m.stl"/></asset>'
+        path.write_text(arm('<body><joint/><geom type="mesh" mesh="m"/></body>', head=mesh))
+
+    refuses(Robot.load, "robot.xml", write, "larger than 50 MB")
+
+
+TOML = {
+    "bytes": ("#" * (DOCUMENT["TOML"] + 1), "larger than 1 MB"),
+    "depth of a key": (".".join("a" * 65) + " = 1", "names more than 64 tables"),
+    "tables": ("[[loops]]\n" * (MOST_TABLES + 1), f"entries, more than {MOST_TABLES}"),
+    "keys": (
+        "[nominal]\n" + "\n".join(f"a{k} = 1" for k in range(MOST_KEYS + 1)),
+        f"'nominal' has {MOST_KEYS + 1} entries, more than {MOST_KEYS}",
+    ),
+    "values": ("home = [" + "1," * (MOST_VALUES + 1) + "]", f"more than {MOST_VALUES}"),
+    "coefficients": (
+        f'[[couplings]]\njoint = "elbow"\npolynomial = {[1.0] * 51}',
+        "polynomial': list should have at most 50 items",
+    ),
+    "a word of 900 kB": ("x" * 900_000, "is not valid TOML"),
+    "a name": (f'name = "{"x" * 501}"', "at most 500 characters"),
+    "a value": ('[nominal]\n"elbow.Fv" = 1e16', "less than or equal to"),
+}
+
+
+@pytest.mark.parametrize("what", TOML)
+def test_limits_of_documents(refuses, what):
+    content, sentence = TOML[what]
+    refuses(lambda path: Robot.load("two-link", path), "sidecar.toml", content, sentence)
+
+
+def test_limits_of_ladders_and_tables(refuses, tmp_path):
+    many = "[[models]]\n" * (MOST_TABLES + 1)
+    refuses(read_ladder, "ladder.toml", many, f"more than {MOST_TABLES}")
+    link = f'[[links]]\nname = "a"\nalpha = "{"9" * 50_000}*"\n'
+    table = f'convention = "standard"\n{link}'
+    refuses(lambda p: convert_dh(p, tmp_path / "o.xml"), "dh.toml", table, "is no part of pi")
+
+
+def test_limits_of_results(refuses):
+    def read(path):
+        return read_fit(path, "two-link")
+
+    refuses(read, "r.json", "[" + "[]," * MOST_PARTS + "1]", "more than 2000000 lists and keys")
+    refuses(read, "r.json", sparse, "larger than 50 MB")
+    refuses(read, "r.json", json.dumps({"a": 1})[:-1] + "[" * 3000, "is not valid JSON")
+
+
+@pytest.mark.parametrize("rule", ["(a|aa)+x", "(.*)(.*)(.*)(.*)x", "(a+){9}"])
+def test_rules_for_names_end(rule):
+    with pytest.raises(ValueError, match="may be looked for without end"):
+        Renames.of({rule: "x"})
+    assert Renames.of({r"fer_(.*)_joint(\d+)": r"\1_\2"}).apply("fer_a_joint1") == "a_1"
+    assert Renames.of({".*.*.*x": "y"}).apply("x" * 201) == "x" * 201
+
+
+def table(path):
+    frame = pd.DataFrame({c: np.zeros(100) for c in COLUMNS})
+    frame.assign(x="a" * (2 * LONGEST_CELL)).to_parquet(path, use_dictionary=False)
+
+
+def wide(path):
+    pd.DataFrame({f"x{k}": [0.0] for k in range(501)}).to_parquet(path)
+
+
+def zeros(count, kind="<f8"):
+    """Write an array of so many zeros in few bytes."""
+
+    def write(path):
+        head = io.BytesIO()
+        declared = {"descr": kind, "fortran_order": False, "shape": (count,)}
+        np.lib.format.write_array_header_1_0(head, declared)
+        size = count * np.dtype(kind).itemsize
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("t.npy", head.getvalue() + bytes(size))
+
+    return write
+
+
+def parts(path):
+    with zipfile.ZipFile(path, "w") as archive:
+        for k in range(sizes.MOST_PARTS + 1):
+            archive.writestr(f"a{k}.npy", b"")
+
+
+def matlab(path):
+    from scipy.io import savemat
+
+    savemat(path, {"t": np.zeros(4_000_001, np.int8)}, do_compression=True)
+
+
+LOGS = {
+    "a line": ("run.csv", b"t,q," * 100_000, "no end of a line in its first 262 kB"),
+    "columns of a CSV": (
+        "run.csv",
+        ",".join(f"x{k}" for k in range(501)) + "\n" + "0," * 500 + "0\n",
+        "501 columns; logs of up to 500",
+    ),
+    "columns of a Parquet file": ("run.parquet", wide, "501 columns; logs of up to 500"),
+    "cells": ("run.parquet", table, "the cells of 'x' are longer than 4096 bytes"),
+    "bytes of arrays": ("run.npz", zeros(600_000), "unpacks to more than 4 MB"),
+    "values of arrays": ("run.npz", zeros(3_100_000, "|i1"), "holds 3100000 values; up to"),
+    "parts": ("run.npz", parts, "has 1001 parts"),
+    "bytes of MATLAB": ("run.mat", matlab, "unpacks to more than 4 MB"),
+}
+
+
+def test_the_limits_of_arrays_are_those_that_are_stated():
+    assert (sizes.MOST_BYTES, sizes.MOST_VALUES) == (250_000_000, 30_000_000)
+    assert sizes.MOST_COLUMNS == 5_000
+
+
+@pytest.mark.parametrize("what", LOGS)
+def test_limits_of_logs(refuses, what, monkeypatch):
+    monkeypatch.setattr(sizes, "MOST_BYTES", 4_000_000)
+    monkeypatch.setattr(sizes, "MOST_VALUES", 3_000_000)
+    monkeypatch.setattr(sizes, "MOST_COLUMNS", 500)
+    name, content, sentence = LOGS[what]
+    refuses(Log.read, name, content, sentence)
+
+
+def sheet(inside, part="xl/worksheets/sheet1.xml"):
+    def write(path):
+        pd.DataFrame({"t": [0.0]}).to_excel(path, index=False)
+        kept = zipfile.ZipFile(path)
+        whole = {i.filename: kept.read(i) for i in kept.infolist()} | {part: inside}
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in whole.items():
+                archive.writestr(name, content)
+
+    return write
+
+
+SHEETS = {
+    "bytes": (b" " * (sizes.MOST_SHEET_BYTES + 1), "unpacks to more than 50 MB"),
+    "a cell far right": (b'<c r="XFD1"/>', "16384 columns"),
+    "a cell far down": (b"<c r='CV999999'/>", "values; up to"),
+}
+
+
+@pytest.mark.parametrize("what", SHEETS)
+def test_limits_of_sheets(refuses, what):
+    pytest.importorskip("openpyxl")
+    content, sentence = SHEETS[what]
+    refuses(Log.read, "run.xlsx", sheet(content), sentence)
+
+
+def test_what_describes_a_sheet_is_bounded(refuses):
+    pytest.importorskip("openpyxl")
+    styles = sheet(b" " * (sizes.MOST_DESCRIBED + 1), "xl/styles.xml")
+    refuses(Log.read, "run.xlsx", styles, "is larger than 2 MB")
+
+
+def test_limits_of_bags(refuses):
+    pytest.importorskip("rosbags")
+    import sqlite3
+
+    def described(path):
+        path.mkdir()
+        (path / "metadata.yaml").write_bytes(b"#" * (sizes.MOST_DESCRIBED + 1))
+
+    def computed(path):
+        with sqlite3.connect(path) as base:
+            base.execute("create view messages as select 1")
+        base.close()
+
+    refuses(Log.read, "bag", described, "is larger than 2 MB")
+    refuses(Log.read, "bag.db3", computed, "computes its messages")
+
+
+@pytest.mark.parametrize("name", ["robot.xml", "sidecar.toml", "run.csv", "run.parquet"])
+def test_a_pipe_is_not_waited_for(refuses, name):
+    reads = {".xml": Robot.load, ".toml": lambda path: Robot.load("two-link", path)}
+    read = reads.get(f".{name.partition('.')[2]}", Log.read)
+    refuses(read, name, os.mkfifo, r"no file|no log file|no robot file")
+
+
+def test_a_header_of_a_pipe_is_left_to_its_reader(tmp_path):
+    os.mkfifo(tmp_path / "run.csv")
+    header.check_header(tmp_path / "run.csv", Conventions())
+
+
+def test_a_ring_of_links_is_one_sentence(tmp_path):
+    ring = tmp_path / "robot.xml"
+    ring.symlink_to(tmp_path / "other")
+    (tmp_path / "other").symlink_to(ring)
+    with pytest.raises(IdentifiabilityError, match="There is no robot file"):
+        Robot.load(ring)
