@@ -24,6 +24,9 @@ FLAT = 0.03
 #: Bodies and joints with a name beside them, at most; others say it where the pointer is.
 NAMED = 12
 
+#: Points of a line that a name may hide.
+DENSE = 24
+
 
 @frozen
 class Part:
@@ -75,7 +78,7 @@ def draw_skeleton(
         own = zip(robot.tree.joints, at, strict=True)
         dots = {d: place(np.array([o, o])) for j, o in own for d in j.dofs}
         places = {d: x for d, x in dots.items() if d in parts and parts[d].tone != "grey"}
-    drawn += _names(places)
+    drawn += _names(places, place(np.concatenate([_between(x) for x in limbs.values()])))
     base = [place(o[None])[0] for j, o in zip(robot.tree.joints, at, strict=True) if _stands(j)]
     feet = "".join(_foot(x, y) for x, y in base)
     return Markup(
@@ -214,8 +217,29 @@ def _foot(x: float, y: float) -> str:
     return f'<path class="ground" d="M{left:.1f} {low:.1f}H{right:.1f}{strokes}"/>'
 
 
-def _names(places: Mapping[str, Array]) -> list[str]:
-    """Return names beside lines (2 s, 2), away from the middle of all, none over another."""
+def _between(lines: Array) -> Array:
+    """Return points along lines (2 s, 3), (s DENSE, 3)."""
+    along = np.linspace(0.0, 1.0, DENSE)[:, None, None]
+    points: Array = (lines[0::2] + along * (lines[1::2] - lines[0::2])).reshape(-1, 3)
+    return points
+
+
+def _aside_dot(at: Array, room: Array, points: Array) -> Array:
+    """Return where the name of a dot stands: beside it, where the fewest points are hidden."""
+    x, y = 0.5 * room + 10.0
+    places = at + np.array([[x, 0.0], [-x, 0.0], [0.0, -y], [0.0, y], [x, -y], [-x, -y]])
+    hidden = [(np.abs(points - p) < 0.5 * room + 3.0).all(1).sum() for p in places]
+    beyond = (np.abs(places - 0.5 * np.array([WIDTH, HEIGHT])) + 0.5 * room + 2.0).T
+    outside = (beyond[0] > 0.5 * WIDTH) | (beyond[1] > 0.5 * HEIGHT)
+    best: Array = places[int(np.argmin(np.array(hidden) + len(points) * outside))]
+    return best
+
+
+def _names(places: Mapping[str, Array], points: Array) -> list[str]:
+    """Return names beside lines (2 s, 2), away from the middle of all, none over another.
+
+    A name beside a dot hides as few of some points (N, 2) as it can.
+    """
     shown = list(places)[:NAMED]
     middle = np.mean([places[name].mean(0) for name in shown], axis=0) if shown else np.zeros(2)
     texts: list[str] = []
@@ -223,14 +247,14 @@ def _names(places: Mapping[str, Array]) -> list[str]:
     for owner in shown:
         lines = places[owner]
         along, at = lines[-1] - lines[0], lines.mean(0)
-        if not along.any():  # a dot, beside which its name stands
-            along = np.array([0.0, 1.0])
+        dot = not along.any()
         aside = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
         aside = aside if aside @ (at - middle) >= 0 else -aside
         name = owner if len(owner) <= 22 else f"{owner[:12]}…{owner[-9:]}"
         room = np.array([6.2 * len(name), 13.0])
         shift = 12.0 * aside + 0.5 * room * np.array([np.clip(2 * aside[0], -1, 1), aside[1]])
-        at = np.clip(at + shift, 0.5 * room + 2, [WIDTH, HEIGHT] - 0.5 * room - 2)
+        away = _aside_dot(at, room, points) if dot else at + shift
+        at = np.clip(away, 0.5 * room + 2, [WIDTH, HEIGHT] - 0.5 * room - 2)
         while any((np.abs(at - other) < 0.5 * (room + size)).all() for other, size in taken):
             at[1] += 7.0 if aside[1] > 0 else -7.0  # away from its own part
         taken.append((at, room))

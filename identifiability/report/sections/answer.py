@@ -58,6 +58,7 @@ def _answer_use(analysis: Analysis) -> Answer:
     if chosen.unjudged:
         found = f"{len(chosen.rung)} parameters, none judged"
     title = model_title(chosen)
+    title = f"{title[0].upper()}{title[1:]}"
     if chosen is not analysis.full:
         full = analysis.full
         size += f" The unpruned {model_title(full)} keeps all {len(full.rung)} of them"

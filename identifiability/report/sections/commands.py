@@ -79,9 +79,14 @@ def name_logs(robot: Robot, names: Iterable[str], option: str = "", how: object 
     return f"{' '.join(files)}{reading_options(robot)}{preparing_options(how)}"
 
 
-def held_back(samples: Sequence[Prepared]) -> str:
-    """Return the logs that were held back, as options; begins with a space."""
-    return "".join(f" --validate {quote(n)}" for n in file_names(s.name for s in samples))
+def held_back(samples: Sequence[Prepared], fitted: Sequence[Prepared] = ()) -> str:
+    """Return the logs that were held back, as options; begins with a space.
+
+    A part of a fitted log is none: it is set aside again by itself.
+    """
+    own = file_names(s.name for s in fitted)
+    names = (n for n in file_names(s.name for s in samples) if n not in own)
+    return "".join(f" --validate {quote(n)}" for n in names)
 
 
 def quote(name: str) -> str:

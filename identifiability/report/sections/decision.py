@@ -15,6 +15,10 @@ from identifiability.report.words import sentence
 GRADES = ((0.03, "very-good"), (0.08, "good"), (0.15, "fair"), (0.5, "poor"), (np.inf, "useless"))
 
 
+#: Error from which on a joint by itself is no longer good where all together are.
+FEW = 0.15
+
+
 def grade_of(error: float) -> str:
     """Return the name of the grade of an error on unseen motion."""
     return next(name for limit, name in GRADES if error <= limit)
@@ -65,6 +69,8 @@ def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float
     ends = [f"{error_text(float(each[k]))} ({joints[k]})" for k in (low, high)]
     if error >= each[low]:
         short = sentence("decision.grades", grade_of(error), error=error_text(error))
+        if tone_of(error) == "green" and each[high] > FEW:
+            short = short.replace(":", f", but not in {joints[high]}:", 1)
         return error, short, f"From {ends[0]} to {ends[1]}, each joint by itself. "
     judged = float(np.sqrt(np.mean(each**2)))
     short = sentence("decision.grades", grade_of(judged), error=" to ".join(ends))

@@ -66,7 +66,7 @@ def _left(d: Diagnosis) -> Answer:
 def _next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     robot = source_name(d.robot)
     logs = name_logs(d.robot, [s.name for s in d.samples], how=d.preparation)
-    logs += held_back(d.validation)
+    logs += held_back(d.validation, d.samples)
     if not d.effects:
         what = "See which parameters these logs determine:"
         return [(what, f"identifiability analyze {robot} {logs} --report report.html")]

@@ -200,11 +200,11 @@ def label_note(v: Verdict) -> str:
 
 
 def shorten_label(label: str, most: int = 64) -> str:
-    """Return the first terms of a long combination; the groupings show all."""
+    """Return the first terms of a long combination, and … for those that the groupings show."""
     if len(label) <= most:
         return label
     cut = max(label.rfind(sign, 0, most) for sign in (" + ", " − ", " = "))
-    return f"{label[:cut] if cut > 0 else label[:most]} … (all terms under Groupings)"
+    return f"{label[:cut] if cut > 0 else label[:most]} …"
 
 
 def parameter_pictures(analysis: Analysis, result: RungResult) -> Gallery:

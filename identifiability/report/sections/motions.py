@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.estimation.motions import Motions
-from identifiability.report.blocks import Section
-from identifiability.report.numbers import NONE, format_measured, format_number
+from identifiability.report.blocks import Fold, Section
+from identifiability.report.numbers import NONE, digits, format_measured
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import section
 from identifiability.workflows.analyze import Analysis
@@ -21,8 +21,10 @@ def section_motions(analysis: Analysis) -> Section:
     found = analysis.several
     if found is None:
         return section("analysis.motions")
-    table = None if found.motions is None else _table(found, found.motions)
-    return section("analysis.motions", found.statement, table)
+    if found.motions is None:
+        return section("analysis.motions", found.statement)
+    fold = Fold("Values of each by itself", (_table(found, found.motions),))
+    return section("analysis.motions", found.statement, fold)
 
 
 def _table(found: SeveralLogs, m: Motions) -> Table:
@@ -33,8 +35,8 @@ def _table(found: SeveralLogs, m: Motions) -> Table:
         (
             found.columns[j],
             *(_value(m.values[k, j], m.sd[k, j]) for k in shown),
-            Cell(format_number(float(z[:, j].max()), 2), float(z[:, j].max())),
-            Cell(format_number(float(m.p[j]), 2), float(m.p[j])),
+            Cell(digits(2)(float(z[:, j].max())), float(z[:, j].max())),
+            Cell(digits(2)(float(m.p[j])), float(m.p[j])),
         )
         for j in np.argsort(-z.max(0))[:SHOWN]
     ]
