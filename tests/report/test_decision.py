@@ -154,7 +154,9 @@ def test_parts_of_a_log_are_one_file_in_a_command(paper_analysis):
     names = [f"run.csv, part {k}" for k in (1, 2)]
     assert name_logs(paper_analysis.robot, names) == "run.csv"
     assert file_names([*names, "other.csv"]) == ("run.csv", "other.csv")
-    assert held_back([replace(s, name=n) for n in names]) == " --validate run.csv"
+    held = [replace(s, name=n) for n in names]
+    assert held_back(held) == " --validate run.csv"
+    assert held_back(held, [replace(s, name="run.csv")]) == ""  # a part of it was set aside
 
 
 def test_commands_read_robot_and_logs_as_they_were_read(tmp_path):
@@ -211,6 +213,23 @@ def test_where_loads_differ_each_joint_is_judged_by_its_own_error():
     assert 0.13 < judged < 0.22
     assert short.startswith("Poor: it misses 13.0 % (a) to 22.0 % (b)")
     assert "all together it is 8.00 %" in said
+    assert state_error(0.05, joints, np.array([0.04, 0.3]))[1].startswith("Good, but not in b:")
     judged, short, said = state_error(0.15, joints, each)
     assert judged == 0.15
     assert short == "Fair: it misses 15.0 % of how much torque varies."
+
+
+def test_the_name_of_a_joint_stands_beside_its_dot_and_over_no_line():
+    robot = Robot.load("six-dof-arm")
+    parts = {joint: Part("blue", "") for joint in robot.joints}
+    pose = robot.home + np.linspace(0.2, 0.9, len(robot.home))
+    drawing = str(draw_skeleton(robot, pose, parts))
+    names = re.findall(r'<text x="([\d.]+)" y="([\d.]+)"[^>]*>([^<]+)</text>', drawing)
+    assert sorted(n for *_, n in names) == sorted(robot.joints)
+    limbs = re.findall(r'class="limb" d="([^"]+)"', drawing)
+    ends = np.array([re.findall(r"[ML]([\d.]+) ([\d.]+)", p)[:2] for p in limbs], float)
+    points = ends[:, :1] + np.linspace(0, 1, 20)[:, None] * (ends[:, 1:] - ends[:, :1])
+    for x, y, name in names:
+        room = np.array([6.2 * len(name), 13.0]) / 2
+        away = np.abs(points - np.array([float(x), float(y) - 4]))
+        assert not (away < room).all(-1).any(), name
