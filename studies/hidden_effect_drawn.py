@@ -77,8 +77,11 @@ def run_rest(case: Case, sizes: Sequence[float], path: Path, *, outside: bool) -
     done = {(r["number"], r["size"]) for r in read_trials(path)}
     for size in (s for s in sizes if (case.number, s) not in done):
         row: dict[str, Any] = plain(run_case(case, size, outside=outside))
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
+        with path.open("a+b") as file:
+            end = file.seek(0, 2)
+            file.seek(max(end - 1, 0))
+            cut = end and file.read(1) != b"\n"  # by a run that was stopped while it wrote
+            file.write(b"\n" * bool(cut) + json.dumps(row).encode() + b"\n")
         where = f"{row['robot']}: {row['family']} in {row['place'] or 'the base'}"
         print(f"{where}, {row['size']} ×: {row['outcome']} [{row['named']}]", flush=True)
 
