@@ -27,6 +27,7 @@ def diagnose(
     out: Annotated[Path | None, Option(), Writes(".toml")] = None,
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
     limits: options.Limits = None,
+    earlier: Annotated[Path | None, Option("--from"), Reads("result", "JSON")] = None,
     fixed: Annotated[bool, Option("--fixed")] = False,
     fixed_from: Annotated[Path | None, Option(), Reads("result", "JSON")] = None,
     fixed_share: float | None = None,
@@ -53,6 +54,11 @@ def diagnose(
         identifiability diagnose arm.urdf a.csv --effects stribeck_friction,time_delay
         identifiability diagnose 3-rps a.csv --model rigid_body,viscous_friction
 
+    **"A or B"?** Log the motion of --next and go on from where this stood:
+
+        identifiability diagnose arm.urdf a.csv b.csv --json before.json --next motion.json
+        identifiability diagnose arm.urdf new.csv --from before.json
+
     Parameters
     ----------
     effects
@@ -63,6 +69,8 @@ def diagnose(
         Write the motion to log next here, which tells an "A or B" apart; --limits holds for it.
     limits
         TOML with limits of the joints, as for excite.
+    earlier
+        JSON of a diagnosis to go on from with a log more; its logs may lie beside it.
     fixed
         Keep the robot file's values instead of refitting, as if they were exact.
     fixed_from
@@ -92,6 +100,7 @@ def diagnose(
             effects=options.split_names(effects),
             model=options.split_model(model),
             fixed=ways[0] if ways else False,
+            earlier=earlier,
             seed=seed,
             quick=quick,
             replicates=replicates,

@@ -112,15 +112,19 @@ def share(say: Progress, text: str, start: float, stop: float) -> Steps:
     return lambda done, total: say(text, start + (stop - start) * done / max(total, 1))
 
 
+def list_logs(logs: Logs) -> list[LogLike]:
+    """Return logs as a list, one or several."""
+    one = isinstance(logs, (Log, LogFile, str, Path, pd.DataFrame, Mapping))
+    return [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
+
+
 def read_logs(logs: Logs, known: Conventions) -> list[Log | LogFile]:
     """Return logs, however they are given; long files stay files.
 
     What is known of logs of the robot holds for those that are read here.
     """
-    one = isinstance(logs, (Log, LogFile, str, Path, pd.DataFrame, Mapping))
-    several: list[LogLike] = [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
     out: list[Log | LogFile] = []
-    for k, item in enumerate(several):
+    for k, item in enumerate(list_logs(logs)):
         if isinstance(item, Mapping):
             item = frame_of(item, f"log {k + 1}")  # noqa: PLW2901 - the same in another form
         if isinstance(item, pd.DataFrame):

@@ -18,6 +18,7 @@ from identifiability.workflows.diagnose.material import Setting
 from identifiability.workflows.diagnose.residual import Discrepancy, Remainder
 from identifiability.workflows.diagnose.rows import Refusal
 from identifiability.workflows.diagnose.shown import Shown
+from identifiability.workflows.diagnose.turns import Turn
 
 
 @frozen
@@ -240,6 +241,10 @@ class Findings(Setting, Verified):
         Forward simulation before and after, where it was made.
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check.
+    earlier : str
+        The diagnosis that was gone on from; empty for none.
+    turns : tuple of Turn
+        What became of each of its names.
     """
 
     refuted: tuple[NamedEffect, ...]
@@ -253,6 +258,8 @@ class Findings(Setting, Verified):
     model: Model
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
+    earlier: str = ""
+    turns: tuple[Turn, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -13,6 +13,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.repeats import Recording
 from identifiability.workflows.diagnose.conclude import conclude
+from identifiability.workflows.diagnose.goes_on import Earlier
 from identifiability.workflows.diagnose.late import early, name_late
 from identifiability.workflows.diagnose.material import Setting, gather
 from identifiability.workflows.diagnose.naming import Say, name_effects
@@ -42,6 +43,8 @@ class Search:
         Simulated noises.
     streams : tuple of numpy.random.Generator
     say : callable(str, float)
+    earlier : Earlier or None
+        A diagnosis that is gone on from.
     """
 
     logs: tuple[Recording, ...]
@@ -51,21 +54,33 @@ class Search:
     draws: int
     streams: tuple[np.random.Generator, ...]
     say: Say
+    earlier: Earlier | None = None
 
     def run(self, setting: Setting) -> Diagnosis:
         """Name what is missing, add it, verify."""
         say, streams = self.say, self.streams
-        first = [f.name for f in early(find_families(self.effects))]
-        m = gather(setting, self.choose, streams[0], first, self.draws)
+        told = () if self.earlier is None else self.earlier.families
+        effects = None if self.effects is None else list(dict.fromkeys((*self.effects, *told)))
+        first = [f.name for f in early(find_families(effects))]
+        m = gather(setting, self.choose, streams[0], dict.fromkeys((*first, *told)), self.draws)
         say("naming effects", 0.4)
         present = setting.structure.model.names
-        naming = name_effects(m.bench, m.candidates, m.held, setting.rules, present, say)
+        start = [] if self.earlier is None else self.earlier.start(m)
+        groups = {c.group for c in start}
+        options = [c for c in m.candidates if c.family.name in first or c.group in groups]
+        naming = name_effects(m.bench, options, m.held, setting.rules, present, say, start)
+        if self.earlier is not None:
+            known_p = self.earlier.p_values(start)
+            naming = replace(naming, p_values={**known_p, **naming.p_values})
         for widen, stream in ((name_late, streams[4]), (name_unnamed, streams[5])):
-            m, naming = widen(m, naming, self.choose, stream, self.effects, self.draws, say)
+            m, naming = widen(m, naming, self.choose, stream, effects, self.draws, say)
         say("changing the preparation", 0.8)
         naming = stress_named(m, naming, self.logs, self.how, streams[1])
         say("verifying", 0.9)
-        return conclude(m, naming, streams[2])
+        found = conclude(m, naming, streams[2])
+        if self.earlier is None:
+            return found
+        return replace(found, earlier=self.earlier.source, turns=self.earlier.turns(found))
 
     def run_without(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
         """Name effects without a log that disagrees, and with it where these explain it.

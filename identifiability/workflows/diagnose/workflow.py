@@ -35,6 +35,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import say_band
 from identifiability.workflows.analyze.decisive import state_decisive
+from identifiability.workflows.diagnose.goes_on import Before, read_earlier
 from identifiability.workflows.diagnose.known_values import (
     Given,
     KnownValues,
@@ -53,6 +54,7 @@ from identifiability.workflows.opening import (
     Progress,
     Recordings,
     in_memory,
+    list_logs,
     open_logs,
     read_recordings,
     require_signal,
@@ -83,6 +85,7 @@ def diagnose(
     effects: Names | None = None,
     model: ModelLike | None = None,
     fixed: Given = False,
+    earlier: Before | None = None,
     preparation: Preparation | None = None,
     rules: Rules | None = None,
     replicates: Annotated[int, at_least(FEWEST)] | None = None,
@@ -114,6 +117,10 @@ def diagnose(
         0.1, is the standard deviation of each of these. A result of `analyze`, `prune` or
         `diagnose`, its JSON or its `Fit`, has values and their covariance, and is of the model that
         is diagnosed. What these errors explain is no effect.
+    earlier : path or result of `diagnose`, optional
+        A diagnosis that is gone on from, with logs more: what it left open is decided by all
+        together, what it settled is kept and tested. Logs that its file was made from need not be
+        given again where they are beside it.
     preparation : Preparation, optional
         How derivatives are made.
     rules : Rules, optional
@@ -139,6 +146,10 @@ def diagnose(
     with one_thread():
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         say("reading logs", 0.0)
+        before = None if earlier is None else read_earlier(earlier)
+        if before is not None:
+            logs, validate = before.find_logs(list_logs(logs), list_logs(validate))
+            model = list(before.model) if model is None and fixed is False else model
         given = read_recordings(logs, validate, Conventions.of(robot))
         roles = assign_roles(given.fitted, given.held)
         settled = settle_cutoff(robot, roles.fit, preparation)
@@ -176,6 +187,7 @@ def diagnose(
             draws=settle_count(replicates, DRAWS, DRAWS // 2, quick=quick),
             streams=tuple(streams),
             say=say,
+            earlier=before,
         )
         doubts = [EXACT] * (fixed is True)
         if odd is None:
@@ -188,6 +200,7 @@ def diagnose(
             "fixed": fixed is True if known is None else known.words,
             "rules": setting.rules,
             "replicates": search.draws,
+            **({} if before is None else {"earlier": before.source}),
             "quick": quick,
             "preparation": preparation or Preparation(),
         }

@@ -1,0 +1,265 @@
+"""`Earlier`: a diagnosis that is gone on from, with a log more: what was open is decided.
+
+The names that it settled begin the search and are tested like all others: they go where they help
+no longer. Of an "A or B" the one that explains most of all logs together begins it. The logs that
+it was made from are looked for where its file is, and beside the logs that are given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from identifiability.effects import Placed, title_of
+from identifiability.foundation.documents import read_document
+from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
+from identifiability.foundation.options import Expected
+from identifiability.foundation.values import frozen
+from identifiability.workflows.diagnose.evidence import score_candidates
+from identifiability.workflows.diagnose.findings import Findings, NamedEffect
+from identifiability.workflows.diagnose.material import Material
+from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.turns import Outcome, Turn
+from identifiability.workflows.predict.about import Entry
+
+#: How a diagnosis that is gone on from is given.
+Before = Annotated[Findings | str | Path, Expected("a result of diagnose, or the path of its JSON")]
+
+#: What follows the name of a log in that of a part of it.
+PART = ", part "
+
+
+class PlaceEntry(Entry):
+    """A named effect at a place."""
+
+    joint: str
+    p_value: float
+    parameters: dict[str, float]
+
+
+class EffectEntry(Entry):
+    """A named effect."""
+
+    effect: str
+    unnamed: bool = False
+    alternatives: list[str] = Field(default=[], alias="or")
+    places: list[PlaceEntry]
+
+
+class RolesEntry(Entry):
+    """What logs were for."""
+
+    fitted: list[str]
+    verified_logs: list[str]
+
+
+class AfterEntry(Entry):
+    """The error with what was named."""
+
+    error_ra_validation: float
+
+
+class DiagnosisEntry(Entry):
+    """The part of a diagnosis that is gone on from."""
+
+    model: list[str]
+    effects: list[EffectEntry]
+    roles: RolesEntry
+    after: AfterEntry
+    provenance: dict[str, str]
+
+
+@frozen
+class Told:
+    """A name at a place that the earlier diagnosis gave.
+
+    Attributes
+    ----------
+    name, place : str
+    parameters : tuple of str
+    alternatives : tuple of str
+        Other families that it could not be told from.
+    p_value : float
+    """
+
+    name: str
+    place: str
+    parameters: tuple[str, ...]
+    alternatives: tuple[str, ...]
+    p_value: float
+
+    @property
+    def names(self) -> str:
+        """The name, with its alternatives, in words."""
+        return " or ".join(map(title_of, (self.name, *self.alternatives)))
+
+
+@frozen
+class Earlier:
+    """A diagnosis that is gone on from.
+
+    Attributes
+    ----------
+    source : str
+        What to call it.
+    folder : Path or None
+        Where its file is.
+    model : tuple of str
+        Effects that were diagnosed.
+    told : tuple of Told
+    error : float
+        ε_RA on the motion that verified it, with these.
+    fitted, verified : tuple of str
+        Names of its logs.
+    hashes : mapping of str to str
+        SHA-256 of each log.
+    """
+
+    source: str
+    folder: Path | None
+    model: tuple[str, ...]
+    told: tuple[Told, ...]
+    error: float
+    fitted: tuple[str, ...]
+    verified: tuple[str, ...]
+    hashes: Mapping[str, str]
+
+    @property
+    def families(self) -> tuple[str, ...]:
+        """Families that it named, or could not tell from those."""
+        every = (name for t in self.told for name in (t.name, *t.alternatives))
+        return tuple(dict.fromkeys(every))
+
+    def start(self, m: Material) -> list[Candidate]:
+        """Return the candidates that the search begins with, settled names first."""
+        chosen: list[Candidate] = []
+        for t in sorted(self.told, key=lambda t: bool(t.alternatives)):
+            taken = {c.slot for c in chosen}
+            options = [
+                c
+                for c in m.candidates
+                if c.place == t.place and c.slot not in taken and _is_told(m, c, t)
+            ]
+            if options:
+                white = m.white
+                fit = score_candidates(white, white.columns(chosen), options, null=False).fit
+                chosen.append(options[int(fit.argmax())])
+        return chosen
+
+    def p_values(self, start: Sequence[Candidate]) -> dict[tuple[str, str], float]:
+        """Return the p-values that the names had."""
+        own = {(name, t.place): t.p_value for t in self.told for name in (t.name, *t.alternatives)}
+        return {c.group: own[c.group] for c in start}
+
+    def turns(self, found: Findings) -> tuple[Turn, ...]:
+        """Return what became of each name."""
+        return tuple(_turn(t, found.effects) for t in self.told)
+
+    def find_logs(self, logs: Sequence[Any], held: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+        """Return the logs that are fitted and held out: its own, and those that are given.
+
+        Raises
+        ------
+        LogError
+            If one of its own is nowhere, or nothing is left that verifies.
+        """
+        given = {_name(x) for x in (*logs, *held)}
+        folders = [self.folder, *(Path(x).parent for x in logs if isinstance(x, str | Path))]
+        fitted, verified = (
+            list(dict.fromkeys(n.partition(PART)[0] for n in names))
+            for names in (self.fitted, self.verified)
+        )
+        apart = [name for name in verified if name not in fitted]
+        if not (held or apart):
+            raise LogError(
+                f"{self.source} was verified on a part of {listing(verified)}, which is fitted as a"
+                " whole with a log more; give a log that verifies (--validate)."
+            )
+        own = [self._find(name, folders) for name in fitted if name not in given]
+        unseen = [self._find(name, folders) for name in apart if name not in given]
+        return [*own, *logs], [*unseen, *held]
+
+    def _find(self, name: str, folders: Iterable[Path | None]) -> Path:
+        digests = {d for n, d in self.hashes.items() if n.partition(PART)[0] == name}
+        for folder in dict.fromkeys(f for f in folders if f is not None):
+            path = folder / name
+            if path.is_file() and sha256(path.read_bytes()).hexdigest() in digests:
+                return path
+        raise LogError(
+            f"{self.source} was made from {name}, which is neither beside it nor beside the logs "
+            "given, or has changed; give it too."
+        )
+
+
+def read_earlier(given: Before) -> Earlier:
+    """Return the diagnosis that is gone on from: a result, or the path of its JSON.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If it is none.
+    """
+    if isinstance(given, Findings):
+        return Earlier(
+            source="the diagnosis before",
+            folder=None,
+            model=given.base,
+            told=tuple(t for e in given.effects if not e.unnamed for t in _tell(e)),
+            error=given.held_after,
+            fitted=tuple(s.name for s in given.samples),
+            verified=tuple(s.name for s in given.validation),
+            hashes={s.name: s.sha256 for s in (*given.samples, *given.validation)},
+        )
+    path = Path(given)
+    content = read_document(
+        path, DiagnosisEntry, "JSON", "result of diagnose", IdentifiabilityError
+    )
+    return Earlier(
+        source=path.name,
+        folder=path.parent,
+        model=tuple(content.model),
+        told=tuple(
+            Told(e.effect, p.joint, tuple(p.parameters), tuple(e.alternatives), p.p_value)
+            for e in content.effects
+            if not e.unnamed
+            for p in e.places
+        ),
+        error=content.after.error_ra_validation,
+        fitted=tuple(content.roles.fitted),
+        verified=tuple(content.roles.verified_logs),
+        hashes={
+            key.removeprefix("sha256 "): digest
+            for key, digest in content.provenance.items()
+            if key.startswith("sha256 ")
+        },
+    )
+
+
+def _tell(e: NamedEffect) -> list[Told]:
+    return [Told(e.name, p.place, p.parameters, e.alternatives, p.p_value) for p in e.placements]
+
+
+def _is_told(m: Material, c: Candidate, t: Told) -> bool:
+    """Whether a candidate is what was told: the same parameters, or an alternative."""
+    if c.family.name in t.alternatives:
+        return True
+    own = Placed.part_parameters(m.setting.structure.robot, c.part)
+    return c.family.name == t.name and tuple(p.name for p in own) == t.parameters
+
+
+def _turn(t: Told, effects: Sequence[NamedEffect]) -> Turn:
+    before = f"{t.names} in {t.place}"
+    named = {t.name, *t.alternatives}
+    now = [e for e in effects if e.name in named and t.place in e.joints]
+    if not now:
+        return Turn(before, "", "gone")
+    outcome: Outcome = "open" if now[0].alternatives else "decided" if t.alternatives else "kept"
+    return Turn(before, now[0].names, outcome)
+
+
+def _name(log: Any) -> str:
+    return Path(log).name if isinstance(log, str | Path) else getattr(log, "name", "")
