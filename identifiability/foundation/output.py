@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import os
-import platform
 import re
 import secrets
 import shutil
@@ -18,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.options import FilePath, checked
+from identifiability.foundation.scratch import host_mark, is_gone
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -173,7 +172,7 @@ def kept_aside(path: Path) -> Path | None:
 
 def _beside(target: Path) -> Path:
     """Return where a file is filled before it is put in its place; sweep what the killed left."""
-    host = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+    host = host_mark()
     _remove(p for p in target.parent.glob(f".{host}-*.tmp") if _is_orphan(p))
     return target.with_name(f".{host}-{os.getpid()}-{secrets.token_hex(6)}.tmp")
 
@@ -181,15 +180,7 @@ def _beside(target: Path) -> Path:
 def _is_orphan(path: Path) -> bool:
     """Return whether a file was begun by a program of this machine that is no more."""
     program = re.fullmatch(r"\.[0-9a-f]{8}-(\d+)-[0-9a-f]{12}\.tmp", path.name)
-    if program is None or os.name != "posix":
-        return False
-    try:
-        os.kill(int(program[1]), 0)
-    except ProcessLookupError:
-        return True
-    except OSError:  # somebody else's
-        return False
-    return False
+    return program is not None and is_gone(int(program[1]))
 
 
 def _fill(temporary: Path, content: bytes, target: Path) -> None:

@@ -20,6 +20,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.scratch import temporary_folder
 from identifiability.robot.description import Description
 from identifiability.robot.weights import Moments, Point, possible, ten_parameters
 
@@ -28,7 +29,7 @@ _NUMBERS = count()
 
 @cache
 def _shelf() -> TemporaryDirectory[str]:
-    return TemporaryDirectory(prefix="identifiability-robots-")
+    return temporary_folder()
 
 
 def new_place(name: str, ending: str) -> Path:

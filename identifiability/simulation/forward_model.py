@@ -10,7 +10,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import mujoco
@@ -20,6 +19,7 @@ from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.scratch import temporary_folder
 from identifiability.robot import Robot
 from identifiability.robot.closure import count_independent
 from identifiability.robot.kinematics import Point
@@ -76,7 +76,7 @@ def compile_forward(
     RobotError
         If MuJoCo refuses the robot, or a joint follows others in a way that it does not have.
     """
-    with TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         path = Path(folder) / f"robot{robot.path.suffix}"
         bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
         write_robot(robot, path, bodies, joints, {})

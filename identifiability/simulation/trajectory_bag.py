@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.output import check_writable, write_bytes
+from identifiability.foundation.scratch import temporary_folder
 
 if TYPE_CHECKING:
     from identifiability.simulation.motion import PrescribedMotion
@@ -52,7 +52,7 @@ def write_trajectory_bag(path: str | Path, joints: Sequence[str], motion: Prescr
     header = make["std_msgs/msg/Header"](stamp, "")
     kind = "trajectory_msgs/msg/JointTrajectory"
     message = make[kind](header, list(joints), points)
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         bag = Path(folder) / "bag"
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             connection = writer.add_connection(TOPIC, kind, typestore=store)

@@ -13,7 +13,7 @@ import pytest
 from identifiability import Robot
 from identifiability.cli.common import harmless
 from identifiability.cli.options import Outputs
-from identifiability.foundation import documents, output
+from identifiability.foundation import documents, output, scratch
 from identifiability.foundation.errors import IdentifiabilityError, OutputError
 from identifiability.foundation.output import csv_text, write_text
 
@@ -112,3 +112,20 @@ def test_long_arrays_of_numbers_are_no_deep_keys(tmp_path):
     assert documents._DEEP_KEY.search(f"positions = [{numbers}]") is None
     assert documents._DEEP_KEY.search(".".join("a" * 65)) is not None
     assert documents._DEEP_KEY.search(".".join("a" * 64)) is None
+
+
+def test_folders_of_killed_programs_are_swept_and_those_of_others_are_not(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    with scratch.temporary_folder() as mine:
+        left = Path(mine.replace(f"-{os.getpid()}-", f"-{ended.pid}-"))
+        saved = tmp_path / "identifiability-abcd1234"  # a result that was written elsewhere
+        for path in (left, saved):
+            path.mkdir()
+            (path / "function").write_text("half")
+        with scratch.temporary_folder() as other:
+            assert {p.name for p in tmp_path.iterdir()} == {
+                saved.name, Path(mine).name, Path(other).name
+            }  # fmt: skip
+    assert [p.name for p in tmp_path.iterdir()] == [saved.name]

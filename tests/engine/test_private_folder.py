@@ -122,3 +122,13 @@ def test_the_command_says_it_in_one_sentence(folder):
     assert done.exit_code == 2
     assert "chmod 700" in done.stderr
     assert "Traceback" not in done.output
+
+
+def test_what_is_no_file_is_done_again_and_not_waited_for(folder):
+    list(Resumed(Serial(), folder).map(work, [1]))
+    (kept,) = folder.rglob("*.result")
+    kept.unlink()
+    os.mkfifo(kept, 0o600)
+    again = Resumed(Serial(), folder)
+    assert list(again.map(work, [1])) == [2]
+    assert again.done == 1

@@ -11,7 +11,6 @@ import contextlib
 import logging
 import shutil
 import sysconfig
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
@@ -33,6 +32,7 @@ from identifiability.foundation.engines.mapping import (
     run_limited,
 )
 from identifiability.foundation.errors import EngineError
+from identifiability.foundation.scratch import temporary_folder
 
 #: Seconds to wait for a scheduler, and for its first worker.
 PATIENCE = 5.0
@@ -187,7 +187,7 @@ class Dask(Engine):
         self._sent.add(name)
         if set(self.client.run(source_digest, name).values()) == {source_digest(name)}:
             return
-        with tempfile.TemporaryDirectory() as folder:
+        with temporary_folder() as folder:
             if path.name == "__init__.py":
                 whole = (path.parent.parent, path.parent.name)
                 path = Path(shutil.make_archive(str(Path(folder, name)), "zip", *whole))
@@ -251,8 +251,11 @@ def _connect(distributed: Any, target: Any) -> Any:
             with ThreadPoolExecutor(1) as thread:  # a notebook has a running loop of its own
                 thread.submit(asyncio.run, _probe(distributed, target)).result()
         return distributed.Client(target, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        reason = "nothing answers there" if isinstance(error, OSError) else str(error)
+    except (OSError, ValueError, RuntimeError, TypeError) as error:  # TypeError: no certificate
+        over_tls = str(target).startswith("tls://")
+        shown = " to this machine's certificates (see the how-to of clusters)" if over_tls else ""
+        told = isinstance(error, (ValueError, RuntimeError))
+        reason = str(error) if told else f"nothing answers there{shown}"
         raise EngineError(
             f"There is no Dask scheduler at '{target}' ({reason}); give the address that "
             "'dask scheduler' prints, such as tcp://host:8786."

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import signal
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -34,6 +33,7 @@ from identifiability.foundation.engines.mapping import (
 from identifiability.foundation.engines.resume import Resumed
 from identifiability.foundation.errors import EngineError
 from identifiability.foundation.options import FilePath, at_least, checked
+from identifiability.foundation.scratch import temporary_folder
 
 __all__ = ["Engine", "Processes", "Resumed", "Serial", "choose_engine"]
 
@@ -71,7 +71,7 @@ class Processes(Engine):
         if self.workers == 1 or len(items) < 2:
             yield from Serial().map(function, items)
             return
-        with tempfile.TemporaryDirectory(prefix="identifiability-") as folder:
+        with temporary_folder() as folder:
             path = Path(folder, "function")
             path.write_bytes(cloudpickle.dumps(function))
             yield from self._restarted(partial(_run_stored, str(path)), items)

@@ -102,7 +102,7 @@ class Resumed(Engine):
     def _read(self, path: Path) -> bytes | None:
         """Return the pickled result, or None if there is none that can be believed."""
         try:
-            if not (_is_private(path.parent) and _is_private(path)):
+            if not (_is_private(path.parent) and _is_private(path) and path.is_file()):
                 return None
             whole = path.read_bytes()
         except OSError:

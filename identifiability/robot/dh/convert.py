@@ -6,7 +6,6 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from pydantic import ValidationError
@@ -14,6 +13,7 @@ from pydantic import ValidationError
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import OutputError, RobotError, listing, near_match
 from identifiability.foundation.output import check_apart, check_ending, real, write_together
+from identifiability.foundation.scratch import temporary_folder
 from identifiability.foundation.toml_text import toml_text
 from identifiability.foundation.values import frozen
 from identifiability.robot.description import Description
@@ -210,7 +210,7 @@ def _read_back(out: Path, text: str, sidecar: str) -> Description:
     RobotError
         In whose sentence the files bear their own names.
     """
-    with TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         robot = Path(folder) / out.name
         robot.write_text(text, encoding="utf-8")
         robot.with_suffix(".toml").write_text(sidecar, encoding="utf-8")

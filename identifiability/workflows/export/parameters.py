@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from identifiability.effects.holding import (
 )
 from identifiability.foundation.errors import RobotError, near_match
 from identifiability.foundation.names import BASE, INERTIAL_KINDS
+from identifiability.foundation.scratch import temporary_folder
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.twin import write_twin
@@ -77,7 +77,7 @@ def write_parameters(
     """
     path = Path(path)
     if path.suffix.lower() in (".xml", ".urdf") and (path.suffix.lower() == ".urdf") == robot.mjcf:
-        with TemporaryDirectory() as folder:  # the same robot in the other format is the template
+        with temporary_folder() as folder:  # the same robot in the other format is the template
             beside = Path(folder) / f"{path.stem}{path.suffix.lower()}"
             write_twin(robot, beside)
             twin = replace(Robot.load(beside), rest=robot.rest)
