@@ -48,7 +48,7 @@ PACKAGE = "identifiability"
 PARTS = (PACKAGE, "models", "studies", "tests", "pyproject.toml")
 
 #: What the package and its tests import and takes seconds.
-HEAVY = ("numpy", "scipy.stats", "scipy.signal", "pandas", "cvxpy", "pinocchio", "pydantic")
+HEAVY = ("numpy", "scipy.stats", "scipy.signal", "pandas", "clarabel", "pinocchio", "pydantic")
 
 #: A mutant whose tests compute longer than this does not end; one that sleeps waits longer [s].
 PATIENCE, ASLEEP = 300, 3000.0

@@ -7,10 +7,12 @@ a spring of unknown rest is too where it pulls back.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
 
 from identifiability.effects.coulomb_asymmetry import settle_directions
+from identifiability.effects.family import Family
 from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot
@@ -18,13 +20,19 @@ from identifiability.robot.parts import name_numbers
 from identifiability.robot.write import joint_numbers
 
 
-def _stated(robot: Robot) -> Iterator[Parameter]:
+@lru_cache(maxsize=8)
+def _names_stated(robot: Robot, families: tuple[Family, ...]) -> frozenset[str]:
+    """Return the names of the parameters that the file of a robot can state."""
+    return frozenset(p.name for p in _stated(robot, families))
+
+
+def _stated(robot: Robot, families: Iterable[Family]) -> Iterator[Parameter]:
     """Yield the parameters that the file of a robot can state."""
     places = {
         **dict.fromkeys(robot.bodies, INERTIAL_KINDS),
         **dict.fromkeys((*robot.tree.single, *robot.tendon_axes), joint_numbers(robot)),
     }
-    for family in FAMILIES.values():
+    for family in families:
         for parameter in family.effect.parameters(robot):
             if parameter.stated_as in places.get(parameter.owner, ()):
                 yield parameter
@@ -40,7 +48,7 @@ def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
     values : mapping
         By name.
     """
-    held = {p.name for p in _stated(robot)}
+    held = set(_names_stated(robot, tuple(FAMILIES.values())))
     if "stiffness" in joint_numbers(robot):
         held |= values.keys() - settle_springs(robot, values)[1].keys()
     out = {name: value if name in held else 0.0 for name, value in values.items()}
@@ -100,7 +108,7 @@ def complete_values(
     """
     bodies = {f"{body}.{kind}" for body in robot.bodies for kind in INERTIAL_KINDS}
     values = {n: v for n, v in robot.nominal.items() if keep or n in bodies} | dict(given)
-    for p in _stated(robot):
+    for p in _stated(robot, FAMILIES.values()):
         if p.owner in robot.bodies and p.kind != p.stated_as:
             values[f"{p.owner}.{p.stated_as}"] += values.pop(p.name, 0.0)
     settle_directions(values, given)
@@ -111,7 +119,7 @@ def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[
     """Return what a file states of each joint, and tendon that is an axis: attributes by name."""
     every = (*robot.tree.single, *robot.tendon_axes)
     out = {joint: dict.fromkeys(joint_numbers(robot), 0.0) for joint in every}
-    for p in {p.name: p for p in _stated(robot) if p.owner in out}.values():
+    for p in {p.name: p for p in _stated(robot, FAMILIES.values()) if p.owner in out}.values():
         out[p.owner][p.stated_as] += values.get(p.name, 0.0)
     return out
 

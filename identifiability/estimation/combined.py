@@ -74,13 +74,17 @@ class Combined:
 
     def moments(self, information: Information, weights: Array) -> tuple[Array, Array]:
         """Return each block's ``Ẑᵀ W B`` (B, k, k) and ``Ẑᵀ e`` (B, k)."""
+        both = self.equations(information, weights)
+        return both[:, :, :-1], both[:, :, -1]
+
+    def equations(self, information: Information, weights: Array) -> Array:
+        """Return both beside each other, (B, k, k + 1)."""
         k = len(self.value)
         left = np.vstack([self.left, np.zeros((1, k))])
         right = np.zeros((2 * k + 1, k + 1))
         right[k : 2 * k, :k] = self.B
         right[:, k] = self.residual()
-        both = information.joint.products(weights, left, right)
-        return both[:, :, :k], both[:, :, k]
+        return information.joint.products(weights, left, right)
 
 
 def combine(

@@ -21,7 +21,7 @@ from identifiability.estimation.least_squares import (
     noise_scale,
 )
 from identifiability.estimation.leverage import correct_leverage
-from identifiability.foundation.linalg import triangular_factor
+from identifiability.foundation.linalg import few_at_once, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.samples import Record
@@ -72,11 +72,13 @@ class InstrumentalVariables:
         kept = list(fit.kept)
         if not information.instrumented or not kept:
             return self.base.refit(information, fit, counts)
-        found, A, c = self._moments(information.select(kept), fit)
-        k, values = len(kept), np.zeros((len(counts), information.size))
-        sums = counts @ np.concatenate([A, c[:, :, None]], 2).reshape(len(A), -1)
-        sums = sums.reshape(-1, k, k + 1)
-        values[:, kept] = found.value + _solve_each(sums) @ found.B.T
+        part = information.select(kept)
+        found = self._combine(part, fit)
+        both, k = found.equations(part, fit.weights), len(kept)
+        flat, values = both.reshape(len(both), -1), np.zeros((len(counts), information.size))
+        for at in few_at_once(len(counts), both[0].nbytes):
+            sums = (counts[at] @ flat).reshape(-1, k, k + 1)
+            values[at, kept] = found.value + _solve_each(sums) @ found.B.T
         return values
 
     def influence(self, information: Information, fit: Estimate) -> Array:
@@ -84,8 +86,10 @@ class InstrumentalVariables:
         kept = list(fit.kept)
         if not information.instrumented or not kept:
             return self.base.influence(information, fit)
-        found, A, c = self._moments(information.select(kept), fit)
-        scores = correct_leverage(c, 0.5 * (A + A.swapaxes(1, 2)))
+        part = information.select(kept)
+        found = self._combine(part, fit)
+        A, c = found.moments(part, fit.weights)
+        scores = correct_leverage(c, A)
         moved = np.zeros((len(scores), information.size))
         moved[:, kept] = scores @ found.B.T
         return moved
@@ -172,11 +176,10 @@ class InstrumentalVariables:
         out[:, k, :k] = out[:, :k, k]
         return out
 
-    def _moments(self, information: Information, fit: Estimate) -> tuple[Combined, Array, Array]:
-        """Return the instruments, and each block's ``Ẑᵀ W B`` (B, k, k) and ``Ẑᵀ e`` (B, k)."""
+    def _combine(self, information: Information, fit: Estimate) -> Combined:
+        """Return the instruments, with the values of the fit."""
         found = combine(information, fit.weights, self.record)
-        found = replace(found, value=fit.value[list(fit.kept)])
-        return found, *found.moments(information, fit.weights)
+        return replace(found, value=fit.value[list(fit.kept)])
 
 
 def _white_covariance(

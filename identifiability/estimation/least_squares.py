@@ -16,10 +16,14 @@ from scipy.linalg import solve_triangular
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.leverage import correct_leverage
 from identifiability.estimation.memory import FEWEST, LogNoise, Noise, measure_memory
-from identifiability.foundation.linalg import RANK_TOLERANCE, scan_columns, unit_coordinates
+from identifiability.foundation.linalg import (
+    RANK_TOLERANCE,
+    few_at_once,
+    scan_columns,
+    unit_coordinates,
+)
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.regression.actuator_blocks import allot, batches
 from identifiability.regression.information import Information
 
 #: Share of a unit column in a dependent one from which on the two are not told apart.
@@ -30,9 +34,6 @@ ROUNDING = 1e-12
 
 #: How often the noise is measured beside weights that it gave.
 ROUNDS = 2
-
-#: Replicates whose Gram matrices are summed at a time.
-BATCH = 1000
 
 
 @frozen
@@ -75,7 +76,9 @@ class OrdinaryLeastSquares:
         x = fit.value[list(fit.kept)]
         z = np.append(S[:k, k] - S[:k, :k] @ x, S[k, k])  # τ - W x = Z z
         scores = (grams[:, :k] @ z) @ inverse.T
-        scores = correct_leverage(scores, inverse @ grams[:, :k, :k] @ inverse.T)
+        for at in few_at_once(len(grams), grams[:1].nbytes):
+            own = inverse @ grams[at, :k, :k] @ inverse.T
+            scores[at] = correct_leverage(scores[at], own)
         to_x = solve_triangular(S[:k, :k], inverse.T)
         moved = np.zeros((len(scores), information.size))
         moved[:, list(fit.kept)] = scores @ to_x.T
@@ -269,11 +272,10 @@ def refit(information: Information, weights: Array, counts: Array) -> Array:
     S = information.basis
     flat = information.blocks(weights).reshape(len(information.counts), -1)
     inverse = solve_triangular(S[:k, :k], np.eye(k))
-    out = []
-    for batch in (counts[start : start + BATCH] for start in range(0, len(counts), BATCH)):
-        grams = np.matmul(batch, flat, out=allot((len(batch), flat.shape[1]), 1))
-        grams = grams.reshape(-1, k + 1, k + 1)
-        out += [_solve_replicates(grams[at], S) for at in batches(grams)]
+    out = [
+        _solve_replicates((counts[at] @ flat).reshape(-1, k + 1, k + 1), S)
+        for at in few_at_once(len(counts), flat[:1].nbytes)
+    ]
     values: Array = np.concatenate(out) @ inverse.T
     return values
 

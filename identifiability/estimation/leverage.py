@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 
 #: What a block leaves of a direction that it determines almost alone is raised to this.
@@ -17,11 +18,14 @@ def correct_leverage(scores: Array, shares: Array) -> Array:
     ----------
     scores : (B, k)
     shares : (B, k, k)
-        Of each block in the whole information, which is the unit matrix.
+        Of each block in the whole information, which is the unit matrix; made symmetric.
     """
-    values, vectors = np.linalg.eigh(np.eye(scores.shape[1]) - shares)
-    lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
-    corrected: Array = np.einsum(
-        "bij,bj,bkj,bk->bi", vectors, lever, vectors, scores, optimize=True
-    )
+    corrected = np.empty(scores.shape)
+    for at in few_at_once(len(scores), shares[:1].nbytes):
+        own = 0.5 * (shares[at] + shares[at].swapaxes(1, 2))
+        values, vectors = np.linalg.eigh(np.eye(scores.shape[1]) - own)
+        lever = 1.0 / np.sqrt(np.maximum(values, ALONE))
+        corrected[at] = np.einsum(
+            "bij,bj,bkj,bk->bi", vectors, lever, vectors, scores[at], optimize=True
+        )
     return corrected

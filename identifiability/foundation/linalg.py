@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -18,6 +18,15 @@ SPAN_TOLERANCE = 1e-7
 
 #: Beyond so many times that, rounding does not decide.
 CLEARLY = 10.0
+
+#: Matrices beyond this size together are worked on in turn [bytes].
+MOST_BYTES = 2**26
+
+
+def few_at_once(count: int, nbytes: int) -> Iterator[slice]:
+    """Yield which of many matrices of so many bytes to work on at a time."""
+    size = max(1, MOST_BYTES // max(nbytes, 1))
+    yield from (slice(at, at + size) for at in range(0, count, size))
 
 
 def triangular_factor(A: Array) -> Array:

@@ -15,8 +15,9 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
+from identifiability.physical.cone_program import ConeProgram
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.program import ADVICE, above, adjoint, cp, solve_program
+from identifiability.physical.program import ADVICE, adjoint
 from identifiability.physical.pseudo_inertia import BOUNDARY
 
 #: Margins beyond one body scale are not pursued: the question is whether there is any.
@@ -101,23 +102,32 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         scale = _column_scale(base_map, beta, region)
         G = base_map * scale
         start, null = _solutions(G, beta)
-        u, t = cp.Variable(null.shape[1]), cp.Variable()
-        x = start + null @ u
-        signs = region.scaled_rows @ x - region.least >= t
+        q, lines = null.shape[1], region.scaled_rows
+        wide = np.hstack([null, np.zeros((len(null), 1))])  # the last variable is the margin
+        program = ConeProgram(q + 1)
+        signs = lines @ wide
+        signs[:, q] = -1.0
+        program.at_least(signs, region.least - lines @ start)
+        program.at_least(-np.eye(q + 1)[q:], np.array([-ROOM]))
         cones = np.concatenate([region.cones, region.ellipsoids])
-        bodies = [above(map_, x, t) for map_ in cones]
-        status = solve_program(cp.Problem(cp.Maximize(t), [signs, t <= ROOM, *bodies]))
-        if u.value is None or t.value is None:
+        for map_ in cones:
+            M = (map_ @ wide).reshape(4, 4, -1)
+            M[:, :, q] = -np.eye(4)
+            program.semidefinite(M, -(map_ @ start).reshape(4, 4))
+        try:
+            found = program.solve(np.zeros(q + 1), -np.eye(q + 1)[q])
+        except ValueError as error:
             raise ValueError(
-                f"certificate: the solver found no answer ({status}); expected one; {ADVICE}."
-            )
-        phi, margin = scale * (start + null @ u.value), float(t.value)
+                f"certificate: the solver found no answer ({error}); expected one; {ADVICE}."
+            ) from error
+        phi, margin = scale * (start + null @ found.x[:q]), float(found.x[q])
         if margin >= -BOUNDARY:
             return Certificate(margin, phi, np.zeros_like(beta), 0.0)
-        Z = np.array([body.dual_value.ravel() for body in bodies]).reshape(-1, 16)
-        force = adjoint(cones, Z) + signs.dual_value @ region.scaled_rows
+        held, _, *bodies = found.multipliers
+        Z = np.array([body.ravel() for body in bodies]).reshape(-1, 16)
+        force = adjoint(cones, Z) + held @ lines
         combination = np.linalg.lstsq(G.T, force)[0]
-        level = float(signs.dual_value @ region.least)
+        level = float(held @ region.least)
         return Certificate(margin, phi, combination, float(combination @ beta), level)
 
 

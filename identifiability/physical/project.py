@@ -2,8 +2,7 @@
 
     minimise  ‖R phi − z‖²   over   J_k(phi) ⪰ margin (every body k),  signs,  H phi = h
 
-What to use when: `project` for one estimate; `Projection` when many data sets share one robot,
-since the program is compiled once and each further `Projection.solve` takes milliseconds. A
+What to use when: `project` for one estimate; `Projection` when many data sets share one robot. A
 `CadPrior` pulls what the data do not determine towards a nominal robot.
 
 Two things keep the optimum right: R is factored, never squared, and the columns are scaled.
@@ -11,7 +10,6 @@ Two things keep the optimum right: R is factored, never squared, and the columns
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,19 +17,23 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
-from identifiability.physical.cad_prior import CadPrior, divergence, nominal_cones, prior_gap
+from identifiability.physical.cad_prior import (
+    DIVERGENCE,
+    CadPrior,
+    add_divergence,
+    nominal_cones,
+    prior_gap,
+)
+from identifiability.physical.cone_program import ConeProgram
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Held, Plane
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.program import (
     ADVICE,
-    above,
     adjoint,
     adjoint_inverse,
-    cp,
     most_gain,
     semidefinite,
-    solve_program,
 )
 from identifiability.physical.pulled import pull
 
@@ -91,46 +93,8 @@ class _Scaled:
     plane: Plane
 
 
-class _Program:
-    """The program as a general solver knows it, compiled once."""
-
-    def __init__(
-        self, region: PhysicalSet, margin: float, prior: CadPrior | None, held: Held
-    ) -> None:
-        # The unknown is the step from the unconstrained optimum, so that the solver's accuracy is
-        # relative to what feasibility changes, not to the data.
-        p = region.size
-        self._step, self._free = cp.Variable(p), cp.Parameter(p)
-        self._factor = cp.Parameter(p * (p + 1) // 2)  # no zeros below the diagonal
-        self._normal = cp.Parameter(held.rows.shape) if len(held.rows) else None
-        x = self._step + self._free
-        self._signs = region.scaled_rows @ x >= region.least_with(margin)
-        bodies = [above(map_, x, margin) for map_ in region.cones]
-        self._inside = [above(map_, x, margin) for map_ in region.ellipsoids]
-        cost = cp.sum_squares(cp.vec_to_upper_tri(self._factor) @ self._step)
-        if prior is not None:
-            cost = cost + prior.weight * divergence(region, prior, x)
-        fixed = [] if self._normal is None else [self._normal @ self._step == 0]
-        self._problem = cp.Problem(cp.Minimize(cost), [self._signs, *bodies, *self._inside, *fixed])
-
-    def solve(self, scaled: _Scaled, free: Array) -> tuple[Array, Array, Array, str]:
-        """Return the optimum (p,), multipliers of rows (m,) and ellipsoids (e, 16), the status."""
-        self._factor.value, self._free.value = scaled.factor[np.triu_indices(free.size)], free
-        if self._normal is not None:
-            self._normal.value = scaled.plane.normal.T
-        status = solve_program(self._problem)
-        if self._step.value is None or self._signs.dual_value is None:
-            raise ValueError(
-                f"projection: the solver found no answer ({status}); expected one, since every "
-                f"body has room; {ADVICE}."
-            )
-        y = np.maximum(self._signs.dual_value, 0.0)
-        duals = np.array([c.dual_value.ravel() for c in self._inside]).reshape(-1, 16)
-        return scaled.plane.project(free + self._step.value), y, semidefinite(duals), status
-
-
 class Projection:
-    """A compiled program: solve it for as many data sets as there are, one at a time.
+    """A program: solve it for as many data sets as there are, one at a time.
 
     Parameters
     ----------
@@ -168,10 +132,6 @@ class Projection:
         if prior is not None:
             nominal_cones(region, prior)  # raises
 
-    @cached_property
-    def _program(self) -> _Program:
-        return _Program(self.region, self.margin, self.prior, self.held)
-
     def solve(self, data: LeastSquares) -> FeasibleEstimate:
         """Project one data set.
 
@@ -196,7 +156,7 @@ class Projection:
                 pulled = pull(self.region, self.prior, lines, scaled.factor, free, scaled.plane)
                 if pulled is not None and self._holds(pulled[0]):
                     return self._read(data, scaled, *pulled, np.zeros((0, 16)), "optimal")
-            return self._read(data, scaled, *self._program.solve(scaled, free))
+            return self._read(data, scaled, *_solve_program(self, scaled, free))
 
     def _scale(self, data: LeastSquares) -> _Scaled:
         norms = np.linalg.norm(data.R, axis=0)
@@ -264,6 +224,47 @@ class Projection:
         error = slope - adjoint(cones, Z)
         gap = abs(held + float(np.sum(Z * room))) + most_gain(error, scaled.factor, reach)
         return Z, gap
+
+
+def _solve_program(
+    projection: Projection, scaled: _Scaled, free: Array
+) -> tuple[Array, Array, Array, str]:
+    """Return the optimum (p,), multipliers of rows (m,) and ellipsoids (e, 16), the status.
+
+    The unknown is the step from the unconstrained optimum, so that the solver's accuracy is
+    relative to what feasibility changes, not to the data; squares are those of further variables.
+    """
+    region, margin, prior = projection.region, projection.margin, projection.prior
+    p, nb = free.size, len(region.bodies) if prior is not None else 0
+    program = ConeProgram(2 * p + DIVERGENCE * nb)
+    wide = np.zeros((p, program.size))
+    wide[:, :p] = np.eye(p)
+    squares, slope = np.zeros(program.size), np.zeros(program.size)
+    squares[p : 2 * p] = 1.0
+    difference = scaled.factor @ wide
+    difference[:, p : 2 * p] = -np.eye(p)
+    program.equal(difference, np.zeros(p))
+    program.equal(scaled.plane.normal.T @ wide, np.zeros(len(scaled.plane.value)))
+    lines = region.scaled_rows
+    program.at_least(lines @ wide, region.least_with(margin) - lines @ free)
+    for map_ in [*region.cones, *region.ellipsoids]:
+        level = margin * np.eye(4) - (map_ @ free).reshape(4, 4)
+        program.semidefinite((map_ @ wide).reshape(4, 4, -1), level)
+    if prior is not None:
+        for k, map_ in enumerate(nominal_cones(region, prior)):
+            start = 2 * p + DIVERGENCE * k
+            slope += prior.weight * add_divergence(program, map_ @ wide, map_ @ free, start)
+    try:
+        found = program.solve(squares, slope)
+    except ValueError as error:
+        raise ValueError(
+            f"projection: the solver found no answer ({error}); expected one, since every body has "
+            f"room; {ADVICE}."
+        ) from error
+    y = np.maximum(found.multipliers[2], 0.0)
+    inside = found.multipliers[3 + len(region.cones) :][: len(region.ellipsoids)]
+    duals = np.array([E.ravel() for E in inside]).reshape(-1, 16)
+    return scaled.plane.project(free + found.x[:p]), y, semidefinite(duals), found.status
 
 
 def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> FeasibleEstimate:

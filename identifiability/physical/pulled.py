@@ -17,8 +17,9 @@ from identifiability.physical.cad_prior import CadPrior, nominal_cones
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Plane
 
-#: Steps after which the general solver is asked; about twenty are needed.
-STEPS = 100
+#: Steps after which patience is tried, and after which the general solver is asked; about twenty
+#: are needed.
+STEPS = (40, 100)
 
 #: Newton decrement and complementarity [σ²] at which the optimum is reached.
 ENOUGH = 1e-8
@@ -31,6 +32,10 @@ LESS = 0.03
 
 #: The same of the weight, which begins at the size of the cost and ends at the prior's.
 LIGHTER = 0.2
+
+#: Newton decrement up to which the weight goes on falling, in weights. Nearly always it may fall at
+#: once. Where that leads along the edge of a thin body in ever smaller steps, it waits.
+PATIENCE = (np.inf, 1.0)
 
 
 def pull(
@@ -61,6 +66,23 @@ def pull(
     ValueError
         When a nominal body cannot exist or is a point; it is named.
     """
+    for steps, patience in zip(STEPS, PATIENCE, strict=True):
+        found = _pull(region, prior, lines, factor, free, plane, steps, patience)
+        if found is not None:
+            return found
+    return None
+
+
+def _pull(
+    region: PhysicalSet,
+    prior: CadPrior,
+    lines: tuple[Array, Array],
+    factor: Array,
+    free: Array,
+    plane: Plane,
+    steps: int,
+    patience: float,
+) -> tuple[Array, Array] | None:
     maps, (rows, least) = nominal_cones(region, prior), lines
     own = np.take_along_axis(maps, region.bodies[:, None, :], axis=2)
     x = free.copy()
@@ -70,35 +92,48 @@ def pull(
     cone, sign = maps @ T, rows @ T
     z = T.T @ (x - free)
     weight = max(prior.weight, float(s * z @ (s * z)) / (4 * max(len(maps), 1)))
+    row, column = np.tril_indices(4)
+    triangle, twice = 4 * row + column, np.where(row == column, 1.0, np.sqrt(2.0))[:, None]
     slack = np.abs(rows @ x - least) + 0.01
     y = weight / slack
-    for _ in range(STEPS):
+    for _ in range(steps):
         root = np.linalg.inv(np.linalg.cholesky((maps @ x).reshape(-1, 4, 4)))
         congruent = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
-        rates = (congruent @ cone).reshape(-1, z.size)  # of the congruent J along each direction
+        # Of the congruent J along each direction: the triangle, and its squares as of the whole.
+        rates = (twice * congruent[:, triangle] @ cone).reshape(-1, z.size)
         away = np.eye(4) - root.transpose(0, 2, 1) @ root
         lack, product = rows @ x - least - slack, slack * y
         aim = max(LESS * product.mean(), ENOUGH / 100) if y.size else 0.0
         force = sign.T @ ((aim - y * lack) / slack) - 2 * s**2 * z
         force = force - weight * away.ravel() @ cone.reshape(-1, z.size)
-        curve = (
-            2 * np.diag(s**2) + weight * rates.T @ rates + sign.T @ ((y / slack)[:, None] * sign)
-        )
+        stiff = np.sqrt(y / slack)[:, None] * sign
+        curve = weight * (rates.T @ rates) + stiff.T @ stiff  # each half the work: A.T @ A
+        curve[np.diag_indices_from(curve)] += 2 * s**2
         step = _solve(curve, force)
         if step is None:
             return None
         change = sign @ step + lack
         rise = (aim - y * change) / slack - y
-        turn = np.linalg.eigvalsh((rates @ step).reshape(-1, 4, 4)).ravel()
+        turn = np.linalg.eigvalsh(_whole((rates @ step).reshape(-1, 10))).ravel()
         edges = _room(np.ones(turn.size), turn, IN_CONES), _room(slack, change, IN_SIGNS)
         reach = min(*edges, _room(y, rise, IN_SIGNS))
         z, slack, y = z + reach * step, slack + reach * change, y + reach * rise
         x = free + T @ z
         if weight > prior.weight:
-            weight = max(prior.weight, LIGHTER * weight)
+            if patience == np.inf or (reach > IN_CONES and force @ step <= patience * weight):
+                weight = max(prior.weight, LIGHTER * weight)
         elif reach == 1.0 and max(force @ step, product.sum()) < ENOUGH:
             return x, y
     return None
+
+
+def _whole(triangles: Array) -> Array:
+    """Return the symmetric matrices (nb, 4, 4) of their lower triangles (nb, 10), weighted."""
+    row, column = np.tril_indices(4)
+    out = np.empty((len(triangles), 4, 4))
+    out[:, row, column] = triangles / np.where(row == column, 1.0, np.sqrt(2.0))
+    out[:, column, row] = out[:, row, column]
+    return out
 
 
 def _solve(curve: Array, force: Array) -> Array | None:

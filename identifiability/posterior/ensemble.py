@@ -9,10 +9,8 @@ Several independent ensembles start at different points. emcee's `DESnookerMove`
 at 37 dimensions its standard deviations are 27 % too small in emcee 3.1.6.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable
 
-import emcee
 import numpy as np
 
 from identifiability.foundation.names import Array
@@ -29,9 +27,6 @@ EXACT = 0.9
 
 #: Draws a walker after which it is asked whether they are enough.
 ROUND = 4
-
-#: Size of a Crank–Nicolson step, as a share of the Gaussian.
-STEP = 0.1
 
 
 @frozen
@@ -97,6 +92,9 @@ def sample_posterior(
     ValueError
         For an odd number of walkers, or a start outside the physical set.
     """
+    # emcee brings all of scipy.stats along, which nothing else of an analysis needs.
+    from identifiability.posterior.moves import Exact, crank_nicolson, walk  # noqa: PLC0415
+
     if walkers < 2 or walkers % 2:
         raise ValueError(
             f"posterior: {walkers} walkers were given; expected an even number of at least 2."
@@ -108,13 +106,13 @@ def sample_posterior(
     with one_thread():
         starts = sampler.disperse(centre, ENSEMBLES, rng)
         (child,) = rng.spawn(1)
-        own = _Exact(sampler, child)
-        mix = [(own, EXACT), (_crank_nicolson(sampler, centre, child), 1 - EXACT)]
+        own = Exact(sampler, child)
+        mix = [(own, EXACT), (crank_nicolson(sampler, centre, child), 1 - EXACT)]
         # These moves know no other walker: independent ensembles walk as one batch, whose steps
         # cost little more than those of one.
         first = np.concatenate([_spread(sampler, eta, walkers, child) for eta in starts])
         stopped = ""
-        for i, eta in enumerate(_walk(density, mix, first, warmup + draws, child)):
+        for i, eta in enumerate(walk(density, mix, first, warmup + draws, child)):
             done = i + 1 - warmup
             if done > 0:
                 kept[:, :, done - 1] = target.to_phi(eta).reshape(*kept.shape[:2], -1)
@@ -131,47 +129,6 @@ def sample_posterior(
     return found
 
 
-class _Exact(emcee.moves.MHMove):  # type: ignore[misc]
-    """The exact transition as a proposal, which counts how often emcee accepts it."""
-
-    def __init__(self, sampler: ExactSampler, rng: np.random.Generator) -> None:
-        self.proposed = self.accepted = self.pieces = 0
-
-        def propose(coords: Array, _: Any) -> tuple[Array, Array]:
-            new, pieces = sampler.fly(coords, rng)
-            self.pieces += pieces
-            density = sampler.model.log_density
-            return new, density(coords) - density(new)
-
-        super().__init__(propose)
-
-    def propose(self, model: Any, state: Any) -> tuple[Any, np.ndarray]:
-        state, accepted = super().propose(model, state)
-        self.proposed += accepted.size
-        self.accepted += int(accepted.sum())
-        return state, accepted
-
-    @property
-    def share(self) -> float:
-        """Accepted share of the proposals."""
-        return self.accepted / max(self.proposed, 1)
-
-
-def _crank_nicolson(
-    sampler: ExactSampler, centre: Array, rng: np.random.Generator
-) -> emcee.moves.MHMove:
-    """Autoregressive step that keeps the Gaussian at a typical noise unchanged [Cotter 2013]."""
-    mean, sd = sampler.model.conditional(sampler.model.typical_variance(centre[None]))
-
-    def propose(coords: Array, _: Any) -> tuple[Array, Array]:
-        old = (coords - mean) / sd
-        new = np.sqrt(1 - STEP**2) * old + STEP * rng.standard_normal(old.shape)
-        ratio = (np.einsum("kp,kp->k", new, new) - np.einsum("kp,kp->k", old, old)) / 2
-        return mean + sd * new, ratio
-
-    return emcee.moves.MHMove(propose)
-
-
 def _log_density(sampler: ExactSampler) -> Callable[[Array], Array]:
     def log_density(eta: Array) -> Array:
         return np.where(sampler.contains(eta), sampler.model.log_density(eta), -np.inf)
@@ -183,21 +140,3 @@ def _spread(sampler: ExactSampler, eta: Array, walkers: int, rng: np.random.Gene
     """Walkers of one ensemble: from one point, two transitions apart, as nested R-hat wants."""
     first = np.repeat(eta[None], walkers, axis=0)
     return sampler.step(sampler.step(first, rng), rng)
-
-
-def _walk(
-    density: Callable[[Array], Array],
-    mix: Sequence[tuple[emcee.moves.Move, float]],
-    first: Array,
-    steps: int,
-    rng: np.random.Generator,
-) -> Iterator[Array]:
-    """Walkers (K, p) after each step."""
-    engine = emcee.EnsembleSampler(*first.shape, density, moves=mix, vectorize=True)
-    # emcee copies NumPy's global state unless it is given one: ours comes from rng.
-    own = np.random.RandomState(int(rng.integers(2**32)))
-    before = emcee.State(first, random_state=own.get_state())
-    for state in engine.sample(
-        before, iterations=steps, skip_initial_state_check=True, store=False
-    ):
-        yield state.coords

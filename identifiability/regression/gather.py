@@ -168,8 +168,9 @@ def _survey(regression: Regression) -> list[Array]:
     factors = [np.zeros((0, width + 1))] * n
     for part in regression.thin(step).parts(whole=True):
         for chunk in part.chunks():
+            wide = chunk.wide
             for a in range(n):
-                own = np.column_stack([chunk.wide[:, a], chunk.tau[:, a]])
+                own = np.column_stack([wide[:, a], chunk.tau[:, a]])
                 rows = np.vstack([factors[a], own])
                 acts = rows.any(0)
                 R = triangular_factor(rows[:, acts])

@@ -14,8 +14,9 @@ folds and resampling, ``+`` for logs and workers, `joint` for instruments.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -31,6 +32,9 @@ from identifiability.regression.actuator_blocks import (
     hold_blocks,
     invert_basis,
 )
+
+#: Weights whose totals are kept.
+REMEMBERED = 3
 
 
 @frozen
@@ -133,11 +137,20 @@ class Information:
         Q, basis = np.linalg.qr(np.vstack([*wide, np.zeros((short, k + 1))]))
         return basis, tuple(np.split(Q, np.cumsum([len(w) for w in wide]))[: len(wide)])
 
+    @cached_property
+    def _weighted(self) -> dict[bytes, Array]:
+        """Totals by their weights: a fit asks for the same ones many times."""
+        return {}
+
     @property
     def _width(self) -> int:
         return self.size * (1 + self.instrumented)
 
-    @property
+    def __getstate__(self) -> dict[str, Any]:
+        """Return its fields: what follows from them is neither sent to workers nor part of keys."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @cached_property
     def joint(self) -> Information:
         """The information of ``[V W τ]``, of 2k columns: instruments, then those they stand for.
 
@@ -151,12 +164,6 @@ class Information:
         """Upper triangular, (k + 1, k + 1), with ``[W τ] = Z basis`` for all rows."""
         return self._common[0]
 
-    @cached_property
-    def _totals(self) -> Array:
-        """``Zᵀ Z`` of each actuator over all its blocks, in the common basis, (n, k + 1, k + 1)."""
-        pairs = zip(self.parts, self._common[1], strict=True)
-        return np.array([Q.T @ p.total @ Q for p, Q in pairs])
-
     @property
     def of_actuators(self) -> tuple[tuple[ActuatorBlocks, Array], ...]:
         """Blocks of each actuator, and what turns coordinates of `basis` into theirs (r, k + 1)."""
@@ -169,8 +176,8 @@ class Information:
         ----------
         z : (k + 1,) or (k + 1, m)
         """
-        squares: Array = np.einsum("i...,ni...->n...", z, self._totals @ z)
-        return squares
+        own = ((part.total, Q @ z) for part, Q in self.of_actuators)
+        return np.array([np.einsum("i...,i...->...", y, total @ y) for total, y in own])
 
     @property
     def sums(self) -> list[Array]:
@@ -202,9 +209,16 @@ class Information:
 
     def total(self, weights: Array | None = None) -> Array:
         """Return ``Zᵀ Z`` of all blocks, actuators weighted, (k + 1, k + 1)."""
-        weights = np.ones(self.actuators) if weights is None else weights
-        total: Array = np.tensordot(weights, self._totals, 1)
-        return total
+        weights = np.ones(self.actuators) if weights is None else np.asarray(weights, float)
+        if weights.tobytes() not in self._weighted:
+            total = np.zeros((self.size + 1, self.size + 1))
+            for weight, (part, Q) in zip(weights, self.of_actuators, strict=True):
+                total += Q.T @ (weight * part.total @ Q)
+            total.flags.writeable = False
+            while len(self._weighted) >= REMEMBERED:
+                self._weighted.pop(next(iter(self._weighted)))
+            self._weighted[weights.tobytes()] = total
+        return self._weighted[weights.tobytes()]
 
     def factor(self, weights: Array | None = None) -> Array:
         """Return R (k + 1, k + 1), upper triangular, with ``RᵀR = [W τ]ᵀ [W τ]``."""

@@ -7,8 +7,9 @@ friction and rotor inertia decide, which cannot be negative.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.regression.regression import Regression
+from identifiability.regression.regression import CHUNK, Regression
 
 #: Samples that are looked at, spread over all logs.
 ENOUGH = 2000
@@ -58,22 +59,26 @@ def find_mix_up(regression: Regression, nonnegative: np.ndarray) -> str:
     joints = regression.robot.joints
     owners = np.array([p.name.rpartition(".")[0] for p in regression.parameters])
     own = np.stack([nonnegative & (owners == j) for j in joints])
-    W, tau = _thinned(regression)
+    few = _thin(regression)
+    tau = _torque(few)
     n, spread = len(joints), np.sum((tau - tau.mean(0)) ** 2, 0)
-    if len(tau) * n <= 2 * W.shape[2] or not (spread > 0).all():
+    if len(tau) * n <= 2 * len(owners) or not (spread > 0).all():
         return ""
-    length = np.sqrt(np.einsum("kap,kap->p", W, W))
-    W = W / np.where(length > 0, length, 1.0)
-    gram = np.einsum("kap,kaq->apq", W, W)
-    cross = np.einsum("kap,kb->abp", W, tau)
+    gram, cross = _grams(few, tau)
     square = np.sum(tau**2, 0)
+
+    @lru_cache(maxsize=1)  # signs do not change it
+    def invert(order: tuple[int, ...]) -> Array:
+        G = np.zeros((len(owners), len(owners)))
+        for (seen, own_gram), weight in zip(gram, 1.0 / spread[list(order)], strict=True):
+            G[np.ix_(seen, seen)] += weight * own_gram
+        return np.asarray(np.linalg.pinv(G, rcond=1e-10, hermitian=True))
 
     def fit(order: tuple[int, ...], signs: tuple[int, ...]) -> _Fit:
         weight = 1.0 / spread[list(order)]
         rows = zip(range(n), order, signs, weight, strict=True)
         g = sum(s * w * cross[a, b] for a, b, s, w in rows)
-        G = np.tensordot(weight, gram, 1)
-        inverse = np.linalg.pinv(G, rcond=1e-10, hermitian=True)
+        inverse = invert(order)
         x = inverse @ g
         whole = float(weight @ square[list(order)])
         left = max(float(whole - g @ x), 1e-12 * whole)  # a perfect fit is one to rounding
@@ -87,19 +92,67 @@ def find_mix_up(regression: Regression, nonnegative: np.ndarray) -> str:
         return _Fit(order, signs, (left / n) ** 0.5, negative)
 
     given = fit(tuple(range(n)), (1,) * n)
-    best = min((fit(*c) for c in _candidates(n)), key=lambda f: f.error, default=given)
+    least = _least_left(gram, cross, square) / spread
+    most = FAR * given.error**2 * n
+    possible = (c for c in _candidates(n) if least[range(n), c[0]].sum() < most)
+    best = min((fit(*c) for c in possible), key=lambda f: f.error, default=given)
     if best.error**2 >= FAR * given.error**2:
         best = given
     return _describe(joints, given, best)
 
 
-def _thinned(regression: Regression) -> tuple[Array, Array]:
-    """Return regressor (N, n, p) and torque (N, n) of some samples."""
+def _thin(regression: Regression) -> Regression:
+    """Return the regression of some samples."""
     each = max(1, ENOUGH // len(regression.samples))
     few = tuple(s.thin(max(1, s.survey.kept // each)) for s in regression.samples)
-    thin = replace(regression, samples=few, instruments=None)
-    W, tau = zip(*((W.copy(), tau) for _, _, W, tau in thin.chunks()), strict=True)
-    return np.concatenate(W), np.concatenate(tau)
+    return replace(regression, samples=few, instruments=None)
+
+
+def _torque(regression: Regression) -> Array:
+    """Return the torque (N, n) of all samples, which needs no regressor."""
+    pieces = (p for part in regression.parts(whole=True) for p in part.samples.pieces(CHUNK))
+    return np.concatenate([p.down(p.tau) for p in pieces])
+
+
+def _grams(regression: Regression, tau: Array) -> tuple[list[tuple[np.ndarray, Array]], Array]:
+    """Return each actuator's columns with their Gram matrix, and products with every torque.
+
+    Columns have length one over all actuators; an actuator sees those of the bodies that it moves.
+
+    Returns
+    -------
+    list of ((v,) int, (v, v)), and (n, n, p)
+    """
+    n, p = tau.shape[1], len(regression.parameters)
+    whole, cross = [np.zeros((0, 0))] * n, np.zeros((n, n, p))
+    known, at = [np.zeros(0, int)] * n, 0
+    for _, _, W, own_tau in regression.chunks():
+        for a in range(n):
+            seen = np.union1d(known[a], np.flatnonzero(W[:, a].any(0)))
+            gram, (old, rows) = np.zeros((len(seen),) * 2), (known[a], W[:, a][:, seen])
+            gram[np.ix_(*(np.searchsorted(seen, old),) * 2)] = whole[a]
+            known[a], whole[a] = seen, gram + rows.T @ rows
+            cross[a][:, seen] += (rows.T @ own_tau).T
+        at += len(own_tau)
+    length = np.zeros(p)
+    for seen, gram in zip(known, whole, strict=True):
+        length[seen] += np.diag(gram)
+    length = np.where(length > 0, np.sqrt(length), 1.0)
+    scaled = [
+        (seen, gram / np.outer(length[seen], length[seen]))
+        for seen, gram in zip(known, whole, strict=True)
+    ]
+    return scaled, cross / length
+
+
+def _least_left(grams: Sequence[tuple[np.ndarray, Array]], cross: Array, square: Array) -> Array:
+    """Return what each actuator's columns alone leave of each torque's squares at least, (n, n)."""
+    out = np.empty((len(grams), len(square)))
+    for a, (seen, gram) in enumerate(grams):
+        right = cross[a][:, seen]
+        inverse = np.linalg.pinv(gram, rcond=1e-14, hermitian=True)
+        out[a] = square - np.einsum("bp,pq,bq->b", right, inverse, right, optimize=True)
+    return out
 
 
 def _candidates(n: int) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:

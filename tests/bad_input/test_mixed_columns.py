@@ -1,6 +1,7 @@
 """A log whose torque or velocity columns are mixed up is read, and the user is told."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from identifiability import analyze
 from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.units import find_contradictions
+from identifiability.regression import mix_up
 from identifiability.regression.base_parameters import find_base_parameters
 from identifiability.regression.mix_up import find_mix_up
 from identifiability.regression.regression import Model, Regression
@@ -107,3 +109,17 @@ def test_noise_offset_gaps_and_rest_are_no_contradiction(simulated, rng):
     still = noisy.assign(**{"elbow.q": 1e-4 * rng.normal(size=600), "elbow.dq": 0.0})
     for frame in (noisy, gap, still):
         assert find_contradictions(Log.from_frame(frame)) == []
+
+
+def test_no_order_of_the_torques_leaves_less_than_each_joint_s_columns_alone(rng):
+    W = rng.normal(size=(60, 3, 5)) * (rng.random((3, 5)) < 0.7)
+    tau = np.einsum("kap,p->ka", W, rng.normal(size=5)) + rng.normal(size=(60, 3))
+    grams = [(np.arange(5), W[:, a].T @ W[:, a]) for a in range(3)]
+    cross = np.einsum("kap,kb->abp", W, tau)
+    least = mix_up._least_left(grams, cross, (tau**2).sum(0))
+    for order in permutations(range(3)):
+        rows, torque = W.reshape(180, 5), tau[:, order].ravel()
+        left = torque - rows @ np.linalg.lstsq(rows, torque)[0]
+        assert least[range(3), order].sum() <= left @ left * (1 + 1e-9)
+    alone = tau[:, 1] - W[:, 0] @ np.linalg.lstsq(W[:, 0], tau[:, 1])[0]
+    assert least[0, 1] == pytest.approx(alone @ alone)

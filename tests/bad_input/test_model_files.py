@@ -151,7 +151,7 @@ def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(besid
     assert found["sidecar"] == beside.sidecar.name
     sidecar = hashlib.sha256(beside.sidecar.read_bytes()).hexdigest()
     assert found[f"sha256 {beside.sidecar.name}"] == sidecar
-    assert {"pin", "mujoco", "numpy", "scipy", "cvxpy", "clarabel", "emcee"} <= set(found)
+    assert {"pin", "mujoco", "numpy", "scipy", "clarabel", "emcee"} <= set(found)
     assert "not installed" not in found.values()
     assert "tol_gap_rel" in found["solver"]
     decided = ("method", "cad_prior", "replicates", "seed")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -15,13 +16,14 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.regression.structure import Structure
 from identifiability.workflows.oddities.evidence import Evidence
 
 #: Longest delay that is looked for [s], and how many on each side.
 LONGEST, SIDES = 0.3, 40
 
-#: Samples of a log that are looked at.
-ENOUGH = 1000
+#: Samples of a log that are looked at, and of which the regressor is made at a time.
+ENOUGH, CHUNK = 1000, 256
 
 #: The sum of squared errors must fall below this share of that of the columns where they are.
 FAR = 0.5
@@ -92,9 +94,8 @@ def measure_delay(evidence: Evidence, prepared: Prepared) -> Delay | None:
     structure = evidence.structure
     if len(rows) * samples.tau.shape[1] < 3 * len(structure.base.kept) or len(rows) < 100:
         return None
-    W = structure.model.regressor(structure.robot, samples.motion[rows])[:, :, structure.base.kept]
-    fit = _Fit(W, samples.tau, rows)
-    n = W.shape[1]
+    fit = _Fit(structure, samples, rows)
+    n = samples.tau.shape[1]
     now = fit.errors(range(n), np.zeros(1, int))[0]
     coarse = stride * np.arange(-SIDES, SIDES + 1)
     best, at, who = now, 0, -1
@@ -116,29 +117,36 @@ class _Fit:
 
     Parameters
     ----------
-    W : (m, n, p)
-        At some rows.
-    tau : (N, n) [N·m or N]
+    structure : Structure
+    samples : Samples
     rows : (m,) int
+        Samples that are fitted to.
     """
 
-    def __init__(self, W: Array, tau: Array, rows: np.ndarray) -> None:
-        m, n, _ = W.shape
+    def __init__(self, structure: Structure, samples: Samples, rows: np.ndarray) -> None:
+        tau, n = samples.tau, samples.tau.shape[1]
         spread = tau.std(0)
         self._tau = tau / np.where(spread > 0, spread, 1.0)
         self._rows = rows
-        W = W / np.where(spread > 0, spread, np.inf)[:, None]
-        offsets = np.broadcast_to(np.eye(n), (m, n, n))
-        A = np.concatenate([W, offsets], axis=2).reshape(m * n, -1)
-        length = np.linalg.norm(A, axis=0)
-        A = A[:, length > 0] / length[length > 0]
-        square, V = np.linalg.eigh(A.T @ A)
+        self._columns, self._A = _own_columns(structure, samples, rows, spread)
+        p = len(structure.base.kept) + n
+        gram = np.zeros((p, p))
+        for columns, A in zip(self._columns, self._A, strict=True):
+            gram[np.ix_(columns, columns)] += A.T @ A
+        length = np.sqrt(np.diag(gram))
+        unit = np.divide(1.0, length, out=np.zeros(p), where=length > 0)
+        square, V = np.linalg.eigh(unit[:, None] * gram * unit)
         kept = square > 1e-9 * square[-1]
-        self._U = (A @ (V[:, kept] / np.sqrt(square[kept]))).reshape(m, n, -1)
+        self._turn = unit[:, None] * V[:, kept] / np.sqrt(square[kept])
         here = self._tau[rows]
         self.size = float(((here - here.mean(0)) ** 2).sum())
-        self._parts = np.einsum("mnu,mn->nu", self._U, here)
+        self._parts = np.concatenate([self._fitted(a, here[:, [a]]) for a in range(n)])
         self._squares = (here**2).sum(0)
+
+    def _fitted(self, a: int, T: Array) -> Array:
+        """Return the parts (s, u) of torques (m, s) at a joint that directions of the fit take."""
+        part: Array = (T.T @ self._A[a]) @ self._turn[self._columns[a]]
+        return part
 
     def errors(self, moved: Sequence[int], shifts: np.ndarray) -> Array:
         """Return the sums of squared errors, (k,), with columns taken so many samples later."""
@@ -147,10 +155,37 @@ class _Fit:
         square = np.full(len(shifts), self._squares[others].sum())
         for a in moved:
             T = self._tau[self._rows[:, None] + shifts, a]
-            fitted += T.T @ self._U[:, a]
+            fitted += self._fitted(a, T)
             square += (T**2).sum(0)
         left: Array = np.maximum(square - (fitted**2).sum(1), 0.0)
         return left
+
+
+def _own_columns(
+    structure: Structure, samples: Samples, rows: np.ndarray, spread: Array
+) -> tuple[list[np.ndarray], list[Array]]:
+    """Return the columns that each joint can see, its offset last, and their rows (m, v).
+
+    Of a robot with many joints all columns would fill the memory with zeros.
+    """
+    n, p = samples.tau.shape[1], len(structure.base.kept)
+    parts = []
+    for at in range(0, len(rows), CHUNK):
+        motion = samples.motion[rows[at : at + CHUNK]]
+        W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
+        seen = [np.flatnonzero(W[:, a].any(0)) for a in range(n)]
+        parts.append([(columns, W[:, a][:, columns]) for a, columns in enumerate(seen)])
+    known = [reduce(np.union1d, (part[a][0] for part in parts)) for a in range(n)]
+    out = []
+    for a, columns in enumerate(known):
+        A = np.zeros((len(rows), len(columns) + 1))
+        for at, part in zip(range(0, len(rows), CHUNK), parts, strict=True):
+            own, W = part[a]
+            A[at : at + len(W), np.searchsorted(columns, own)] = W
+        A[:, :-1] /= spread[a] if spread[a] > 0 else np.inf
+        A[:, -1] = 1.0
+        out.append(A)
+    return [np.append(columns, p + a) for a, columns in enumerate(known)], out
 
 
 def _consecutive(prepared: Prepared) -> Samples | None:

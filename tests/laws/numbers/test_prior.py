@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.prediction import Prediction
+from identifiability.physical import project
 from identifiability.physical.cad_prior import WEIGHTS, CadPrior
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Held
@@ -42,7 +43,7 @@ def cost(data: LeastSquares, phi: np.ndarray, weight: float) -> float:
 @pytest.mark.parametrize("weight", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("seed", range(6))
 def test_newton_reaches_the_optimum_by_itself(seed, weight, monkeypatch):
-    monkeypatch.setattr(Projection, "_program", None)  # there is no other solver to ask
+    monkeypatch.setattr(project, "_solve_program", None)  # there is no other solver to ask
     data = problem(seed, 14)
     found = Projection(REGION, prior=CadPrior(FILE, weight)).solve(data)
     assert found.accurate
@@ -58,7 +59,7 @@ def test_newton_reaches_the_optimum_by_itself(seed, weight, monkeypatch):
 
 
 def test_newton_keeps_what_is_held_and_stops_friction_at_zero(monkeypatch):
-    monkeypatch.setattr(Projection, "_program", None)
+    monkeypatch.setattr(project, "_solve_program", None)
     row = np.zeros((1, 22))
     row[0, 20:] = 1.0, -1.0  # both levels alike
     data = problem(1, 40)
