@@ -86,11 +86,14 @@ def analyze(
             **fitting.arguments(),
         )
         written = outputs.write(result, say)
-    print_analysis(result, written)
+    print_analysis(result, written, [machine.robot, *logs, *held])
 
 
-def print_analysis(result: Analysis, written: Iterable[Path]) -> None:
-    """Print the ladder, the errors, the statement, and last the paths of what was written."""
+def print_analysis(result: Analysis, written: Iterable[Path], typed: Iterable[str] = ()) -> None:
+    """Print the ladder, the errors, the statement, what to do next and the paths of what is there.
+
+    Robot and logs are called in the next line as they were `typed`.
+    """
     from identifiability.estimation.verdict import Class  # noqa: PLC0415
 
     rows = [
@@ -112,4 +115,10 @@ def print_analysis(result: Analysis, written: Iterable[Path]) -> None:
         left=("model", "real robot"),
     )
     common.print_errors(result.chosen.name, result.error_frame())
-    common.print_end(filter(None, [result.statement, result.mass_statement]), written)
+    first, *hints = common.apart(result.statement, result.hints)
+    common.print_end(filter(None, [first, result.mass_statement, *hints]))
+    if typed:
+        from identifiability.report.sections.answer import next_commands  # noqa: PLC0415
+
+        common.print_next(next_commands(result), typed)
+    common.print_end([], written)

@@ -179,6 +179,25 @@ def print_errors(model: str, errors: DataFrame) -> None:
         print_table(title, headings, rows, ("joint or log",))
 
 
+def apart(statement: str, hints: Sequence[str]) -> list[str]:
+    """Return a statement that ends in hints as the answer and each hint by itself."""
+    return [statement.removesuffix(" ".join(hints)).strip(), *hints]
+
+
+def print_next(commands: Sequence[tuple[str, str]], typed: Iterable[str]) -> None:
+    """Print what to do next, with the line to type; files are where they were typed to be."""
+    from rich.console import Console  # noqa: PLC0415
+
+    places = {Path(word).name: word for word in typed}
+    for what, command in commands[:1]:
+        line = " ".join(places.get(word, word) for word in command.split(" "))
+        Console().print(
+            f"[bold]Next[/bold] {escaped(f'{what[0].lower()}{what[1:]} {line}')}",
+            highlight=False,
+            soft_wrap=True,
+        )
+
+
 def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
     """Print what is said last: sentences, and the paths of what was written."""
     from rich.console import Console  # noqa: PLC0415

@@ -111,7 +111,7 @@ def diagnose(
         written = outputs.write(result, say)
         if out is not None:
             written.append(result.write_model(out))
-        told = [result.statement]
+        told = common.apart(result.statement, result.hints)
         if motion is not None:
             found = find_next(result, limits=limits, seed=seed, progress=say)
             told.append(found.statement)
@@ -144,4 +144,8 @@ def diagnose(
     common.print_table(
         title, ("joint", "before", "after", "rms after", "raw after"), table, left=("joint",)
     )
-    common.print_end(told, written)
+    common.print_end(told)
+    from identifiability.report.sections.missing import next_commands  # noqa: PLC0415
+
+    common.print_next(next_commands(result), [machine.robot, *logs, *held])
+    common.print_end([], written)

@@ -15,6 +15,9 @@ from identifiability.report.tables import Table, badge_cell, frame_table
 #: Rows that are shown; the rest is counted.
 SHOWN = 60
 
+#: Columns of a table of verdicts that are shown; its frame has the others.
+OF_VERDICTS = ("name", "label", "unit", "value", "sigma_robust_percent", "verdict", "reason")
+
 _PIECE = """{% import "macros.html.j2" as m %}
 <div class="identifiability-piece"><style>{{ style }}</style>
 {% for line in lines %}<p class="statement">{{ line | symbols }}</p>
@@ -53,7 +56,8 @@ def notebook_piece(statement: str, frame: pd.DataFrame | None = None, more: str 
 
 def _table(frame: pd.DataFrame) -> Table:
     """Return a table whose words of verdicts are badges; without what only a page's script does."""
-    columns = {str(name): list(frame[name]) for name in frame.columns}
+    shown = OF_VERDICTS if set(OF_VERDICTS) <= set(frame.columns) else frame.columns
+    columns = {str(name): list(frame[name]) for name in shown}
     for name, cells in columns.items():
         words = [x for x in cells if isinstance(x, str)]
         if words and all(word in MARKS for word in words):
@@ -69,6 +73,6 @@ def _style() -> str:
     sheet = loader.get_source(page_environment(), "style.css")[0]
     sheet = re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL)
     own = re.sub(r"(?m)^(\s*)(?::root|html|body|main)(?=\s*\{)", r"\1:scope", sheet)
-    tidy = ".chips { display: none; } thead button { pointer-events: none; }"
+    tidy = ".chips, .arrow { display: none; } thead button { pointer-events: none; }"
     narrow = ":scope { max-width: 100%; padding: 0 4px; font-size: 14px; background: none; }"
     return f"@scope (.identifiability-piece) {{\n{own}\n{narrow}\n{tidy}\n}}"

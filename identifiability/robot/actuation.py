@@ -65,6 +65,9 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     if count < len(dependent):
         _refuse_loose(robot, count)
     if count > len(dependent):
+        _refuse_unstated(
+            robot, count, stated=bool(extra.actuated or (robot.mjcf and stated.actuated))
+        )
         raise RobotError(
             f"{robot.path}: the loops give {count} independent equations for "
             f"{len(dependent)} passive joints, so not all {len(index)} actuated joints are free; "
@@ -79,6 +82,19 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     except ClosureError as error:
         raise RobotError(str(error)) from None
     return robot
+
+
+def _refuse_unstated(robot: Description, count: int, *, stated: bool) -> None:
+    """Refuse a closed robot of which nothing says where its motors are."""
+    moving = len(robot.actuated) + len(robot.dependent)
+    if stated or len(robot.dependent) or moving <= count:
+        return
+    where = "with a <motor> each in <actuator>, or " if robot.mjcf else ""
+    raise RobotError(
+        f"{robot.path}: nothing says which of its {moving} joints have motors, and its loops leave "
+        f"{moving - count} of them free; name these {where}in the sidecar: actuated = "
+        f'["{robot.joints[0]}", …]. The joints are {listing(robot.joints)}.'
+    )
 
 
 def _driven_dof(robot: Description, name: str) -> int:

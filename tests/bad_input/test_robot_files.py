@@ -176,8 +176,14 @@ URDF = {
 
 MOTOR = '<motor name="right_motor" joint="right_shoulder"/>'
 KEY = re.search("(?s)<keyframe>.*</keyframe>", FIVE).group(0)
+ACTUATORS = re.search("(?s)<actuator>.*</actuator>", FIVE).group(0)
 #: The same for the five-bar.
 CLOSED = {
+    "no actuators": (
+        (ACTUATORS, ""),
+        r"nothing says which of its 4 joints have motors, and its loops leave 2 of them free; name "
+        r"these with a <motor> each in <actuator>, or in the sidecar: actuated = \[",
+    ),
     "too few actuators": (
         (MOTOR, ""),
         r"3 joints have no actuator \(left_elbow, right_shoulder, right_elbow\) but the loops give "

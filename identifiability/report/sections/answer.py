@@ -43,7 +43,7 @@ def answer_questions(analysis: Analysis, notes: Notes) -> Answers:
         _answer_use(analysis),
         answer_quality(chosen.error_ra_validation, joints, each, kind),
         answer_trust(notes.notes, doubt or chosen.unjudged, found, len(chosen.rung)),
-        answer_next(_next_commands(analysis)),
+        answer_next(next_commands(analysis)),
     )
     return Answers(answers, sketch_robot(analysis.robot, analysis.samples, chosen.verdicts))
 
@@ -68,7 +68,7 @@ def _answer_use(analysis: Analysis) -> Answer:
     return Answer(question, f"{title}: {found} identifiable.", f"{size}{physics}", tone)
 
 
-def _next_commands(analysis: Analysis) -> list[tuple[str, str]]:
+def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
     """Return at most three lines for the terminal, the most useful first."""
     robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
     names = [s.name for s in analysis.samples]

@@ -24,7 +24,7 @@ PLACES = 3
 
 def answer_missing(d: Diagnosis) -> Answers:
     """Return the first screen of a diagnosis."""
-    return Answers((_what(d), _gap(d), _left(d), answer_next(_next_commands(d))), _sketch(d))
+    return Answers((_what(d), _gap(d), _left(d), answer_next(next_commands(d))), _sketch(d))
 
 
 def _what(d: Diagnosis) -> Answer:
@@ -63,7 +63,8 @@ def _left(d: Diagnosis) -> Answer:
     return Answer(question, short, f"{spread}{d.unexplained}", tone_of(judged))
 
 
-def _next_commands(d: Diagnosis) -> list[tuple[str, str]]:
+def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
+    """Return lines for the terminal, the most useful first."""
     robot = source_name(d.robot)
     logs = name_logs(d.robot, [s.name for s in d.samples], how=d.preparation)
     logs += held_back(d.validation, d.samples)
