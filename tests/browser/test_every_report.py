@@ -1,6 +1,15 @@
 """Every kind of report in a real browser: silent, offline, sortable, no wider than its window."""
 
+import html
+import re
+import shlex
+
 import pytest
+import typer
+
+from identifiability.cli import app
+
+COMMANDS = typer.main.get_command(app).commands
 
 #: How far the page, and what stands outside scrolling boxes, reaches beyond the window [px].
 BEYOND = """() => {
@@ -84,6 +93,18 @@ def test_a_link_of_the_contents_leads_to_its_section(report, visit):
             assert seen.page.evaluate("location.hash") == name
             assert seen.page.locator(name).count() == 1
         assert seen.complaints == []
+
+
+def test_every_line_to_copy_is_a_command_with_options_that_it_has(reports, later_reports):
+    lines = set()
+    for page in (reports | later_reports).values():
+        texts = re.findall(r'data-copy="([^"]*)"', page.read_text(encoding="utf-8"))
+        lines |= {html.unescape(text) for text in texts}
+    assert len({line.split()[1] for line in lines}) >= 8
+    for line in lines:
+        _, name, *words = shlex.split(line)
+        known = {option for p in COMMANDS[name].params for option in p.opts}
+        assert {w for w in words if w.startswith("--")} <= known, line
 
 
 def test_names_from_files_are_shown_and_not_run(reports, visit):

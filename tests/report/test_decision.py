@@ -213,6 +213,7 @@ def test_where_loads_differ_each_joint_is_judged_by_its_own_error():
     assert 0.13 < judged < 0.22
     assert short.startswith("Poor: it misses 13.0 % (a) to 22.0 % (b)")
     assert "all together it is 8.00 %" in said
+    assert state_error(0.12, joints, each)[0] == 0.12  # hardly below either
     assert state_error(0.05, joints, np.array([0.04, 0.3]))[1].startswith("Good, but not in b:")
     judged, short, said = state_error(0.15, joints, each)
     assert judged == 0.15

@@ -22,9 +22,11 @@ TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
 
 def answer_calibration(calibration: Calibration) -> Answers:
     """Return the first screen of a calibration."""
-    answers = (_trust(calibration), _wrong(calibration), _weakest(calibration))
-    next_ = answer_next(_next_commands(calibration))
-    return Answers((*answers, next_), _sketch(calibration))
+    answers: tuple[Answer, ...] = (_trust(calibration), _wrong(calibration), _weakest(calibration))
+    commands = _next_commands(calibration)
+    if commands:
+        answers = (*answers, answer_next(commands))
+    return Answers(answers, _sketch(calibration))
 
 
 def _trust(calibration: Calibration) -> Answer:

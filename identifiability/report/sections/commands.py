@@ -18,10 +18,11 @@ from identifiability.robot.locate import shipped_folder
 OPTIONS = ("derivatives", "cutoff", "period", "harmonics", "decimate")
 
 
-def answer_next(commands: Sequence[tuple[str, str]], text: str = "") -> Answer:
+def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
     """Return what to do next, with lines for the terminal."""
-    short = "Run one of these where robot and logs are."
-    return Answer("What next?", text or short, commands=tuple(commands))
+    one = "this" if len(commands) == 1 else "one of these"
+    short = f"Run {one} where robot and logs are."
+    return Answer("What next?", short, commands=tuple(commands))
 
 
 def source_name(robot: Robot) -> str:

@@ -19,6 +19,10 @@ GRADES = ((0.03, "very-good"), (0.08, "good"), (0.15, "fair"), (0.5, "poor"), (n
 FEW = 0.15
 
 
+#: Share of the smallest error of a joint below which that of all joints says little of any.
+MUCH = 0.8
+
+
 def grade_of(error: float) -> str:
     """Return the name of the grade of an error on unseen motion."""
     return next(name for limit, name in GRADES if error <= limit)
@@ -67,7 +71,7 @@ def state_error(error: float, joints: Sequence[str], each: Array) -> tuple[float
         return error, sentence("decision.grades", grade_of(error), error=error_text(error)), ""
     low, high = int(np.argmin(each)), int(np.argmax(each))
     ends = [f"{error_text(float(each[k]))} ({joints[k]})" for k in (low, high)]
-    if error >= each[low]:
+    if error >= MUCH * each[low]:
         short = sentence("decision.grades", grade_of(error), error=error_text(error))
         if tone_of(error) == "green" and each[high] > FEW:
             short = short.replace(":", f", but not in {joints[high]}:", 1)

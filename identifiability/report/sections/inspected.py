@@ -59,7 +59,8 @@ def _excited(result: Inspection) -> Answer:
 def _content(result: Inspection) -> Answer:
     seconds = sum(r.duration for r in result.records)
     samples = format_count(sum(r.samples for r in result.records), "sample")
-    rates = sorted({format_number(r.rate, 3) for r in result.records}, key=float)
+    known = sorted(r.rate for r in result.records)
+    rates = [format_number(rate, 3) for rate in known]
     short = (
         f"{format_number(seconds, 3)} s of motion: {samples} at "
         f"{' … '.join(dict.fromkeys((rates[0], rates[-1])))} Hz."
@@ -68,10 +69,10 @@ def _content(result: Inspection) -> Answer:
     text = ""
     if rooms:
         (least, narrow), (most, wide) = min(rooms), max(rooms)
-        text = (
-            f"Of the range that their limits allow, joints use from {percent(least, 2)} ({narrow}) "
-            f"to {percent(most, 2)} ({wide})."
-        )
+        used = f"{percent(least, 2)} ({narrow})"
+        if wide != narrow:
+            used = f"from {used} to {percent(most, 2)} ({wide})"
+        text = f"Of the range that limits allow, joints use {used}."
     cuts = sorted({r.cutoff for r in result.records if r.cutoff is not None})
     if cuts:
         text += f" Derivatives would be cut off at {format_number(cuts[0], 3)} Hz."
