@@ -2,23 +2,32 @@
 
 Logs of poor motions (few harmonics) of a robot with one hidden effect are diagnosed until so many
 diagnoses end in "A or B" with the truth among them. For each the next motion is asked for,
-simulated with the same effect and noise, and diagnosed with the logs there were. Right is the
+simulated with the same effect and noise, and the diagnosis goes on with it. Right is the
 true name alone; the stated chance is held against how often that is so.
 
-``python studies/next_experiment.py [CASES] [ROBOT…]``
+    python studies/next_experiment.py --commit $(git rev-parse HEAD) --out studies/results
+
+The cases are drawn by the hash of the commit that is judged; every one is written as soon as it is
+there, to `next_experiment.jsonl` in the folder `--out`, and the same command goes on.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import json
 from collections import Counter
 from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from hidden_effect import read_rows
 from hidden_effect_trials import judge
 from scipy import stats
 
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.output import plain
 from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, Trajectory, random_trajectory
@@ -39,6 +48,8 @@ HARMONICS, FITTED, SHARES = (1, 2, 3), 2, (0.02, 0.05)
 LEVEL, RHO, ENCODER = 0.012, 0.9, 2e-5
 #: Looks of each search.
 EVALUATIONS = 1500
+#: Stated chances that are held together against what was achieved.
+BINS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.01)
 
 
 class World:
@@ -87,36 +98,64 @@ def loop(name: str, seed: int) -> tuple[str, float, str, str]:
         return "the same torque", np.nan, "", ""
     logs = world.logs([found.excitation.trajectory] * found.periods)
     fitted = [*logs[:FITTED], *logs[FITTED + 1 :]]
-    after = diagnose(world.robot, fitted, logs[FITTED : FITTED + 1], **options)
+    after = diagnose(world.robot, fitted, logs[FITTED : FITTED + 1], earlier=d, **options)
     outcome, right = judge(after, {world.family}, {world.joint})
     told = "; ".join(f"{e.names}@{'+'.join(e.joints)}" for e in after.effects) or "none"
     resolved = "right" if outcome == "exact" and right else f"then {outcome}"
     return resolved, found.chance, said, told
 
 
-def main(cases: int, robots: Sequence[str] = ROBOTS) -> None:
-    """Print one line a case, and how many were resolved."""
-    outcomes, chances, first = Counter[str](), [], Counter[str]()
-    seed = 0
-    while sum(outcomes.values()) < cases:
-        name = robots[seed % len(robots)]
-        outcome, chance, said, told = loop(name, seed)
-        seed += 1
-        if not said:
-            first[outcome] += 1
-            continue
-        outcomes[outcome] += 1
-        chances.append((chance, outcome == "right"))
-        print(f"  {name}, seed {seed - 1}: {said} → {told} ({chance:.2f}): {outcome}", flush=True)
-    right = outcomes["right"]
-    ci = stats.binomtest(right, cases).proportion_ci()
-    print(f"{seed} diagnoses; of those that no motion was asked for: {dict(first)}")
-    print(f"{right} of {cases} resolved rightly ({ci.low:.2f} … {ci.high:.2f}): {dict(outcomes)}")
-    known = [c for c, _ in chances if np.isfinite(c)]
-    print(f"stated chance, mean: {np.mean(known):.2f}")
+def case(name: str, seed: int) -> dict[str, Any]:
+    """Return one robot and effect as a line of the file."""
+    outcome, chance, said, told = loop(name, seed)
+    asked = {"asked": bool(said), "said": said, "told": told}
+    return {"robot": name, "seed": seed, "outcome": outcome, "chance": chance, **asked}
+
+
+def tell(rows: Sequence[dict[str, Any]]) -> None:
+    """Print how many were resolved, and the stated chance beside what was achieved."""
+    asked = [r for r in rows if r["asked"]]
+    print(f"{len(rows)} diagnoses; of those that no motion was asked for: "
+          f"{dict(Counter(r['outcome'] for r in rows if not r['asked']))}")  # fmt: skip
+    if not asked:
+        return
+    right = sum(r["outcome"] == "right" for r in asked)
+    ci = stats.binomtest(right, len(asked)).proportion_ci()
+    print(f"{right} of {len(asked)} resolved rightly ({ci.low:.2f} … {ci.high:.2f}): "
+          f"{dict(Counter(r['outcome'] for r in asked))}")  # fmt: skip
+    known = [r for r in asked if r["chance"] is not None and np.isfinite(r["chance"])]
+    for low, high in pairwise(BINS):
+        part = [r for r in known if low <= r["chance"] < high]
+        if part:
+            stated, count = np.mean([r["chance"] for r in part]), len(part)
+            good = sum(r["outcome"] == "right" for r in part)
+            print(f"  stated {low:.2f} … {high:.2f} (mean {stated:.2f}): {good} of {count} right")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run cases until so many were asked, and print what became of them."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--cases", type=int, default=40, help="motions that are asked for")
+    parser.add_argument("--robots", nargs="*", default=list(ROBOTS))
+    parser.add_argument("--commit", default="0", help="its hash draws the cases; hexadecimal")
+    parser.add_argument("--out", type=Path, default=None, help="folder; goes on where it stopped")
+    options = parser.parse_args(argv)
+    path = None
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+        path = options.out / "next_experiment.jsonl"
+    rows = read_rows(path)
+    first = int(options.commit[:7], 16)
+    while sum(r["asked"] for r in rows) < options.cases:
+        seed = first + len(rows)
+        rows.append(plain(case(options.robots[len(rows) % len(options.robots)], seed)))
+        if path is not None:
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(rows[-1]) + "\n")
+        if rows[-1]["asked"]:
+            print(f"  {rows[-1]}", flush=True)
+    tell(rows)
 
 
 if __name__ == "__main__":
-    words = sys.argv[1:]
-    count = int(words.pop(0)) if words and words[0].isdigit() else 40
-    main(count, words or ROBOTS)
+    main()

@@ -74,7 +74,7 @@ def test_effects_are_named_from_the_others_and_that_is_said(logs_of, named):
     assert d.error_after == alone.error_after  # nothing of that log is in it
 
 
-def test_a_log_whose_motion_alone_shows_an_effect_comes_back(logs_of, named, monkeypatch):
+def test_a_log_whose_motion_alone_shows_an_effect_stays(logs_of, named, monkeypatch):
     logs = list(logs_of("two-link", "joint_stiffness@shoulder=0.04"))
     odd = OddLog(1, logs[1].name, "so and so")
     monkeypatch.setattr(workflow, "describe_odd_log", lambda *_: odd)
@@ -82,4 +82,4 @@ def test_a_log_whose_motion_alone_shows_an_effect_comes_back(logs_of, named, mon
     assert named(d) == [("joint_stiffness", ("shoulder",))]
     assert d.left_out == ()
     assert [s.name for s in d.samples] == [log.name for log in logs[:4]]
-    assert "explains that, so it was fitted with them" in d.hints[0]
+    assert "What is named here explains that, so it was fitted with them" in d.hints[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from identifiability.foundation.names import Array
@@ -14,7 +16,7 @@ DRAWN = 20_000
 
 
 def aim_at(
-    question: Question, G: Array, counts: list[int], at: int, values: Array
+    question: Question, G: Array, widths: Sequence[Sequence[int]], at: int, values: Array
 ) -> Discrimination:
     """Return what tells the first effect, as it was found, from the second, and the reverse.
 
@@ -26,8 +28,8 @@ def aim_at(
         By `Separation`, whose effects are a number of shapes each.
     G : (k, k)
         What the logs say.
-    counts : list of int
-        Shapes of both effects.
+    widths : two sequences of int
+        Columns of each shape of both effects.
     at : int
         The shape of the first that was found.
     values : (p,)
@@ -37,8 +39,8 @@ def aim_at(
     assert isinstance(aim, Separation)
     effects = np.concatenate([aim.first, aim.second])
     firsts, seconds = (
-        tuple(np.split(own, count))
-        for own, count in zip((aim.first, aim.second), counts, strict=True)
+        tuple(np.split(own, np.cumsum(each)[:-1]))
+        for own, each in zip((aim.first, aim.second), widths, strict=True)
     )
     model = np.setdiff1d(np.arange(len(G)), effects)
     length = np.sqrt(np.maximum(np.diag(G), 1e-300))
@@ -57,10 +59,11 @@ def aim_at(
 
 
 def decision_chance(aim: Discrimination, G: Array, alike: float) -> float:
-    """Return the chance that of two effects the true one is named alone, whichever it is.
+    """Return the chance that of two effects the true one is named alone.
 
-    Both are scored by the squares that they explain; a name is undecided where the other is alike
-    and its score comes within `lookalikes.DECISIVE`.
+    Either may be true, one as likely as the other as long as nothing tells them apart. Both are
+    scored by the squares that they explain; a name is undecided where the other is alike and its
+    score comes within `lookalikes.DECISIVE`.
 
     Parameters
     ----------
@@ -72,9 +75,9 @@ def decision_chance(aim: Discrimination, G: Array, alike: float) -> float:
     """
     e = np.random.default_rng(0).standard_normal((2, DRAWN))
     chances = []
-    for way in (aim, aim.reverse):
+    for way in (aim,) if aim.reverse is None else (aim, aim.reverse):
         right = np.ones(DRAWN, bool)
-        for one in way.each if way is not None else ():
+        for one in way.each:
             similarity = float(one.angles(G[None])[0][0])
             whole, own = (float(part[0]) for part in one.squares(G[None]))
             first = np.sqrt(whole) + e[0]
@@ -84,4 +87,4 @@ def decision_chance(aim: Discrimination, G: Array, alike: float) -> float:
             ahead = 0.5 * (first**2 - second**2)
             right &= ahead > (DECISIVE if similarity > alike else 0.0)
         chances.append(float(np.mean(right)))
-    return min(chances)
+    return float(np.mean(chances))

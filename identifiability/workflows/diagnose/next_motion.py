@@ -28,6 +28,7 @@ from identifiability.regression.regression import Regression
 from identifiability.robot import complete_motion
 from identifiability.workflows.diagnose.decision_chance import aim_at, decision_chance
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect, Placement
+from identifiability.workflows.diagnose.lookalikes import Rival
 from identifiability.workflows.diagnose.rows import list_candidates
 from identifiability.workflows.excite import Excitation, Limits, find_limits
 from identifiability.workflows.excite.candidates import Series
@@ -74,8 +75,11 @@ class NextMotion:
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        first, second = (title_of(name.partition("@")[0]) for name in self.names)
-        place = self.names[0].partition("@")[2].partition(":")[0]
+        titles = [title_of(name.partition("@")[0]) for name in self.names]
+        places = [name.partition("@")[2].partition(":")[0] for name in self.names]
+        (first, second), place = titles, places[0]
+        if places[1] != place:
+            first, place = f"{first} in {place}", places[1]
         path, more = self.excitation.trajectory, f", {self.periods} times" * (self.periods > 1)
         if self.same:
             return (
@@ -136,17 +140,20 @@ def find_next(
     say = progress or (lambda what, share: None)
     with one_thread("blas"):
         effect, placement, rival = _choose_pair(d)
-        place, bounds = placement.place, find_limits(d.robot, limits)
+        bounds = find_limits(d.robot, limits)
         (named, shapes), (other, _) = (
-            _place_all(d, name, place, bounds) for name in (effect.name, rival)
+            _place_all(d, name, place, bounds)
+            for name, place in ((effect.name, placement.place), (rival.family, rival.place))
         )
         left = [text for text in d.model.texts if text != _text(effect.name, placement)]
         question = pose_question(d.robot, "separate", Model.of(*left), None, (named, other))
         weights = _weigh(d)
         known = _gram(question, d, weights)
         at = _find_part(d, placement, named, shapes)
-        counts = [len(named.parts), len(other.parts)]
-        aim = aim_at(question, known, counts, at, placement.values)
+        widths = [
+            [len(Placed.part_parameters(d.robot, part)) for part in e.parts] for e in (named, other)
+        ]
+        aim = aim_at(question, known, widths, at, placement.values)
         question = replace(question, criterion=aim)
         step = float(np.median(np.diff(d.samples[0].output_times())))
         found = find_motion(
@@ -180,20 +187,24 @@ def find_next(
         )
 
 
-def _choose_pair(d: Findings) -> tuple[NamedEffect, Placement, str]:
-    """Return the undecided name with the largest torque, its place and its rival there."""
+def _choose_pair(d: Findings) -> tuple[NamedEffect, Placement, Rival]:
+    """Return the undecided name with the largest torque, its place, and its rival.
+
+    Of several rivals it is the most similar, one at the same place before one elsewhere.
+    """
     found = [
-        (p.rms, e, p, next(r.family for r in p.rivals if r.undecided and r.family != e.name))
+        (p.rms, r.place == p.place, r.similarity, e, p, r)
         for e in d.effects
         for p in e.placements
-        if any(r.undecided and r.family != e.name and r.place == p.place for r in p.rivals)
+        for r in p.rivals
+        if r.undecided and r.family != e.name
     ]
     if not found:
         raise IdentifiabilityError(
-            "Nothing that was named is undecided at one place, so no motion is asked for; excite "
-            "--separate tells any two effects apart."
+            "Nothing that was named is undecided, so no motion is asked for; excite --separate "
+            "tells any two effects apart."
         )
-    _, effect, placement, rival = max(found, key=lambda one: one[0])
+    *_, effect, placement, rival = max(found, key=lambda one: one[:3])
     return effect, placement, rival
 
 

@@ -3,7 +3,7 @@
 What differs between logs (a load, a temperature, another robot) looks like whatever effect the
 logs' motions happen to tell apart. Only a log is told of without which the others agree: an effect
 that the model misses makes all of them disagree. It is left out while effects are named. One whose
-motion alone shows an effect is odd, too: where what the others name explains it, it comes back.
+motion alone shows an effect is odd, too: where what is named with it explains it, it stays.
 """
 
 from __future__ import annotations
@@ -76,11 +76,10 @@ class OddLog:
 
     @property
     def kept(self) -> str:
-        """What is said where effects that the others named explain it."""
+        """What is said where effects that are named with it explain it."""
         return (
             f"{self.name} disagreed with the other logs before any effect was looked for: "
-            f"{self.difference}. What the others named without it explains that, so it was fitted "
-            "with them."
+            f"{self.difference}. What is named here explains that, so it was fitted with them."
         )
 
 

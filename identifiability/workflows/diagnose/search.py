@@ -83,7 +83,10 @@ class Search:
         return replace(found, earlier=self.earlier.source, turns=self.earlier.turns(found))
 
     def run_without(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
-        """Name effects without a log that disagrees, and with it where these explain it.
+        """Name effects without a log that disagrees, unless what is named with it explains it.
+
+        A log whose motion alone shows what is missing disagrees as well, and is the one that says
+        most: then no log disagrees any more under the model with what was named.
 
         Returns
         -------
@@ -91,12 +94,13 @@ class Search:
         said : str
             What became of the log.
         """
+        found = self.run(setting)
+        if found.effects and not still_odd(found.completed, setting.samples, odd.number):
+            return found, odd.kept
         samples = drop(setting.samples, odd.number)
         others = replace(self, logs=drop(self.logs, odd.number))
         found = others.run(replace(setting, samples=samples, left_out=(odd.name,)))
-        if not found.effects or still_odd(found.completed, setting.samples, odd.number):
-            return found, odd.left_out
-        return self.run(setting), odd.kept
+        return found, odd.left_out
 
 
 def drop(several: Sequence[T], number: int) -> tuple[T, ...]:
