@@ -57,8 +57,15 @@ def assert_same(whole, parts):
     assert found.standard_error() == pytest.approx(expected.standard_error(), rel=1e-6)
 
 
-@pytest.mark.parametrize("form", ["parquet", "csv"])
-@pytest.mark.parametrize("name", ["3-rps", "six-dof-arm"])
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        ("3-rps", "parquet"),
+        ("six-dof-arm", "csv"),
+        pytest.param("3-rps", "csv", marks=pytest.mark.everything),
+        pytest.param("six-dof-arm", "parquet", marks=pytest.mark.everything),
+    ],
+)
 def test_given_derivatives(name, form, sizes, frame_of, saved):
     assert_same(*both(name, saved(frame_of(name, periods=4, samples=900), form)))
 
@@ -116,7 +123,7 @@ def test_loops_that_close_in_some_parts_only(sizes, frame_of, saved):
     assert_same(whole, parts)
 
 
-@pytest.mark.parametrize("name", ["3-rps", "two-link"])
+@pytest.mark.parametrize("name", [pytest.param("3-rps", marks=pytest.mark.everything), "two-link"])
 def test_an_analysis_gives_the_same_answer(name, sizes, frame_of, saved):
     path = saved(frame_of(name, periods=4, samples=800))
     whole = analyze(name, Log.read(path), replicates=40)
