@@ -33,7 +33,11 @@ def sentences() -> Iterator[None]:
     except OSError as error:
         _fail(legible(f"'{error.filename}' cannot be used: {error.strerror or error}."))
     except MemoryError:
-        _fail("There is not enough memory for this; give fewer samples or decimate them.")
+        _fail(
+            "There is not enough memory for this. Joints and effects take it, hardly the length of "
+            "logs: lock joints that are not asked about (--lock), name fewer effects, or leave "
+            "instruments out (--estimator ls)."
+        )
     except KeyboardInterrupt:
         sys.stderr.write("Stopped; no file was left half-written.\n")
         raise SystemExit(130) from None

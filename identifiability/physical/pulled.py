@@ -96,6 +96,7 @@ def _pull(
     triangle, twice = 4 * row + column, np.where(row == column, 1.0, np.sqrt(2.0))[:, None]
     slack = np.abs(rows @ x - least) + 0.01
     y = weight / slack
+    least_product = ENOUGH / max(100, 2 * y.size)  # so that all of them together are enough
     for _ in range(steps):
         root = np.linalg.inv(np.linalg.cholesky((maps @ x).reshape(-1, 4, 4)))
         congruent = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
@@ -103,7 +104,7 @@ def _pull(
         rates = (twice * congruent[:, triangle] @ cone).reshape(-1, z.size)
         away = np.eye(4) - root.transpose(0, 2, 1) @ root
         lack, product = rows @ x - least - slack, slack * y
-        aim = max(LESS * product.mean(), ENOUGH / 100) if y.size else 0.0
+        aim = max(LESS * product.mean(), least_product) if y.size else 0.0
         force = sign.T @ ((aim - y * lack) / slack) - 2 * s**2 * z
         force = force - weight * away.ravel() @ cone.reshape(-1, z.size)
         stiff = np.sqrt(y / slack)[:, None] * sign

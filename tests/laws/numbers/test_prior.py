@@ -130,3 +130,20 @@ def test_every_model_has_its_own_and_predictions_keep_to_it():
     files = predicted(*range(1, 15))
     _, (whole,) = settle_robots(both, held_out, [files])
     np.testing.assert_array_equal(whole.predicted, files.predicted[:, :, [0, 1, 2, 5, 8, 11]])
+
+
+def test_a_hundred_kinds_of_friction_do_not_keep_newton_from_its_end(monkeypatch):
+    monkeypatch.setattr(project, "_solve_program", None)
+    many = 130
+    region = PhysicalSet(
+        REGION.bodies,
+        np.r_[np.zeros(20, bool), np.ones(many, bool)],
+        mass=np.full(2, 2.0),
+        length=np.full(2, 0.3),
+    )
+    R = np.eye(20 + many)
+    aim = np.r_[FILE[:20], np.where(np.arange(many) % 2, 1.0, -1.0)]
+    data = LeastSquares(R, aim, 1e-2, 1.0)
+    found = Projection(region, prior=CadPrior(np.r_[FILE[:20], np.zeros(many)], 1.0)).solve(data)
+    assert found.accurate
+    np.testing.assert_allclose(found.phi[20:], np.maximum(aim[20:], 0.0), atol=1e-4)
