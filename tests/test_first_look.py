@@ -29,6 +29,7 @@ LARGE = ("pandas", "scipy.stats", "matplotlib", "cvxpy", "mujoco", "joblib")
         (["prune", "six-dof-arm", "run.csv"], "numbers its joints otherwise", []),
         (["payload", "two-link", "no.json", "run.csv"], "There is no result file", ["pinocchio"]),
         (["simulate", "two-link", "no.csv", "--out", "x.csv"], "no motion file", ["pinocchio"]),
+        (["new", "x", "--robot", "no.urdf"], "There is no robot file", ["pinocchio"]),
         (["excite", "no.urdf", "--out", "x.json"], "There is no robot file", ["pinocchio"]),
         (["compare", "two-link", "run.csv", "no.csv"], "There is no log file", ["pinocchio"]),
     ],

@@ -115,10 +115,11 @@ def look(
         check_outputs(*(path for mark, path in written if mark.endings), inputs=read)
         for ends, path in written:
             ends.check(path)
-        if machine is not None:
+        robot = given.get("robot") if machine is None else machine.robot
+        if robot is not None:
             from identifiability.robot.locate import locate_robot  # noqa: PLC0415
 
-            locate_robot(machine.robot)
+            locate_robot(robot)
         for mark, value in marked:
             if isinstance(mark, Reads):
                 mark.check(value)

@@ -73,6 +73,9 @@ def _style() -> str:
     sheet = loader.get_source(page_environment(), "style.css")[0]
     sheet = re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL)
     own = re.sub(r"(?m)^(\s*)(?::root|html|body|main)(?=\s*\{)", r"\1:scope", sheet)
-    tidy = ".chips, .arrow { display: none; } thead button { pointer-events: none; }"
+    tidy = (
+        ".chips, .arrow { display: none; } thead button { pointer-events: none; } "
+        "tbody th { min-width: 0; } td.is-text:last-child { min-width: 280px; } "
+    )
     narrow = ":scope { max-width: 100%; padding: 0 4px; font-size: 14px; background: none; }"
     return f"@scope (.identifiability-piece) {{\n{own}\n{narrow}\n{tidy}\n}}"
