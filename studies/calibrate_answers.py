@@ -11,167 +11,23 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from left_out_trials import Laboratory, Robots, Setting
+from calibrate_answers_trials import CONDITIONS, ROBOTS, Finding, examine
 
-from identifiability.estimation.verdict import Class
 from identifiability.foundation.output import write_json
-from identifiability.foundation.shares import REACH, Share, exact_share
-from identifiability.logs import Log
+from identifiability.foundation.shares import Share, exact_share
 from identifiability.report import Check, Prose, Section, frame_table, write_page
-from identifiability.simulation import Noise
-from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.calibrate.answer import decide, fails
-from identifiability.workflows.calibrate.calibration import Calibration, calibrate
-from identifiability.workflows.calibrate.outcome import Cell, Outcome, count_outcomes
-from identifiability.workflows.prune import prune
+from identifiability.workflows.calibrate.answer import fails
 
 #: The checkout.
 ROOT = Path(__file__).resolve().parents[1]
 
-#: Robots, with their trajectory.
-ROBOTS = {"two-link": "a", "six-dof-arm": "a", "five-bar": "a", "3-rps": "601"}
-
-#: Refits of the bootstrap, in an analysis and in each repetition of `calibrate`.
-REPLICATES = 100
-
 WORDS = ("yes", "no", "not enough trials")
-
-
-@dataclass(frozen=True)
-class Condition:
-    """What is planted.
-
-    Attributes
-    ----------
-    name : str
-    noise : Noise
-    pruned : bool
-        Whether the model is what pruning makes of another log, else the unpruned one.
-    far : float
-        How many times farther from their file true robots are than an analysis takes for likely.
-    share : float
-        Of the trajectory, from its start, that is logged.
-    """
-
-    name: str
-    noise: Noise
-    pruned: bool = False
-    far: float = 1.0
-    share: float = 1.0
-
-
-WHITE = Noise(torque=0.05)
-CONDITIONS = (
-    Condition("good enough", WHITE),
-    Condition("too large", WHITE, share=0.15),
-    Condition("left out", WHITE, pruned=True),
-    Condition("left out, file far off", WHITE, pruned=True, far=2.0),
-    Condition("noise remembers", Noise(additive=0.05, correlation=0.98)),
-    Condition("noisy motion", replace(WHITE, motion=0.04)),
-)
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One robot and condition: what is true of independent logs, and what `calibrate` said.
-
-    `judged` is of the independent logs; `answers` and `coverages` of one calibration each.
-    """
-
-    robot: str
-    condition: str
-    parameters: int
-    judged: Cell
-    answers: tuple[str, ...]
-    coverages: tuple[float, ...]
-
-    @property
-    def truth(self) -> str:
-        """What independent logs answer, by the rule of `calibrate`."""
-        return decide(self.judged)
-
-
-class Bench:
-    """A robot and a condition: makes logs, analyses and calibrations."""
-
-    def __init__(self, robot: str, condition: Condition, rng: np.random.Generator) -> None:
-        setting = Setting(robot, ROBOTS[robot], 1, condition.noise, ())
-        self.condition, self.laboratory = condition, Laboratory(setting)
-        self.robots = Robots(self.laboratory.structure, rng)
-        self.robots.scatter = condition.far * self.robots.scatter
-        log, _ = self.log(rng)
-        self.models = prune(self.laboratory.robot, log, replicates=0)
-        self.which = -1 if condition.pruned else 0
-
-    def log(self, rng: np.random.Generator) -> tuple[Log, np.ndarray]:
-        """Return a log of a new robot, and its standard parameters (p,)."""
-        theta = self.robots.draw()
-        log = self.laboratory.log(theta, rng)
-        part = slice(0, round(self.condition.share * len(log)))
-        own = {k: getattr(log, k)[part] for k in ("t", "q", "tau", "dq", "ddq")}
-        return replace(log, **own), theta
-
-    def analyse(self, log: Log, seed: int) -> Analysis:
-        """Return the analysis of a log, with the same models for every log."""
-        robot = self.laboratory.robot
-        return analyze(robot, log, ladder=self.models, replicates=REPLICATES, seed=seed)
-
-    def judge(self, analysis: Analysis, theta: np.ndarray) -> tuple[Outcome, np.ndarray]:
-        """Return what an analysis says of the model, and what its labels are (k,)."""
-        model, structure = analysis.models[self.which], analysis.structure
-        rules = analysis.thresholds
-        at = [self.laboratory.structure.columns.index(c) for c in structure.columns]
-        label = np.linalg.pinv(model.rung.M) @ (structure.G @ theta[at] - model.rung.held)
-        ends = np.array([v.interval95 for v in model.verdicts])
-        called = [v.verdict is Class.IDENTIFIABLE for v in model.verdicts]
-        outcome = Outcome(
-            value=model.estimate.value,
-            white=model.uncertainty.white,
-            robust=(ends[:, 1] - ends[:, 0]) / (2 * REACH),
-            identifiable=np.array(called),
-            paper=model.estimate.paper_rule,
-            judged=not model.uncertainty.why_unjudged(len(model.estimate.kept), rules),
-        )
-        return outcome, label
-
-    def ask(self, analysis: Analysis, trials: int, seed: int) -> Calibration:
-        """Return what `calibrate` says of the model."""
-        name = analysis.models[self.which].name
-        like = {"noise": (1.0,), "rho": (float("nan"),), "replicates": REPLICATES}
-        return calibrate(analysis, model=name, trials=trials, seed=seed, **like)
-
-
-def examine(
-    robot: str, condition: Condition, logs: int, asked: int, trials: int, seed: int
-) -> Finding:
-    """Return what is true in one setting, and what is said of it by calibrations of other logs."""
-    first, *streams = np.random.default_rng(seed).spawn(logs + asked + 1)
-    bench = Bench(robot, condition, first)
-    outcomes, labels, said = [], [], []
-    for k, rng in enumerate(streams):
-        log, theta = bench.log(rng)
-        analysis = bench.analyse(log, k)
-        if k < asked:
-            said.append(bench.ask(analysis, trials, k))
-        else:
-            outcome, label = bench.judge(analysis, theta)
-            outcomes.append(outcome)
-            labels.append(label)
-    names = said[0].cells[0].names
-    return Finding(
-        robot=robot,
-        condition=condition.name,
-        parameters=len(names),
-        judged=count_outcomes(outcomes, names, np.array(labels), 1.0, float("nan")),
-        answers=tuple(c.answer.word for c in said),
-        coverages=tuple(c.cells[0].coverage_robust for c in said),
-    )
 
 
 def confuse(findings: Sequence[Finding]) -> pd.DataFrame:
@@ -242,9 +98,10 @@ def write(findings: Sequence[Finding], given: argparse.Namespace) -> None:
         f"times as many repetitions), seed {given.seed}. True robots lie within 30 % of their file "
         "(far off: 60 %), as in the study of what a model leaves out. Noise is 5 % of each torque; "
         "where it remembers 5 % of the rms with ρ = 0.98; noisy motion: 4 % on position, velocity "
-        "and acceleration. Too large: the unpruned model on the first 15 % of the motion. Answers "
-        "for one setting are about the same motion and share its pruned model, so that the "
-        "intervals of shares, by binomial law, are too narrow where they go together."
+        "and acceleration. Missing effect: friction of 10 % of the torque's rms that falls off "
+        "within a fifth of the speed's rms. Too large: the unpruned model on the first 15 % of the "
+        "motion. Answers for one setting are about the same motion and share its pruned model, so "
+        "that the intervals of shares, by binomial law, are too narrow where they go together."
     )
     text = state(findings)
     parts = (
