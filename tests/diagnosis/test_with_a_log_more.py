@@ -45,9 +45,11 @@ def test_what_was_open_is_decided_and_what_helps_no_longer_goes(folder):
     assert [s.name for s in d.validation] == ["run3.csv"]
     assert [t.outcome for t in d.turns] == ["decided", "gone"]
     assert (
-        "Since open.json: Torque offset or joint stiffness in shoulder is joint stiffness. "
+        "Torque offset or joint stiffness in shoulder is joint stiffness. "
         "Quadratic friction in elbow is not named any more."
     ) in d.statement
+    then = json.loads((folder / "open.json").read_text())["after"]["error_ra_validation"]
+    assert f"Since open.json ({100 * then:.3g} % of error then, " in d.statement
     assert d.to_dict()["earlier"]["turns"][0]["outcome"] == "decided"
 
 

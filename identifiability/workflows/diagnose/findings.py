@@ -243,6 +243,8 @@ class Findings(Setting, Verified):
         What seems to be wrong with robot file and logs, for the user to check.
     earlier : str
         The diagnosis that was gone on from; empty for none.
+    earlier_error : float
+        Its ε_RA on unseen motion, with what it named.
     turns : tuple of Turn
         What became of each of its names.
     """
@@ -259,6 +261,7 @@ class Findings(Setting, Verified):
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
     earlier: str = ""
+    earlier_error: float = float("nan")
     turns: tuple[Turn, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
 

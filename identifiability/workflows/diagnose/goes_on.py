@@ -8,7 +8,7 @@ it was made from are looked for where its file is, and beside the logs that are 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from hashlib import sha256
+from hashlib import file_digest
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -187,7 +187,7 @@ class Earlier:
         digests = {d for n, d in self.hashes.items() if n.partition(PART)[0] == name}
         for folder in dict.fromkeys(f for f in folders if f is not None):
             path = folder / name
-            if path.is_file() and sha256(path.read_bytes()).hexdigest() in digests:
+            if path.is_file() and _hash(path) in digests:
                 return path
         raise LogError(
             f"{self.source} was made from {name}, which is neither beside it nor beside the logs "
@@ -259,6 +259,11 @@ def _turn(t: Told, effects: Sequence[NamedEffect]) -> Turn:
         return Turn(before, "", "gone")
     outcome: Outcome = "open" if now[0].alternatives else "decided" if t.alternatives else "kept"
     return Turn(before, now[0].names, outcome)
+
+
+def _hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()
 
 
 def _name(log: Any) -> str:

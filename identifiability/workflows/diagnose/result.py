@@ -144,7 +144,10 @@ class Diagnosis(Result, Findings, Predicts):
             "refuted": [_effect_row(e) for e in self.refuted],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
-            "earlier": {"source": self.earlier, "turns": [vars(t) for t in self.turns]},
+            "earlier": {
+                **pick(self, source="earlier", error_ra_validation="earlier_error"),
+                "turns": [vars(t) for t in self.turns],
+            },
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
                 **pick(self, chosen="chosen_by", verified="verified_on"),

@@ -80,7 +80,8 @@ class Search:
         found = conclude(m, naming, streams[2])
         if self.earlier is None:
             return found
-        return replace(found, earlier=self.earlier.source, turns=self.earlier.turns(found))
+        turns, error = self.earlier.turns(found), self.earlier.error
+        return replace(found, earlier=self.earlier.source, earlier_error=error, turns=turns)
 
     def run_without(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
         """Name effects without a log that disagrees, unless what is named with it explains it.

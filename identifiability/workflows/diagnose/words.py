@@ -118,7 +118,9 @@ def remarks(d: Findings) -> list[Remark]:
     if d.turns:
         good = all(t.outcome in ("decided", "kept") for t in d.turns)
         text = " ".join(t.text for t in d.turns)
-        always.insert(0, Remark("With a log more", f"Since {d.earlier}: {text}", good))
+        errors = f"{_percent(d.earlier_error)} of error then, {_percent(d.held_after)} now"
+        text = f"Since {d.earlier} ({errors}): {text}"
+        always.insert(0, Remark("With a log more", text, good))
     if not d.effects:
         return always
     out = []
