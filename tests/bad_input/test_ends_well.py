@@ -85,7 +85,8 @@ def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tm
     time.sleep(2.5)
     process.send_signal(getattr(signal, name))
     _, said = process.communicate(timeout=60)
-    assert process.returncode in (130, 128 + getattr(signal, name))
+    number = getattr(signal, name)
+    assert process.returncode in (130, 128 + number, -number)  # -2: Python heard it first
     assert "Traceback" not in said
     assert list(out.iterdir()) == []
     assert [p.name for p in tmp_path.iterdir()] == ["work"]

@@ -1,0 +1,1 @@
+"""Hostile days: files that nobody means well with, and faults while a command works."""

@@ -1,0 +1,293 @@
+"""Faults while a command works: signals, lost workers, no place, spoilt memories of finished work.
+
+A chain is a command with one folder for what it keeps: it is hit several times and then left alone
+once. After each hit: no half file, no traceback, no process that stays. After the last run: the
+bits of a run that nobody disturbed, and nothing left over.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hostile.commands import COMMANDS
+from hostile.memories import SPOILERS
+from hostile.processes import is_worker, members
+
+#: Seconds after which a command hangs, and in which its workers must be gone after it.
+HANGS, GONE = 180.0, 15.0
+
+#: Kept results that are spoilt before a run.
+TOGETHER = 3
+
+#: Seconds in which Python itself may still be starting: no line of this program has run.
+EARLY = 1.0
+
+ROOT = Path(__file__).resolve().parents[2]
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What came of one fault.
+
+    Attributes
+    ----------
+    kind, command, what : str
+    seconds : float
+        How long the command lived.
+    problems : tuple of str
+    """
+
+    kind: str
+    command: str
+    what: str
+    seconds: float
+    problems: tuple[str, ...]
+
+
+class Days:
+    """A place where commands are hit.
+
+    Parameters
+    ----------
+    good : Path
+        Log that they read.
+    rng : Generator
+    """
+
+    def __init__(self, good: Path, rng: np.random.Generator) -> None:
+        self.good, self.rng = good, rng
+        self.references: dict[str, tuple[bytes, float]] = {}
+
+    def reference(self, command: str) -> tuple[bytes, float]:
+        """Return what a command writes if nobody disturbs it, and how long it takes [s]."""
+        if command not in self.references:
+            with self.place() as root:
+                start = time.monotonic()
+                process = self.start(command, root)
+                process.wait()
+                found = (root / "work" / "out.json").read_bytes()
+                self.references[command] = found, time.monotonic() - start
+        return self.references[command]
+
+    @contextlib.contextmanager
+    def place(self) -> Iterator[Path]:
+        """Give a root with the folders ``work`` and ``scratch``."""
+        with tempfile.TemporaryDirectory() as name:
+            root = Path(name)
+            for folder in ("work", "scratch", "state"):
+                (root / folder).mkdir(mode=0o700)
+            shutil.copy(self.good, root / "work" / "good.csv")
+            yield root
+
+    def start(
+        self,
+        command: str,
+        root: Path,
+        before: Sequence[str] = (),
+        limits: Callable[[], None] | None = None,
+    ) -> subprocess.Popen[bytes]:
+        """Start a command in a session of its own."""
+        env = os.environ | {
+            "PYTHONPATH": str(ROOT), "TMPDIR": str(root / "scratch"), "PYTHONDONTWRITEBYTECODE": "1",
+            "XDG_STATE_HOME": str(root / "state"), "OMP_NUM_THREADS": "1",
+        }  # fmt: skip
+        words = [*before, sys.executable, "-m", "identifiability", *COMMANDS[command]]
+
+        def hear() -> None:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            if limits is not None:
+                limits()
+
+        with (root / "said").open("wb") as said:
+            return subprocess.Popen(
+                words, cwd=root / "work", env=env, stdout=said, stderr=said,
+                start_new_session=True, preexec_fn=hear,  # noqa: PLW1509 - it touches no lock
+            )  # fmt: skip
+
+    def end(
+        self, process: subprocess.Popen[bytes], root: Path, command: str, codes: Sequence[int]
+    ) -> list[str]:
+        """Wait for a command that was hit, and return what is wrong."""
+        problems = []
+        try:
+            code = process.wait(HANGS)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            return [f"hung for {HANGS:g} s"]
+        text = (root / "said").read_text(errors="replace")
+        if code not in codes:
+            problems.append(f"exit code {code}: {' '.join(text.split())[-200:]}")
+        if "Traceback" in text and "init_import_site" not in text:  # that is Python's own
+            problems.append("traceback: " + " ".join(text.split())[-300:])
+        start = time.monotonic()
+        while members(process.pid) and time.monotonic() - start < GONE:
+            time.sleep(0.05)
+        if members(process.pid):
+            problems.append(f"{len(members(process.pid))} processes stayed")
+            os.killpg(process.pid, signal.SIGKILL)
+        out = root / "work" / "out.json"
+        if out.exists() and out.read_bytes() != self.reference(command)[0]:
+            problems.append("a half file, or another result")
+        return problems
+
+    def finish(self, command: str, root: Path) -> list[str]:
+        """Run a command undisturbed after all that, and return what is wrong."""
+        (root / "work" / "out.json").unlink(missing_ok=True)
+        problems = self.end(self.start(command, root), root, command, (0,))
+        if not (root / "work" / "out.json").exists():
+            problems.append("no result after resumption")
+        left = {p.name for p in (root / "work").iterdir()} - {"good.csv", "out.json", "kept"}
+        left |= {p.name for p in (root / "scratch").iterdir()}
+        left |= {p.name for p in (root / "work").rglob("*.tmp")}
+        if left:
+            problems.append(f"left over: {', '.join(sorted(left))}")
+        if (root / "work" / "canary").exists():
+            problems.append("ran what was stored")
+        return problems
+
+    def kills(self, command: str, count: int) -> Iterator[Fault]:
+        """Yield faults: signals at random moments from the first millisecond on."""
+        _, whole = self.reference(command)
+        with self.place() as root:
+            for k in range(count):
+                number = SIGNALS[k % len(SIGNALS)]
+                # A third early, while Python and its modules load.
+                most = 0.5 if k % 3 == 0 else whole
+                at = float(self.rng.uniform(0.001, most))
+                start = time.monotonic()
+                process = self.start(command, root)
+                time.sleep(at)
+                process.send_signal(number)
+                codes = (0, 130, 128 + number, -number, 1 if at < EARLY else 0)
+                problems = self.end(process, root, command, codes)
+                left = [p for p in (root / "scratch").iterdir() if number != signal.SIGKILL]
+                own = [p for p in left if _of(p, process.pid)]
+                if own:
+                    problems.append(f"left {', '.join(p.name for p in own)}")
+                if k == count - 1:
+                    problems += self.finish(command, root)
+                what = f"{number.name} after {at:.3f} s"
+                yield Fault("signal", command, what, time.monotonic() - start, tuple(problems))
+
+    def lost_workers(self, command: str, count: int) -> Iterator[Fault]:
+        """Yield faults: a worker is killed as soon as there is one, or a moment later."""
+        for _ in range(count):
+            with self.place() as root:
+                start = time.monotonic()
+                process = self.start(command, root)
+                hit, wait = 0, float(self.rng.uniform(0.0, 1.0))
+                while process.poll() is None and not hit:
+                    workers = [p for p in members(process.pid) if is_worker(p, process.pid)]
+                    if workers:
+                        time.sleep(wait)
+                        with contextlib.suppress(ProcessLookupError):
+                            os.kill(int(self.rng.choice(workers)), signal.SIGKILL)
+                        hit = 1
+                    time.sleep(0.02)
+                problems = self.end(process, root, command, (0,)) + self.finish(command, root)
+                what = f"a worker killed after {wait:.2f} s" if hit else "no worker was there"
+                yield Fault("lost worker", command, what, time.monotonic() - start, tuple(problems))
+
+    def full_disks(self, command: str, count: int) -> Iterator[Fault]:
+        """Yield faults: no file may be longer than some bytes; with them, then without."""
+        import resource  # noqa: PLC0415
+
+        for _ in range(count):
+            most = int(self.rng.integers(0, len(self.reference(command)[0])))
+
+            def limit(most: int = most) -> None:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
+
+            with self.place() as root:
+                start = time.monotonic()
+                process = self.start(command, root, limits=limit)
+                problems = self.end(process, root, command, (2,)) + self.finish(command, root)
+                what = f"no file longer than {most} bytes"
+                yield Fault("full disk", command, what, time.monotonic() - start, tuple(problems))
+
+    def small_disks(self, command: str, count: int) -> Iterator[Fault]:
+        """Yield faults: a disk of its own of some kB, or one that cannot be written to."""
+        for k in range(count):
+            size = "ro,size=64k" if k % 3 == 2 else f"size={4 * int(self.rng.integers(1, 8))}k"
+            script = (
+                f'cp good.csv ../; mount -t tmpfs -o {size} none . && cd . && cd "$PWD"; '
+                'cp ../good.csv . 2>/dev/null || ln -s ../good.csv . 2>/dev/null; "$@"; code=$?; '
+                "ls -A > ../listing; exit $code"
+            )
+            before = ("unshare", "-rm", "sh", "-c", script, "sh")
+            with self.place() as root:
+                start = time.monotonic()
+                process = self.start(command, root, before)
+                problems = self.end(process, root, command, (0, 2))
+                seen = (
+                    set((root / "listing").read_text().split())
+                    if (root / "listing").exists()
+                    else set()
+                )
+                if seen - {"good.csv", "out.json", "kept"}:
+                    problems.append(f"left {', '.join(sorted(seen))}")
+                if process.returncode == 2:
+                    for path in (root / "scratch").rglob("out.json"):
+                        if path.read_bytes() != self.reference(command)[0]:
+                            problems.append("what was saved elsewhere is another result")
+                        shutil.rmtree(path.parent)
+                problems += self.finish(command, root)
+                yield Fault("small disk", command, size, time.monotonic() - start, tuple(problems))
+
+    def vanished(self, command: str, count: int) -> Iterator[Fault]:
+        """Yield faults: the folder of the result is moved away while the command works."""
+        _, whole = self.reference(command)
+        for _ in range(count):
+            with self.place() as root:
+                at = float(self.rng.uniform(0.1, 0.9)) * whole
+                start = time.monotonic()
+                process = self.start(command, root)
+                time.sleep(at)
+                (root / "work").rename(root / "moved")
+                problems = self.end(process, root, command, (0, 2))
+                (root / "moved").rename(root / "work")
+                for path in [*(root / "scratch").rglob("out.json")]:
+                    if path.read_bytes() != self.reference(command)[0]:
+                        problems.append("what was saved elsewhere is another result")
+                    shutil.rmtree(path.parent)
+                problems += self.finish(command, root)
+                what = f"moved after {at:.2f} s"
+                yield Fault(
+                    "vanished folder", command, what, time.monotonic() - start, tuple(problems)
+                )
+
+    def spoilt_memories(self, command: str, count: int) -> Iterator[Fault]:
+        """Yield faults: what is kept is cut, turned, older, foreign, a program, a pipe, a link."""
+        with self.place() as root:
+            first = self.finish(command, root)
+            for k in range(0, count, TOGETHER):
+                start = time.monotonic()
+                kept = sorted((root / "work" / "kept").rglob("*.result"))
+                names = [
+                    tuple(SPOILERS)[j % len(SPOILERS)] for j in range(k, min(k + TOGETHER, count))
+                ]
+                for name, at in zip(names, self.rng.permutation(len(kept)), strict=False):
+                    SPOILERS[name](kept[at], root, self.rng)
+                problems = tuple(first + self.finish(command, root))
+                first = []
+                for name in names:
+                    yield Fault("spoilt memory", command, name, time.monotonic() - start, problems)
+
+
+def _of(path: Path, program: int) -> bool:
+    return f"-{program}-" in path.name or not path.name.startswith("identifiability-")
