@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
+from shutil import rmtree
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
@@ -199,8 +200,11 @@ def _write(write: Callable[[Path], Path], path: Path) -> Path:
         elsewhere = Path(mkdtemp(prefix="identifiability-")) / path.name
         try:
             write(elsewhere)
-        except OutputError:
-            raise error from None
+        except BaseException as again:  # also Ctrl-C
+            rmtree(elsewhere.parent, ignore_errors=True)
+            if isinstance(again, OutputError):
+                raise error from None
+            raise
         raise OutputError(f"{error} What was found is not lost: it is in '{elsewhere}'.") from None
 
 

@@ -137,7 +137,7 @@ def mjcfs() -> list[Hostile]:
         "flexcomp": mjcf(body='<flexcomp name="f" type="grid" count="999 999 999" spacing="1 1 1"/>'),
         "attach of /etc/passwd": mjcf('<asset><model name="m" file="/etc/passwd"/></asset>'),
         "a plugin that is not there": mjcf(head='<extension><plugin plugin="x.y"><instance name="i"/></plugin></extension>'),
-        "a plugin by path": mjcf(head='<extension><plugin plugin="/tmp/x.so"/></extension>'),
+        "a plugin by path": mjcf(head='<extension><plugin plugin="/lib/x.so"/></extension>'),
         "a size of memory of an exabyte": mjcf(head='<size memory="1E"/>'),
         "a size of 2e9 user data": mjcf(head='<size nuserdata="2000000000"/>'),
         "a size of 2e9 user values a body": mjcf(head='<size nuser_body="2000000000"/>'),

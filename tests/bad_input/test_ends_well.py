@@ -62,6 +62,18 @@ def test_a_result_that_cannot_be_written_is_written_elsewhere(tmp_path, monkeypa
     assert Path(place).read_text() == "{}"
 
 
+def test_where_nothing_can_be_written_nothing_is_left(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+
+    class Full(Found):
+        def to_json(self, path):
+            raise OutputError(f"'{path.name}' cannot be written: No space left on device.")
+
+    with pytest.raises(OutputError, match=r"^'result.json' cannot be written: No space left"):
+        Outputs(json=tmp_path / "result.json").write(Full(tmp_path), lambda *_: None)
+    assert list(tmp_path.iterdir()) == []
+
+
 def hear():
     """Let the command hear Ctrl-C, to which programs in the background of a shell are deaf."""
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -312,3 +312,20 @@ def test_a_ring_of_links_is_one_sentence(tmp_path):
     (tmp_path / "other").symlink_to(ring)
     with pytest.raises(IdentifiabilityError, match="There is no robot file"):
         Robot.load(ring)
+
+
+def test_a_line_of_a_table_has_an_end(refuses):
+    rows = ",".join(COLUMNS) + "\n" + "".join(f"{k},0,0,0,0\n" for k in range(30))
+    refuses(Log.read, "run.csv", rows + "1," * 9_000_000, "more fields than its header|cannot be")
+
+
+def test_entities_of_other_files_are_not_fetched(refuses, tmp_path):
+    (tmp_path / "secret").write_text("1")
+    entity = f'<!DOCTYPE mujoco [<!ENTITY x SYSTEM "{(tmp_path / "secret").as_uri()}">]>'
+    refuses(Robot.load, "robot.xml", entity + arm(mass="&x;"), "reference to external entity")
+
+
+def test_as_many_values_as_are_held():
+    sizes.check_values("bag", sizes.MOST_VALUES)
+    with pytest.raises(IdentifiabilityError, match="bag holds 30000001 values"):
+        sizes.check_values("bag", sizes.MOST_VALUES + 1)
