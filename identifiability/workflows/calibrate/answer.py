@@ -161,7 +161,11 @@ class Answer:
         if self.nothing:
             return f"Why: the analysis believes no verdict, because {self.nothing}."
         if self.word == "yes":
-            return f"{least} of its intervals hold the truth."
+            # Repetitions are made by the model: what it lacks altogether is in none of them.
+            return (
+                f"{least} of its intervals hold the truth. This is so if no effect is missing: "
+                "diagnose looks for one."
+            )
         if self.word == "not enough trials":
             return f"{least}; repeat with more trials (--replicates {self.enough})."
         blamed = sorted((e for e in self.effects if e.harmful), key=lambda e: -e.gain)
