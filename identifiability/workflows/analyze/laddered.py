@@ -1,7 +1,5 @@
 """`Laddered`: what analyze and prune answer alike about the model to use of a ladder."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -109,13 +107,13 @@ class Laddered(Result, Opening, Predicts):
             preparation=settled(self.settings.get("preparation"), self.samples),
         )
 
-    def ladder_frame(self) -> pd.DataFrame:
+    def ladder_frame(self) -> "pd.DataFrame":
         """Return one row a model."""
         import pandas as pd  # noqa: PLC0415 - only who wants a table pays for it
 
         return pd.DataFrame([m.row() for m in self._ladder])
 
-    def error_frame(self) -> pd.DataFrame:
+    def error_frame(self) -> "pd.DataFrame":
         """Return the errors of the model to use by joint and by log, fitted and held out.
 
         Relative to how much the torque varies: that of the joint about its own mean (`rms` is in
