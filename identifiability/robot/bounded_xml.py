@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,8 +24,9 @@ MOST_INCLUDES, DEEPEST_INCLUDE = 100, 20
 MOST_IDLE = 2_000
 _IDLE = ("light", "texture", "material", "mesh", "skin", "hfield", "tuple", "pair", "exclude")
 
-#: What MuJoCo makes room for before anything is looked at: numbers of rows, columns, values.
-MOST_ROOM = 100_000
+#: What MuJoCo makes room for before anything is looked at: numbers of rows, columns, values, and of
+#: values for each element of a kind.
+MOST_ROOM, MOST_USER = 5_000, 100
 _ROOMS = {
     "size": ("nuserdata", "nkey", *(f"nuser_{k}" for k in (
         "body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor"))),
@@ -175,8 +177,9 @@ def check_size(path: Path, root: ET.Element) -> None:
         for element, times in level:
             bodies += times * (element.tag in ("body", "link"))
             elements += times
-            if element.tag == "replicate" and (element.get("count") or "").strip().isdigit():
-                times *= max(int(element.get("count", "1")[:9]), 1)  # noqa: PLW2901
+            if element.tag == "replicate":
+                copies = min(_number((element.get("count") or "").strip()), 1e9)
+                times *= max(int(copies), 1)  # noqa: PLW2901
             below += [(child, times) for child in element]
         if bodies > MOST_BODIES:
             raise RobotError(
@@ -207,8 +210,19 @@ def check_room(path: Path, root: ET.Element) -> None:
     for element in root.iter():
         for key in _ROOMS.get(element.tag, ()):
             text = element.get(key, "").strip()
-            if text.isdigit() and int(text[:20]) > MOST_ROOM:
+            most = MOST_USER if key.startswith("nuser_") else MOST_ROOM
+            if _number(text) > most:
                 raise RobotError(
-                    f'{path}: <{element.tag}> has {key}="{text[:20]}"; it is read up to '
-                    f"{MOST_ROOM}."
+                    f'{path}: <{element.tag}> has {key}="{text[:20]}"; it is read up to {most}.'
                 )
+
+
+def _number(text: str) -> float:
+    """Return the number that a text is, however it is written; 0 if it is none."""
+    for read in (float, lambda x: float(int(x, 0))):
+        try:
+            number = float(read(text[:30]))
+            return 0.0 if math.isnan(number) else number
+        except (ValueError, OverflowError):
+            continue
+    return 0.0
