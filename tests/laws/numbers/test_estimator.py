@@ -192,6 +192,14 @@ def test_every_model_of_a_path_is_refitted_by_the_estimator_without_each_fold():
     assert rise == pytest.approx(least[1] - least[0], rel=1e-6)
 
 
+def test_blocks_that_are_drawn_twice_curve_the_loss_of_asked_refits_twice():
+    search, _ = pruned(Plain())
+    once = np.ones(len(search.folds.fold[search.folds.stretch]))
+    for many in (1, 2):
+        found = search.folds.refitter.start(many * once, once[None]).curvature
+        np.testing.assert_allclose(found, many * np.eye(len(found)), atol=1e-9)
+
+
 def test_who_inherits_from_least_squares_and_refits_otherwise_is_asked():
     plain, halved = (pruned(m)[0].path.steps[0] for m in (OrdinaryLeastSquares(), Halved()))
     np.testing.assert_allclose(halved.values, plain.values / 2, rtol=1e-6)
