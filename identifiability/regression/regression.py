@@ -27,6 +27,10 @@ __all__ = ["Chunk", "Model", "Part", "Regression", "map_parts"]
 #: Samples a chunk: the regressor of one chunk stays in the processor's cache.
 CHUNK = 1024
 
+#: Samples a piece in units of what a decimation filter draws on beside them, and what the columns
+#: of such a piece may take [bytes].
+REACHES, PIECE_BYTES = 4, 32_000_000
+
 #: Regressors up to this size are kept instead of computed again for each pass [bytes].
 KEEP_BYTES = 200e6
 
@@ -233,11 +237,19 @@ class Part:
             return
         shape = (len(self.robot.actuated), len(self.model.parameters(self.robot)))
         buffer = np.empty((0, *shape))
+        if isinstance(samples, Samples) and samples.decimation is not None:
+            # Beside few samples a strong filter would draw on many more, for each piece anew.
+            size = min(max(size, REACHES * samples.decimation.reach), max(size, most_rows(shape)))
         for piece in samples.pieces(size):
             if len(buffer) < len(piece.motion):
                 buffer = np.empty((len(piece.motion), *shape))
             W = self.model.regressor(self.robot, piece.motion, out=buffer)
             yield piece, piece.down(W if self.columns is None else W[:, :, self.columns])
+
+
+def most_rows(shape: tuple[int, int]) -> int:
+    """Return how many samples of so many joints and columns (n, p) a large piece has."""
+    return PIECE_BYTES // (8 * shape[0] * shape[1])
 
 
 def map_parts(
