@@ -7,12 +7,14 @@ taken as their convex hulls, as simulators do.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError
+from identifiability.robot.bounded_xml import check_regular, check_weight
 from identifiability.robot.description import Description
 from identifiability.robot.files import plain_urdf
 from identifiability.robot.markup import read_markup
@@ -86,6 +88,11 @@ def _of_urdf(robot: Description, root: Any) -> Iterator[tuple[str, Any, Any, tup
     model = pin.buildModelFromXML(text)
     folder = robot.path.resolve().parent
     packages = [str(folder), *(str(p) for p in list(folder.parents)[:3])]
+    for mesh in root.iter("mesh"):
+        name = mesh.get("filename", "").removeprefix("package://").removeprefix("file://")
+        for place in packages:  # a pipe would be waited for, a device has no end
+            check_regular(Path(place, name))
+            check_weight(robot.path, [Path(place, name)])
     kind = pin.GeometryType.COLLISION
     read = pin.buildGeomFromUrdfString(model, text, kind, package_dirs=packages)
     for shape in read.geometryObjects:

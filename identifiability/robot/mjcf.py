@@ -68,10 +68,14 @@ def _parse(path: Path, root: ET.Element) -> Any:
     spec = mujoco.MjSpec.from_string(file_text(path, root))
     spec.modelfiledir = str(path.parent)
     _take_out_idle(spec)
+    _check_meshes(path, spec)
+    return spec
+
+
+def _check_meshes(path: Path, spec: Any) -> None:
     for file in _mesh_files(path, spec):
         check_regular(file)
         check_weight(path, [file])
-    return spec
 
 
 def compile_shapes(path: Path, root: ET.Element) -> Any:
@@ -89,6 +93,7 @@ def compile_shapes(path: Path, root: ET.Element) -> Any:
             if not (geom.contype or geom.conaffinity):
                 spec.delete(geom)
         _forget_looks(spec)
+        _check_meshes(path, spec)
         # Bodies without shapes weigh nothing here, which is nobody's concern.
         spec.compiler.boundmass, spec.compiler.boundinertia = 1e-6, 1e-9
         return spec.compile()

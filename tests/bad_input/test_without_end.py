@@ -22,6 +22,7 @@ from identifiability.regression.reduction import read_ladder
 from identifiability.robot import bounded_xml as xml
 from identifiability.robot import magnitudes
 from identifiability.robot.dh import convert_dh
+from identifiability.robot.geometry import read_geometry
 from identifiability.workflows.predict import read_fit
 
 #: Seconds of CPU in which a sentence comes.
@@ -337,3 +338,15 @@ def test_as_many_values_as_are_held():
     sizes.check_values("bag", sizes.MOST_VALUES)
     with pytest.raises(IdentifiabilityError, match="bag holds 30000001 values"):
         sizes.check_values("bag", sizes.MOST_VALUES + 1)
+
+
+@pytest.mark.parametrize("ending", ["xml", "urdf"])
+def test_a_pipe_where_a_shape_should_be_is_not_waited_for(refuses, ending):
+    def write(path):
+        os.mkfifo(path.with_name("m.stl"))
+        mesh = '<asset><mesh name="m" file="m.stl"/></asset>'
+        shape = '<collision><geometry><mesh filename="m.stl"/></geometry></collision></link>'
+        mjcf = arm('<geom type="mesh" mesh="m"/>', head=mesh)
+        path.write_text(mjcf if ending == "xml" else chain(2).replace("</link>", shape, 1))
+
+    refuses(lambda p: read_geometry(Robot.load(p)), f"robot.{ending}", write, "it is no file")
