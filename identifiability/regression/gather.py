@@ -159,14 +159,16 @@ def _gather_part(
 def _survey(regression: Regression) -> list[Array]:
     """Return a factor (…, k + 1) of evenly spaced rows of each actuator.
 
-    The rows are taken before any decimation: a basis need not be exact.
+    Where not all are taken, they are so before any decimation: a basis need not be exact.
     """
     n = len(regression.robot.actuated)
     width = len(regression.parameters) * (1 if regression.instruments is None else 2)
     wanted = max(BASIS_ROWS // n, ROWS_A_COLUMN * (width + 1))
     step = max(1, sum(s.survey.kept for s in regression.samples) // wanted)
     factors = [np.zeros((0, width + 1))] * n
-    for part in regression.thin(step).parts(whole=True):
+    # Of few samples these are all: their columns are kept for the pass that is to come.
+    few = regression if step == 1 else regression.thin(step)
+    for part in few.parts(whole=True):
         for chunk in part.chunks():
             wide = chunk.wide
             for a in range(n):

@@ -131,9 +131,14 @@ def analyze(
             say("reading logs", 0.0)
             recordings = read_recordings(logs, validate, Conventions.of(robot))
             structure = Structure.of(robot, ladder_model(source.entry), streams[0])
-            reading = share(say, "reading logs", 0.1, 0.3)
             how = settle_cutoff(robot, recordings.fitted, preparation)
-            prepare = partial(prepare_log, robot, how=how, engine=runner, progress=reading)
+            prepare = partial(
+                prepare_log,
+                robot,
+                how=how,
+                engine=runner,
+                progress=share(say, "reading logs", 0.1, 0.3),
+            )
             opening = open_logs(structure, recordings, prepare)
             opening, chosen = add_instruments(opening, recordings.fitted, base, estimator)
             rungs = build_comparison(source.entry, structure)
@@ -156,6 +161,7 @@ def analyze(
                 )
             predicting = share(say, "predicting torque", 0.65, 0.9)
             fitted, *crossed = predict_all(regression, tasks, engine=runner, progress=predicting)
+            del tasks  # with the folds, whose memory the judging needs
             if opening.validation:
                 held = structure.regression(opening.validation)
                 crossed = [predict(held, values, engine=runner)]
