@@ -40,4 +40,5 @@ def temporary_folder() -> tempfile.TemporaryDirectory[str]:
             own = not hasattr(os, "getuid") or path.lstat().st_uid == os.getuid()
             if found is not None and own and is_gone(int(found[2])):
                 shutil.rmtree(path, ignore_errors=True)  # it follows no link
-    return tempfile.TemporaryDirectory(prefix=f"identifiability-{host_mark()}-{os.getpid()}-")
+    name = f"identifiability-{host_mark()}-{os.getpid()}-"
+    return tempfile.TemporaryDirectory(prefix=name, ignore_cleanup_errors=True)

@@ -272,22 +272,27 @@ async def _probe(distributed: Any, address: str) -> None:
 @contextlib.contextmanager
 def _local_cluster(workers: int | None) -> Iterator[Any]:
     """Start a cluster of processes of this machine, one thread each, and end it without delay."""
+    import dask  # noqa: PLC0415
     from distributed import LocalCluster  # noqa: PLC0415
 
-    cluster = LocalCluster(
-        n_workers=workers or joblib.cpu_count(),
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address="127.0.0.1:0",
-        silence_logs=logging.CRITICAL,
-        preload=[_DEAF],
-    )
+    with (
+        temporary_folder() as folder,  # else Dask leaves one of its own
+        dask.config.set({"temporary-directory": folder}),
+    ):
+        cluster = LocalCluster(
+            n_workers=workers or joblib.cpu_count(),
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.CRITICAL,
+            preload=[_DEAF],
+        )
 
-    async def end() -> None:
-        await asyncio.gather(*(n.close(timeout=GRACE) for n in cluster.workers.values()))
+        async def end() -> None:
+            await asyncio.gather(*(n.close(timeout=GRACE) for n in cluster.workers.values()))
 
-    try:
-        yield cluster
-    finally:
-        cluster.sync(end)  # an item may still be at work, and Ctrl-C must not wait for it
-        cluster.close()
+        try:
+            yield cluster
+        finally:
+            cluster.sync(end)  # an item may still be at work, and Ctrl-C must not wait for it
+            cluster.close()
