@@ -36,7 +36,7 @@ def test_a_shell_gets_its_script(shell):
     ("typed", "offered"),
     [
         ("identifiability pr", {"predict", "prune"}),
-        ("identifiability analyze --rep", {"--report"}),
+        ("identifiability analyze --rep", {"--replicates", "--report"}),
         ("identifiability analyze two", {"two-link"}),
         ("identifiability analyze ", set(shipped_robots())),
         ("identifiability analyze 3-rps run.csv --derivatives b", {"butterworth"}),

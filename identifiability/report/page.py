@@ -135,7 +135,8 @@ def set_symbols(text: str) -> Markup:
     >>> print(set_symbols("-2e-05 of run-1.csv, arm-2, 1-2 and 3 %"))
     −2·10⁻⁵ of run-1.csv, arm-2, 1-2 and 3 %
     """
-    text = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", text)
-    text = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, text)
-    escaped = re.sub(r"(?<=\d) (?=[%σ×])", "\u00a0", str(escape(text)))
+    escaped = str(escape(text))  # first: a link is one already
+    escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
+    escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
+    escaped = re.sub(r"(?<=\d) (?=[%σ×])", "\u00a0", escaped)
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))

@@ -173,7 +173,7 @@ def test_diagnosis_and_excitation_use_the_effects_of_a_model_file_and_say_so(pru
     plain = tmp_path / "plain.toml"
     plain.write_text('[[models]]\nname = "a"\neffects = ["rigid_body", "coulomb_friction@elbow"]\n')
     motion = excite("two-link", model=plain, iterations=1)
-    assert motion.hints == ()
+    assert all("no shapes that can collide" in h for h in motion.hints)
     assert motion.names[-1] == "elbow.Fc"
     words = ["two-link", "--model", str(plain), "--out", str(tmp_path / "m.json")]
     done = CliRunner().invoke(app, ["excite", *words, "--evaluations", "50"])
@@ -187,7 +187,7 @@ def test_other_verbs_say_that_a_ladder_beside_the_robot_was_not_used(beside, log
     found = diagnose(beside, log, effects=["payload"], quick=True, forward=False)
     for result in (motion, found):
         content = result.to_dict()
-        assert content["hints"][-1].startswith(unused)
+        assert any(h.startswith(unused) for h in content["hints"])
         assert content["provenance"]["sidecar"] == beside.sidecar.name
         assert "clarabel" in content["provenance"]
     assert found.provenance["replicates"] == "99"

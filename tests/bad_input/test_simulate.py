@@ -23,7 +23,7 @@ def simulates(refused, write):
     ("robot", "motion", "sentence"),
     [
         ("3-rps", "600", "'600' for 3-rps, did you mean '601'? It has 571, 595, 601; 'random'"),
-        ("two-link", "no.csv", "There is no log file 'no.csv'"),
+        ("two-link", "no.csv", "There is no motion file 'no.csv'"),
         ("two-link", "no.json", "There is no trajectory file 'no.json'"),
         ("two-link", "no.json:a", "There is no trajectory file 'no.json'"),
     ],

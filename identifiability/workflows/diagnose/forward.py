@@ -102,9 +102,15 @@ class ForwardGap:
         low, high = (100 * x for x in self.interval)
         return (
             f"Simulated forward for {self.horizon:.2g} s from measured states, positions are wrong "
-            f"by {before:.2g} % of the distance moved before and {after:.2g} % after (95 %: "
-            f"{low:+.2g} … {high:+.2g} points)."
+            f"by {_points(before)} % of the distance moved before and {_points(after)} % after "
+            f"(95 %: {_points(low, '+')} … {_points(high, '+')} points)."
         ).replace("-", "−")
+
+
+def _points(x: float, sign: str = "") -> str:
+    """Return percent with two digits, never in powers of ten: 100 is no ``1e+02``."""
+    text = f"{x:{sign}.2g}"
+    return f"{x:{sign}.0f}" if "e+" in text else text
 
 
 @frozen
