@@ -46,6 +46,7 @@ def test_answers_are_counted_by_what_independent_logs_say(study):
     assert marked == [True, False, True]
 
 
+@pytest.mark.everything
 def test_a_yes_on_the_two_link_arm_is_true_of_other_logs(study):
     """Nine logs of other robots: of 117 intervals all but few hold, and calibrate says so."""
     found = study.examine("two-link", study.CONDITIONS[0], logs=9, asked=1, trials=15, seed=3)

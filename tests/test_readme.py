@@ -35,7 +35,7 @@ SLOW = {"prune", "calibrate", "excite"}
 FEW = {
     "analyze": {"replicates": 200, "engine": Serial()},
     "prune": {"replicates": 20},
-    "diagnose": {"quick": True, "replicates": 49, "engine": Serial()},
+    "diagnose": {"effects": ["stribeck_friction", "position_ripple"], "engine": Serial()},
 }
 
 

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_tra
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.calibrate.calibration import calibrate
 from identifiability.workflows.compare import compare
+from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.excite import excite
 from identifiability.workflows.inspect import inspect
 from identifiability.workflows.payload import payload
@@ -75,29 +77,44 @@ def visit(chromium) -> Callable:
     return opened
 
 
+class Pages(dict[str, Path]):
+    """Pages that are made when somebody first asks for them, for each runner asks for some."""
+
+    def __init__(self, folder: Path, makers: dict[str, Callable]) -> None:
+        super().__init__()
+        self.folder, self.makers = folder, makers
+
+    def __missing__(self, kind: str) -> Path:
+        made = self.makers[kind]()
+        page = made if isinstance(made, Path) else made.write_report(self.folder / f"{kind}.html")
+        return self.setdefault(kind, page)
+
+
 @pytest.fixture(scope="session")
-def reports(tmp_path_factory, few_draws) -> dict[str, Path]:
-    """Every kind of report, by name; those of commands that do not exist yet are missing."""
+def reports(tmp_path_factory, few_draws) -> Pages:
+    """Every kind of report, by name."""
     folder = tmp_path_factory.mktemp("reports")
-    demo = run_demo(quick=True)
     robot, log = _hostile(folder)
-    with few_draws():
-        analysis = analyze(robot, log, replicates=100, posterior=True)
-    results = {
-        "demo": demo,
-        "inspection": inspect(robot, log),
-        "analysis": analysis,
-        "pruning": prune(robot, log, replicates=10),
-        "calibration": calibrate(demo, replicates=2, refits=20, rho=(np.nan, 0.9), sbc=0, names=0),
-    }
-    try:
-        diagnosis = import_module("identifiability.workflows.diagnose")
-    except ModuleNotFoundError:
-        pass
-    else:
-        results["diagnosis"] = diagnosis.diagnose(robot, log, quick=True)
-    written = {k: r.write_report(folder / f"{k}.html") for k, r in results.items()}
-    return written | _studies(folder / "studies")
+    demo, studies = cache(partial(run_demo, quick=True)), cache(partial(_studies, folder))
+
+    def analysis():
+        with few_draws():
+            return analyze(robot, log, replicates=100, posterior=True)
+
+    few = {"replicates": 2, "refits": 20, "rho": (np.nan, 0.9), "sbc": 0, "names": 0}
+    return Pages(
+        folder,
+        {
+            "demo": demo,
+            "inspection": partial(inspect, robot, log),
+            "analysis": analysis,
+            "pruning": partial(prune, robot, log, replicates=10),
+            "calibration": lambda: calibrate(demo(), **few),
+            "diagnosis": partial(diagnose, robot, log, quick=True),
+            "table": lambda: studies()["table"],
+            "index": lambda: studies()["index"],
+        },
+    )
 
 
 def _hostile(folder: Path) -> tuple[Robot, object]:
@@ -146,6 +163,4 @@ def later_reports(tmp_path_factory) -> dict[str, Path]:
 def report(request) -> Path:
     """Every kind of report, one after the other."""
     reports = request.getfixturevalue("later_reports" if request.param in LATER else "reports")
-    if request.param not in reports:
-        pytest.skip(f"there is no report of a {request.param} yet")
     return reports[request.param]

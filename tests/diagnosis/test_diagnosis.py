@@ -229,8 +229,11 @@ def test_a_fixed_simulation_can_miss_payload_and_tilt(
     assert d.held_after < 1.2 * diagnosis_of(robot, fixed=True, effects=effects).held_before
 
 
-def test_a_fixed_simulation_without_a_fault_gets_no_name(diagnosis_of):
-    d = diagnosis_of("six-dof-arm", fixed=True)
+@pytest.mark.parametrize(
+    "effects", [OF_POSTURE, pytest.param(None, marks=pytest.mark.everything)], ids=["few", "all"]
+)
+def test_a_fixed_simulation_without_a_fault_gets_no_name(effects, diagnosis_of):
+    d = diagnosis_of("six-dof-arm", fixed=True, effects=effects)
     assert d.effects == ()
     assert "the robot file's own values" in d.statement
 
