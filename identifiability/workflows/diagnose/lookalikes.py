@@ -28,6 +28,9 @@ from identifiability.workflows.diagnose.rows import Candidate, Rows
 DECISIVE = 4.0
 #: Canonical correlation from which on a direction of one is one of the other.
 SAME = 1.0 - 1e-6
+#: Decimals that count where shares and sizes are compared: those beyond are another processor's
+#: rounding, and of what ties the first comes first, in the order of candidates and parameters.
+DECIMALS = 9
 
 
 @frozen
@@ -80,16 +83,17 @@ def find_aliases(
     X, D = unit_columns(X), unit_columns(D)
     value = np.linalg.lstsq(X, D, rcond=1e-8)[0] if b else np.zeros((0, D.shape[1]))
     left = np.linalg.norm(D - X @ value, axis=0)
+    seen = np.round(left, DECIMALS)
     out: dict[tuple[str, str], Alias] = {}
     for c in candidates:
-        at = c.columns[int(np.argmax(left[list(c.columns)]))]
-        remaining = float(left[at])
-        if c.group in out and out[c.group].remaining >= remaining:
+        at = c.columns[int(np.argmax(seen[list(c.columns)]))]
+        if c.group in out and round(out[c.group].remaining, DECIMALS) >= seen[at]:
             continue
         size = np.abs(value[:, at])
-        order = [k for k in np.argsort(-size)[:3] if size[k] > 0.1 * size.max(initial=0.0)]
+        size = np.round(size / (size.max(initial=0.0) or 1.0), DECIMALS)
+        order = [k for k in np.argsort(-size, kind="stable")[:3] if size[k] > 0.1]
         behind = tuple(names[k] for k in order)
-        out[c.group] = Alias(*c.group, remaining, behind, remaining < share)
+        out[c.group] = Alias(*c.group, float(left[at]), behind, bool(left[at] < share))
     return list(out.values())
 
 
