@@ -82,4 +82,14 @@ def test_a_log_whose_motion_alone_shows_an_effect_stays(logs_of, named, monkeypa
     assert named(d) == [("joint_stiffness", ("shoulder",))]
     assert d.left_out == ()
     assert [s.name for s in d.samples] == [log.name for log in logs[:4]]
-    assert "What is named here explains that, so it was fitted with them" in d.hints[0]
+    assert "What is named here explains that, so it was kept" in d.hints[0]
+
+
+def test_a_log_that_only_verifies_is_doubted_aloud(logs_of, named):
+    logs = list(logs_of("two-link", "joint_stiffness@shoulder=0.04"))
+    logs[4] = changed(logs[4])
+    d = diagnose("two-link", logs[:4], logs[4:], **FEW)
+    assert d.left_out == ()
+    assert d.hints[0].startswith(f"{logs[4].name}, which judges what was named, disagrees")
+    assert "elbow.Fc" in d.hints[0]
+    assert "verify on another log" in d.statement

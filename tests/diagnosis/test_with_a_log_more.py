@@ -86,3 +86,25 @@ def test_a_part_of_a_log_that_is_fitted_as_a_whole_verifies_nothing(folder, tmp_
     path = d.to_json(tmp_path / "one.json")
     with pytest.raises(LogError, match="give a log that verifies"):
         diagnose("two-link", folder / "run4.csv", earlier=path)
+
+
+def test_a_function_without_a_name_is_carried_on_until_it_has_one(logs_of):
+    logs = logs_of("five-bar", "rising_friction@left_shoulder=0.1")
+    few = {"effects": ["joint_stiffness", "function_of_velocity"], "replicates": 99}
+    few["forward"] = False
+    d = diagnose("five-bar", logs[:2], logs[4], **few)
+    assert [(e.name, e.joints) for e in d.effects] == [("function_of_velocity", ("left_shoulder",))]
+    spring, friction = ["joint_stiffness"], ["joint_stiffness", "rising_friction"]
+    still, then = (
+        diagnose("five-bar", logs[:3], logs[4], earlier=d, **few | {"effects": asked})
+        for asked in (spring, friction)
+    )
+    assert [(t.before, t.outcome) for t in still.turns] == [
+        ("an unnamed function of velocity in left_shoulder", "kept")
+    ]
+    assert [e.name for e in still.effects] == ["function_of_velocity"]
+    assert still.effects[0].p_value == d.effects[0].p_value
+    assert [(t.after, t.outcome) for t in then.turns] == [
+        ("friction that rises with speed to its level", "decided")
+    ]
+    assert [e.name for e in then.effects] == ["rising_friction"]

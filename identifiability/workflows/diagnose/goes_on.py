@@ -1,8 +1,9 @@
 """`Earlier`: a diagnosis that is gone on from, with a log more: what was open is decided.
 
 The names that it settled begin the search and are tested like all others: they go where they help
-no longer. Of an "A or B" the one that explains most of all logs together begins it. The logs that
-it was made from are looked for where its file is, and beside the logs that are given.
+no longer. Of an "A or B" the one that explains most of all logs together begins it. Functions
+without a name begin the last pass, once names were looked for again. The logs that it was made from
+are looked for where its file is, and beside the logs that are given.
 """
 
 from __future__ import annotations
@@ -84,6 +85,8 @@ class Told:
     alternatives : tuple of str
         Other families that it could not be told from.
     p_value : float
+    unnamed : bool
+        Whether it is a function without a name.
     """
 
     name: str
@@ -91,6 +94,7 @@ class Told:
     parameters: tuple[str, ...]
     alternatives: tuple[str, ...]
     p_value: float
+    unnamed: bool = False
 
     @property
     def names(self) -> str:
@@ -131,13 +135,14 @@ class Earlier:
     @property
     def families(self) -> tuple[str, ...]:
         """Families that it named, or could not tell from those."""
-        every = (name for t in self.told for name in (t.name, *t.alternatives))
+        every = (n for t in self.told if not t.unnamed for n in (t.name, *t.alternatives))
         return tuple(dict.fromkeys(every))
 
     def start(self, m: Material) -> list[Candidate]:
         """Return the candidates that the search begins with, settled names first."""
         chosen: list[Candidate] = []
-        for t in sorted(self.told, key=lambda t: bool(t.alternatives)):
+        named = (t for t in self.told if not t.unnamed)
+        for t in sorted(named, key=lambda t: bool(t.alternatives)):
             taken = {c.slot for c in chosen}
             options = [
                 c
@@ -150,14 +155,19 @@ class Earlier:
                 chosen.append(options[int(fit.argmax())])
         return chosen
 
-    def p_values(self, start: Sequence[Candidate]) -> dict[tuple[str, str], float]:
-        """Return the p-values that the names had."""
-        own = {(name, t.place): t.p_value for t in self.told for name in (t.name, *t.alternatives)}
-        return {c.group: own[c.group] for c in start}
+    @property
+    def functions(self) -> tuple[tuple[str, str], ...]:
+        """Functions without a name, with their places."""
+        return tuple((t.name, t.place) for t in self.told if t.unnamed)
+
+    @property
+    def p_values(self) -> dict[tuple[str, str], float]:
+        """The p-values that the names had at their places, and their alternatives with them."""
+        return {(n, t.place): t.p_value for t in self.told for n in (t.name, *t.alternatives)}
 
     def turns(self, found: Findings) -> tuple[Turn, ...]:
         """Return what became of each name."""
-        return tuple(_turn(t, found.effects) for t in self.told)
+        return tuple(_turn(t, found.effects, self.told) for t in self.told)
 
     def find_logs(self, logs: Sequence[Any], held: Sequence[Any]) -> tuple[list[Any], list[Any]]:
         """Return the logs that are fitted and held out: its own, and those that are given.
@@ -208,7 +218,7 @@ def read_earlier(given: Before) -> Earlier:
             source="the diagnosis before",
             folder=None,
             model=given.base,
-            told=tuple(t for e in given.effects if not e.unnamed for t in _tell(e)),
+            told=tuple(t for e in given.effects for t in _tell(e)),
             error=given.held_after,
             fitted=tuple(s.name for s in given.samples),
             verified=tuple(s.name for s in given.validation),
@@ -223,9 +233,10 @@ def read_earlier(given: Before) -> Earlier:
         folder=path.parent,
         model=tuple(content.model),
         told=tuple(
-            Told(e.effect, p.joint, tuple(p.parameters), tuple(e.alternatives), p.p_value)
+            Told(
+                e.effect, p.joint, tuple(p.parameters), tuple(e.alternatives), p.p_value, e.unnamed
+            )
             for e in content.effects
-            if not e.unnamed
             for p in e.places
         ),
         error=content.after.error_ra_validation,
@@ -240,7 +251,10 @@ def read_earlier(given: Before) -> Earlier:
 
 
 def _tell(e: NamedEffect) -> list[Told]:
-    return [Told(e.name, p.place, p.parameters, e.alternatives, p.p_value) for p in e.placements]
+    return [
+        Told(e.name, p.place, p.parameters, e.alternatives, p.p_value, e.unnamed)
+        for p in e.placements
+    ]
 
 
 def _is_told(m: Material, c: Candidate, t: Told) -> bool:
@@ -251,10 +265,15 @@ def _is_told(m: Material, c: Candidate, t: Told) -> bool:
     return c.family.name == t.name and tuple(p.name for p in own) == t.parameters
 
 
-def _turn(t: Told, effects: Sequence[NamedEffect]) -> Turn:
+def _turn(t: Told, effects: Sequence[NamedEffect], told: Sequence[Told]) -> Turn:
     before = f"{t.names} in {t.place}"
     named = {t.name, *t.alternatives}
     now = [e for e in effects if e.name in named and t.place in e.joints]
+    if not now and t.unnamed:  # a name that was not there before is what the function was
+        known = {name for other in told for name in (other.name, *other.alternatives)}
+        now = [e for e in effects if t.place in e.joints and e.name not in known]
+        if now:
+            return Turn(before, now[0].names, "decided")
     if not now:
         return Turn(before, "", "gone")
     outcome: Outcome = "open" if now[0].alternatives else "decided" if t.alternatives else "kept"

@@ -50,12 +50,12 @@ def find_odd_log(information: Information, fit: Estimate) -> tuple[Motions, int]
 
 @frozen
 class OddLog:
-    """A fitted log that disagrees with the others.
+    """A log that disagrees with the others.
 
     Attributes
     ----------
     number : int
-        Which of the fitted logs.
+        Which of the logs, fitted ones first.
     name : str
     difference : str
         What differs there, in which joint and when, in words.
@@ -75,11 +75,21 @@ class OddLog:
         )
 
     @property
+    def doubted(self) -> str:
+        """What is said of a log that is not fitted, and so cannot be left out."""
+        return (
+            f"{self.name}, which judges what was named, disagrees with the fitted logs, and did so "
+            f"before any effect was looked for: {self.difference}. A payload, a temperature or "
+            "another robot does that, or motion that alone shows what is missing: what it refutes "
+            "may be right; verify on another log, or fit this one, too."
+        )
+
+    @property
     def kept(self) -> str:
         """What is said where effects that are named with it explain it."""
         return (
             f"{self.name} disagreed with the other logs before any effect was looked for: "
-            f"{self.difference}. What is named here explains that, so it was fitted with them."
+            f"{self.difference}. What is named here explains that, so it was kept."
         )
 
 

@@ -70,10 +70,12 @@ class Search:
         options = [c for c in m.candidates if c.family.name in first or c.group in groups]
         naming = name_effects(m.bench, options, m.held, setting.rules, present, say, start)
         if self.earlier is not None:
-            known_p = self.earlier.p_values(start)
-            naming = replace(naming, p_values={**known_p, **naming.p_values})
-        for widen, stream in ((name_late, streams[4]), (name_unnamed, streams[5])):
-            m, naming = widen(m, naming, self.choose, stream, effects, self.draws, say)
+            naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
+        m, naming = name_late(m, naming, self.choose, streams[4], effects, self.draws, say)
+        functions = () if self.earlier is None else self.earlier.functions
+        m, naming = name_unnamed(
+            m, naming, self.choose, streams[5], effects, self.draws, say, functions
+        )
         say("changing the preparation", 0.8)
         naming = stress_named(m, naming, self.logs, self.how, streams[1])
         say("verifying", 0.9)
@@ -83,11 +85,12 @@ class Search:
         turns, error = self.earlier.turns(found), self.earlier.error
         return replace(found, earlier=self.earlier.source, earlier_error=error, turns=turns)
 
-    def run_without(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
+    def run_doubted(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
         """Name effects without a log that disagrees, unless what is named with it explains it.
 
         A log whose motion alone shows what is missing disagrees as well, and is the one that says
-        most: then no log disagrees any more under the model with what was named.
+        most: then no log disagrees any more under the model with what was named. A log that is not
+        fitted stays where it is.
 
         Returns
         -------
@@ -96,8 +99,12 @@ class Search:
             What became of the log.
         """
         found = self.run(setting)
-        if found.effects and not still_odd(found.completed, setting.samples, odd.number):
+        held = odd.number >= len(setting.samples)
+        logs = (*setting.samples, *self.choose, *setting.validation) if held else setting.samples
+        if found.effects and not still_odd(found.completed, logs, odd.number):
             return found, odd.kept
+        if held:
+            return found, odd.doubted
         samples = drop(setting.samples, odd.number)
         others = replace(self, logs=drop(self.logs, odd.number))
         found = others.run(replace(setting, samples=samples, left_out=(odd.name,)))

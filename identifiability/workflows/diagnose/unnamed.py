@@ -36,6 +36,7 @@ def name_unnamed(
     effects: Iterable[str] | None = None,
     draws: int = DRAWS,
     say: Say | None = None,
+    told: Sequence[tuple[str, str]] = (),
 ) -> tuple[Material, Naming]:
     """Return what is named once functions without a name may be, else what was named.
 
@@ -47,9 +48,12 @@ def name_unnamed(
         As for `gather`.
     rng : numpy.random.Generator
     say : callable, optional
+    told : sequence of (family, place)
+        Functions that an earlier diagnosis gave: the search begins with them.
     """
-    functions = [f.name for f in find_families(effects) if f.unnamed]
-    if not functions or not what_is_left(material, naming):
+    asked = [f.name for f in find_families(effects) if f.unnamed]
+    functions = list(dict.fromkeys([*asked, *(name for name, _ in told)]))
+    if not functions or not (told or what_is_left(material, naming)):
         return material, naming
     setting = material.setting
     named = list(dict.fromkeys(c.family.name for c in naming.chosen))
@@ -63,6 +67,7 @@ def name_unnamed(
         (naming.chosen, tuple(c for c in naming.chosen if not c.family.late))
     ):
         start = [find_same(c, wider.candidates) for c in known]
+        start += _begin(wider, start, told)
         taken = signature(start)
         options = [c for c in wider.candidates if c.family.unnamed or c.slot in taken]
         again = name_effects(wider.bench, options, wider.held, rules, present, say, start)
@@ -95,6 +100,19 @@ def name_unnamed(
         nearest={c.group: _nearest(whole, chosen, c) for c in chosen if c.family.unnamed},
     )
     return whole, final
+
+
+def _begin(
+    m: Material, beside: Sequence[Candidate], told: Sequence[tuple[str, str]]
+) -> list[Candidate]:
+    """Return functions that were given before, each of the shape that explains most."""
+    model, out = m.white.columns(beside), []
+    for group in told:
+        options = [c for c in m.candidates if c.group == group]
+        if options:
+            fit = score_candidates(m.white, model, options, null=False).fit
+            out.append(options[int(fit.argmax())])
+    return out
 
 
 def _extend(material: Material, wider: Material, found: Sequence[Candidate]) -> Material:

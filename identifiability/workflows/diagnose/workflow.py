@@ -193,7 +193,7 @@ def diagnose(
         if odd is None:
             found = search.run(setting)
         else:
-            found, said = search.run_without(setting, odd)
+            found, said = search.run_doubted(setting, odd)
             doubts = [said]
         options = {
             "effects": "all" if effects is None else list(effects),
@@ -223,10 +223,19 @@ def diagnose(
 
 
 def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
-    """Return the log that disagrees, if one does, and a sentence on what decides a value."""
-    information = gather_information(opening.regression)
-    fit = find_estimator("wls").fit(information)
+    """Return the log that disagrees, if one does, and a sentence on what decides a value.
+
+    A log that is not fitted is asked for only where the fitted ones agree.
+    """
+    fitted = len(opening.samples)
+    regression = opening.structure.regression((*opening.samples, *opening.validation))
+    every = gather_information(regression)
+    information, estimator = every.take(every.log < fitted), find_estimator("wls")
+    fit = estimator.fit(information)
     odd = describe_odd_log(opening.regression, information, fit)
+    if odd is None:
+        odd = describe_odd_log(regression, every, estimator.fit(every))
+        odd = None if odd is None or odd.number < fitted else odd
     decided = state_decisive(opening.robot.joints, opening.samples, information, fit)
     return odd, decided
 
