@@ -169,6 +169,8 @@ def to_floats(given: pd.Series) -> Array:
     """Return a column as floats, (N,); NaN for what is no number."""
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
+    if given.dtype == float:  # there is nothing to parse
+        return np.array(given)
     try:
         numbers: Array = pd.to_numeric(given, errors="coerce").to_numpy(float, na_value=np.nan)
     except (TypeError, ValueError):  # cells that hold lists, categories …

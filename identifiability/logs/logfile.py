@@ -16,7 +16,7 @@ from identifiability.logs import source
 from identifiability.logs.checks import Clock, find_channels
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.log import Log, build_log
-from identifiability.logs.naming import Naming
+from identifiability.logs.naming import Column, Naming
 from identifiability.logs.reading import MixedRatesError, Reading
 from identifiability.logs.source import is_long, scan_file
 from identifiability.logs.spikes import Spike, mend_column
@@ -180,16 +180,32 @@ class LogFile:
         for first in range(start, stop, size):
             last = min(first + size, stop)
             low, high = max(0, first - margin), min(len(self), last + margin)
-            while origin + len(held) < high:
-                held = np.concatenate([held, next(arrays)])
-            held, origin = held[low - origin :], low
+            parts, end = [held[low - origin :]], origin + len(held)
+            while end < high:
+                parts.append(next(arrays))
+                end += len(parts[-1])
+            held, origin = np.concatenate(parts), low
             yield first, last, origin, self._log(held[: high - low], low)
 
-    def _arrays(self, start: int, stop: int) -> Iterator[Array]:
-        """Yield the columns (N, c) of the rows [start, stop)."""
+    def column(self, name: str, start: int, stop: int) -> Iterator[Array]:
+        """Yield one of its columns (N,) in the rows [start, stop), which reads no other.
+
+        Raises
+        ------
+        LogError
+            If the file changed since it was checked.
+        """
+        own = next(c for c in self.naming.columns if c.name == name)
+        for values in self._arrays(start, stop, own):
+            yield self._settle(own, values[:, 0], start)
+            start += len(values)
+
+    def _arrays(self, start: int, stop: int, only: Column | None = None) -> Iterator[Array]:
+        """Yield the columns (N, c), or `only` one, of the rows [start, stop)."""
         self._check_unchanged()
-        count, first, columns = 0, self.span[0], [c.source for c in self.naming.columns]
-        reading = {c.source: partial(as_times, time=c) for c in self.naming.columns if c.is_time}
+        wanted = self.naming.columns if only is None else (only,)
+        count, first, columns = 0, self.span[0], [c.source for c in wanted]
+        reading = {c.source: partial(as_times, time=c) for c in wanted if c.is_time}
         try:
             for values in self.table.arrays(first + start, first + stop, columns, reading):
                 count += len(values)
@@ -201,12 +217,19 @@ class LogFile:
 
     def _log(self, values: Array, start: int) -> Log:
         given = zip(self.naming.columns, values.T, strict=True)
-        columns = {c.name: x if c.name == "t" else c.scale(x) for c, x in given}
-        for column, spikes in self.mended.items():
-            columns[column] = mend_column(columns[column], spikes, self.span[0] + start)
-        for column, wraps in self.unwrapped.items():
-            columns[column] = wraps.undo(columns[column], self.span[0] + start)
+        columns = {c.name: self._settle(c, x, start) for c, x in given}
         return build_log(self.name, self.naming, columns, self.sha256)
+
+    def _settle(self, column: Column, values: Array, start: int) -> Array:
+        """Return values of a column, (N,) from row `start` on, in SI units and without faults."""
+        if column.name == "t":
+            return values
+        values = column.scale(values)
+        if column.name in self.mended:
+            values = mend_column(values, self.mended[column.name], self.span[0] + start)
+        if column.name in self.unwrapped:
+            values = self.unwrapped[column.name].undo(values, self.span[0] + start)
+        return values
 
     def _check_unchanged(self, *, whole: bool = True) -> None:
         path = self.table.path

@@ -152,6 +152,7 @@ class SpikeFinder:
             smooth = _close(low)[inner]
             steps = np.abs(np.diff(smooth))
             rough = np.abs(np.diff(x))
+        rough[~(rough > 0)] = np.inf
         height = np.maximum(above, below)
         own = slice(self._judged - self._start, ready - self._start)
         # The step before the first own sample was counted with the piece before, if there is one.
@@ -159,9 +160,9 @@ class SpikeFinder:
         self._step = max(self._step, float(steps[counted].max(initial=0.0)))
         self._low = min(self._low, float(smooth[own].min(initial=np.inf)))
         self._high = max(self._high, float(smooth[own].max(initial=-np.inf)))
-        self._finest = min(self._finest, float(rough[rough > 0].min(initial=np.inf)))
-        highest = np.concatenate([self._tail, height[own]])
-        self._tail = np.sort(np.partition(highest, -TAIL_MOST - 1)[-TAIL_MOST - 1 :])
+        self._finest = min(self._finest, float(rough.min(initial=np.inf)))
+        higher = height[own][~(height[own] <= self._tail[0])]  # soon few
+        self._tail = np.sort(np.concatenate([self._tail, higher]))[-TAIL_MOST - 1 :]
         for k in own.start + np.flatnonzero(height[own] > self._least):
             if height[k] > AROUND * _usual(height, int(k)):
                 sign = 1.0 if above[k] >= below[k] else -1.0
@@ -200,11 +201,15 @@ def _close(x: Array) -> Array:
 
 def _spread(x: Array, extreme: np.ufunc, *, back: bool = False) -> Array:
     """Return the extreme of each sample and the `WIDEST` after it, or before it."""
-    out = x.copy()
-    for k in range(1, WIDEST + 1):
-        into, of = (out[k:], x[:-k]) if back else (out[:-k], x[k:])
-        extreme(into, of, out=into)
-    return out
+    seen = 1
+    while seen <= WIDEST:  # the extreme of two such extremes is that of up to twice as many
+        k = min(seen, WIDEST + 1 - seen)
+        out, inner = np.empty_like(x), slice(k, None) if back else slice(-k)
+        extreme(x[k:], x[:-k], out=out[inner])
+        ends = slice(k) if back else slice(-k, None)
+        out[ends] = x[ends]
+        x, seen = out, seen + k
+    return x
 
 
 def _usual(height: Array, k: int) -> float:
