@@ -23,7 +23,9 @@ import numpy as np
 import pandas as pd
 from hostile import arrays, bags, csv_text, documents, judge, mjcf, packed, sheets, urdf
 from hostile.case import Hostile
-from hostile.faults import Days, Fault
+from hostile.clusters import ClusterDays
+from hostile.disks import DiskDays
+from hostile.faults import Fault
 from hostile.judge import CPU, MEMORY, Outcome
 
 from identifiability.foundation.output import write_json
@@ -33,11 +35,29 @@ ROOT = Path(__file__).resolve().parents[1]
 
 #: Kind of fault, command, and how many.
 FAULTS = (
-    ("kills", "analyze", 36), ("kills", "prune", 36), ("kills", "excite", 36),
-    ("kills", "calibrate", 24), ("kills", "analyze on a cluster", 12),
-    ("lost_workers", "prune", 6), ("spoilt_memories", "prune", 27), ("full_disks", "analyze", 9),
-    ("small_disks", "analyze", 9), ("vanished", "analyze", 5),
+    ("kills", "analyze", 36), ("kills", "prune", 36), ("kills", "excite", 30),
+    ("kills", "calibrate", 20), ("kills_on_a_cluster", "analyze", 12),
+    ("lost_workers", "prune", 6), ("lost_workers_of_a_cluster", "prune", 4),
+    ("late_workers", "prune", 6), ("late_workers", "excite", 4),
+    ("frozen_schedulers", "prune", 6), ("frozen_schedulers", "excite", 4),
+    ("spoilt_memories", "prune", 27), ("full_disks", "analyze", 9), ("small_disks", "analyze", 9),
+    ("vanished", "analyze", 5),
 )  # fmt: skip
+
+#: Harm by what its problems say; whatever else they say is other harm.
+HARM = {
+    "results lost": ("no result after",),
+    "files half-written": ("half file", "another result"),
+    "times something executed": (
+        "canary", "ran what", "os.system", "os.exec", "spawn", "fork", "Popen", "pickle",
+        "loaded", "program computed",
+    ),
+    "over their limit": ("hung for", "waited ", " s of CPU", " MB", "out of memory"),
+}  # fmt: skip
+
+
+class EveryDay(ClusterDays, DiskDays):
+    """A place where everything fails."""
 
 
 def make_good(folder: Path) -> pd.DataFrame:
@@ -85,7 +105,7 @@ def judge_files(folder: Path, every: int = 1) -> list[Outcome]:
 
 def hit_commands(folder: Path, share: float = 1.0) -> list[Fault]:
     """Return what came of every fault."""
-    days = Days(folder / "good.csv", np.random.default_rng(19))
+    days = EveryDay(folder / "good.csv", np.random.default_rng(19))
     found: list[Fault] = []
     for kind, command, count in FAULTS:
         for fault in getattr(days, kind)(command, max(1, round(share * count))):
@@ -133,6 +153,12 @@ def frame_faults(found: Sequence[Fault]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def count_harm(problems: Sequence[str]) -> dict[str, int]:
+    """Return how many problems there are of each sort."""
+    sorts = [next((h for h, w in HARM.items() if any(x in p for x in w)), "") for p in problems]
+    return {sort: sorts.count(sort) for sort in HARM} | {"other harm": sorts.count("")}
+
+
 def state(files: Sequence[Outcome], faults: Sequence[Fault]) -> str:
     """Return the answer in plain words."""
     bad = sum(o.result == "failed" for o in files), sum(bool(f.problems) for f in faults)
@@ -150,6 +176,8 @@ def state(files: Sequence[Outcome], faults: Sequence[Fault]) -> str:
             f"Of {len(faults)} faults {bad[1]} lost something, left something or ended otherwise "
             "than in a sentence."
         )
+    harm = count_harm([p for one in (*files, *faults) for p in one.problems])
+    parts.append("Together: " + ", ".join(f"{count} {sort}" for sort, count in harm.items()) + ".")
     return " ".join(parts)
 
 
@@ -185,6 +213,7 @@ def write(files: Sequence[Outcome], faults: Sequence[Fault], out: Path) -> None:
     sections.append(Section("method", "Method", "", (Prose((method,)),)))
     out.parent.mkdir(parents=True, exist_ok=True)
     data: dict[str, Any] = {"schema": "identifiability/study/hostile_days/1", "statement": text}
+    data["harm"] = count_harm([p for one in (*files, *faults) for p in one.problems])
     data |= {"files": [asdict(o) for o in files], "faults": [asdict(f) for f in faults]}
     print(text)
     print(write_json(out, data))

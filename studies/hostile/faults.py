@@ -1,4 +1,4 @@
-"""Faults while a command works: signals, lost workers, no place, spoilt memories of finished work.
+"""Faults while a command works: signals and lost workers.
 
 A chain is a command with one folder for what it keeps: it is hit several times and then left alone
 once. After each hit: no half file, no traceback, no process that stays. After the last run: the
@@ -21,15 +21,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hostile.commands import COMMANDS
-from hostile.memories import SPOILERS
+from hostile.commands import COMMANDS, PLACE
 from hostile.processes import is_worker, members
 
 #: Seconds after which a command hangs, and in which its workers must be gone after it.
 HANGS, GONE = 180.0, 15.0
-
-#: Kept results that are spoilt before a run.
-TOGETHER = 3
 
 #: Seconds in which Python itself may still be starting: no line of this program has run.
 EARLY = 1.0
@@ -71,11 +67,25 @@ class Days:
     def __init__(self, good: Path, rng: np.random.Generator) -> None:
         self.good, self.rng = good, rng
         self.references: dict[str, tuple[bytes, float]] = {}
+        self.where = PLACE
+
+    @contextlib.contextmanager
+    def on(self, where: Sequence[str]) -> Iterator[None]:
+        """Let commands work elsewhere meanwhile."""
+        self.where, before = tuple(where), self.where
+        try:
+            yield
+        finally:
+            self.where = before
+
+    def told(self, command: str) -> str:
+        """Return a command with where it works, as the table calls it."""
+        return command if self.where == PLACE else f"{command} on a cluster"
 
     def reference(self, command: str) -> tuple[bytes, float]:
         """Return what a command writes if nobody disturbs it, and how long it takes [s]."""
         if command not in self.references:
-            with self.place() as root:
+            with self.place() as root, self.on(PLACE):
                 start = time.monotonic()
                 process = self.start(command, root)
                 process.wait()
@@ -106,6 +116,7 @@ class Days:
             "XDG_STATE_HOME": str(root / "state"), "OMP_NUM_THREADS": "1",
         }  # fmt: skip
         words = [*before, sys.executable, "-m", "identifiability", *COMMANDS[command]]
+        words += [*self.where, "--resume", "kept"]
 
         def hear() -> None:
             signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -182,7 +193,9 @@ class Days:
                 if k == count - 1:
                     problems += self.finish(command, root)
                 what = f"{number.name} after {at:.3f} s"
-                yield Fault("signal", command, what, time.monotonic() - start, tuple(problems))
+                yield Fault(
+                    "signal", self.told(command), what, time.monotonic() - start, tuple(problems)
+                )
 
     def lost_workers(self, command: str, count: int) -> Iterator[Fault]:
         """Yield faults: a worker is killed as soon as there is one, or a moment later."""
@@ -199,94 +212,27 @@ class Days:
                             os.kill(int(self.rng.choice(workers)), signal.SIGKILL)
                         hit = 1
                     time.sleep(0.02)
-                problems = self.end(process, root, command, (0,)) + self.finish(command, root)
+                # A cluster whose worker ends before it is there cannot be started.
+                codes = (0,) if self.where == PLACE else (0, 2)
+                problems = self.end(process, root, command, codes)
+                problems += check_refusal(process, root, ("could not be started",))
+                problems += self.finish(command, root)
                 what = f"a worker killed after {wait:.2f} s" if hit else "no worker was there"
-                yield Fault("lost worker", command, what, time.monotonic() - start, tuple(problems))
-
-    def full_disks(self, command: str, count: int) -> Iterator[Fault]:
-        """Yield faults: no file may be longer than some bytes; with them, then without."""
-        import resource  # noqa: PLC0415
-
-        for _ in range(count):
-            most = int(self.rng.integers(0, len(self.reference(command)[0])))
-
-            def limit(most: int = most) -> None:
-                resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
-
-            with self.place() as root:
-                start = time.monotonic()
-                process = self.start(command, root, limits=limit)
-                problems = self.end(process, root, command, (2,)) + self.finish(command, root)
-                what = f"no file longer than {most} bytes"
-                yield Fault("full disk", command, what, time.monotonic() - start, tuple(problems))
-
-    def small_disks(self, command: str, count: int) -> Iterator[Fault]:
-        """Yield faults: a disk of its own of some kB, or one that cannot be written to."""
-        for k in range(count):
-            size = "ro,size=64k" if k % 3 == 2 else f"size={4 * int(self.rng.integers(1, 8))}k"
-            script = (
-                f'cp good.csv ../; mount -t tmpfs -o {size} none . && cd . && cd "$PWD"; '
-                'cp ../good.csv . 2>/dev/null || ln -s ../good.csv . 2>/dev/null; "$@"; code=$?; '
-                "ls -A > ../listing; exit $code"
-            )
-            before = ("unshare", "-rm", "sh", "-c", script, "sh")
-            with self.place() as root:
-                start = time.monotonic()
-                process = self.start(command, root, before)
-                problems = self.end(process, root, command, (0, 2))
-                seen = (
-                    set((root / "listing").read_text().split())
-                    if (root / "listing").exists()
-                    else set()
-                )
-                if seen - {"good.csv", "out.json", "kept"}:
-                    problems.append(f"left {', '.join(sorted(seen))}")
-                if process.returncode == 2:
-                    for path in (root / "scratch").rglob("out.json"):
-                        if path.read_bytes() != self.reference(command)[0]:
-                            problems.append("what was saved elsewhere is another result")
-                        shutil.rmtree(path.parent)
-                problems += self.finish(command, root)
-                yield Fault("small disk", command, size, time.monotonic() - start, tuple(problems))
-
-    def vanished(self, command: str, count: int) -> Iterator[Fault]:
-        """Yield faults: the folder of the result is moved away while the command works."""
-        _, whole = self.reference(command)
-        for _ in range(count):
-            with self.place() as root:
-                at = float(self.rng.uniform(0.1, 0.9)) * whole
-                start = time.monotonic()
-                process = self.start(command, root)
-                time.sleep(at)
-                (root / "work").rename(root / "moved")
-                problems = self.end(process, root, command, (0, 2))
-                (root / "moved").rename(root / "work")
-                for path in [*(root / "scratch").rglob("out.json")]:
-                    if path.read_bytes() != self.reference(command)[0]:
-                        problems.append("what was saved elsewhere is another result")
-                    shutil.rmtree(path.parent)
-                problems += self.finish(command, root)
-                what = f"moved after {at:.2f} s"
                 yield Fault(
-                    "vanished folder", command, what, time.monotonic() - start, tuple(problems)
+                    "lost worker",
+                    self.told(command),
+                    what,
+                    time.monotonic() - start,
+                    tuple(problems),
                 )
 
-    def spoilt_memories(self, command: str, count: int) -> Iterator[Fault]:
-        """Yield faults: what is kept is cut, turned, older, foreign, a program, a pipe, a link."""
-        with self.place() as root:
-            first = self.finish(command, root)
-            for k in range(0, count, TOGETHER):
-                start = time.monotonic()
-                kept = sorted((root / "work" / "kept").rglob("*.result"))
-                names = [
-                    tuple(SPOILERS)[j % len(SPOILERS)] for j in range(k, min(k + TOGETHER, count))
-                ]
-                for name, at in zip(names, self.rng.permutation(len(kept)), strict=False):
-                    SPOILERS[name](kept[at], root, self.rng)
-                problems = tuple(first + self.finish(command, root))
-                first = []
-                for name in names:
-                    yield Fault("spoilt memory", command, name, time.monotonic() - start, problems)
+
+def check_refusal(process: subprocess.Popen[bytes], root: Path, words: Sequence[str]) -> list[str]:
+    """Return what is wrong with the sentence of a command that was refused."""
+    text = " ".join((root / "said").read_text(errors="replace").split())
+    if process.returncode != 2 or any(word in text for word in words):
+        return []
+    return [f"said {text[-200:]!r}"]
 
 
 def _of(path: Path, program: int) -> bool:

@@ -103,6 +103,9 @@ def test_the_page_tells_harm(study, tmp_path):
     page = " ".join((tmp_path / "days.html").read_text().split())
     assert "a half file" in page
     assert "1 did harm" in study.state([file], [])
+    told = study.state([file], [fault])
+    assert "0 results lost, 1 files half-written" in told
+    assert "1 over their limit, 0 other harm" in told
     assert json.loads((tmp_path / "days.json").read_text())["faults"][0]["what"] == "SIGINT"
 
 

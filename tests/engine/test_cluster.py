@@ -1,5 +1,6 @@
 """A cluster gives the bits that one process gives, whoever dies on it; what is wrong is said."""
 
+import asyncio
 import contextlib
 import os
 import signal
@@ -183,6 +184,27 @@ def silent():
 def test_a_scheduler_that_is_not_there_any_more_ends_the_waiting():
     with pytest.raises(EngineError, match="has not answered"):
         clusters._Watched(Late(), silent).result()
+
+
+@needs_dask
+def test_a_scheduler_that_falls_silent_before_the_work_is_one_sentence(cluster, monkeypatch):
+    async def never(*_):
+        await asyncio.sleep(60.0)
+
+    monkeypatch.setattr(cluster, "patience", 0.1)
+    monkeypatch.setattr(cluster.client, "run", never)
+    with pytest.raises(EngineError, match=r"has not answered for 0\.1 s"):
+        cluster._check()
+
+
+@needs_dask
+def test_a_cluster_of_this_machine_that_cannot_be_started_is_one_sentence(monkeypatch):
+    def end(**_):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr(distributed, "LocalCluster", end)
+    with pytest.raises(EngineError, match="could not be started: a worker ended"):
+        choose_engine("dask", workers=1)
 
 
 @needs_dask

@@ -102,7 +102,7 @@ class Dask(Engine):
         with self._reached(OSError):
             self._send_module(function)
             submit = self._submitter(function)
-            window = AHEAD * max(1, sum(self.client.ncores().values()))
+            window = AHEAD * max(1, sum(self._await(self.client.ncores).values()))
         try:
             with self._reached(CancelledError, CommClosedError, RPCClosed):
                 yield from in_order(submit, items, window, self._abandon)
@@ -135,8 +135,12 @@ class Dask(Engine):
 
     def _ask(self) -> None:
         """Say in a sentence that the scheduler is silent, if it is."""
+        self._await(self.client.scheduler.identity)
+
+    def _await(self, call: Callable[[], Any], longer: float = 0.0) -> Any:
+        """Return what a call of the client gives; a scheduler that is silent is given up."""
         try:
-            self.client.sync(self.client.scheduler.identity, callback_timeout=self.patience)
+            return self.client.sync(call, callback_timeout=self.patience + longer)
         except TimeoutError:
             raise EngineError(
                 f"The scheduler at {self.scheduler} has not answered for {self.patience:g} s; look "
@@ -161,15 +165,20 @@ class Dask(Engine):
 
     def _check(self) -> None:
         """Refuse a cluster without workers, or whose workers would compute something else."""
-        try:
-            self.client.wait_for_workers(1, timeout=PATIENCE)
-        except TimeoutError:
+
+        async def wait() -> bool:
+            with contextlib.suppress(TimeoutError):
+                await self.client.wait_for_workers(1, timeout=PATIENCE)
+                return True
+            return False
+
+        if not self._await(wait, PATIENCE):
             raise EngineError(
                 f"The scheduler at {self.scheduler} has no workers; start some with "
                 f"'dask worker {self.scheduler}'."
-            ) from None
+            )
         try:
-            found = set(self.client.run(source_digest, "identifiability").values())
+            found = self._digests("identifiability")
         except (ImportError, AttributeError):
             found = {""}
         if found != {source_digest("identifiability")}:
@@ -178,6 +187,10 @@ class Dask(Engine):
                 "identifiability; install the same one on every worker and start them again."
             )
 
+    def _digests(self, name: str) -> set[str]:
+        """Return the digests of a module that workers have."""
+        return set(self._await(partial(self.client.run, source_digest, name)).values())
+
     def _send_module(self, function: Callable[..., Any]) -> None:
         """Send the module of a function to workers that do not have it as it is here."""
         name, path = root_module(function)
@@ -185,13 +198,13 @@ class Dask(Engine):
         if path is None or carried or name in self._sent or _installed(path):
             return
         self._sent.add(name)
-        if set(self.client.run(source_digest, name).values()) == {source_digest(name)}:
+        if self._digests(name) == {source_digest(name)}:
             return
         with temporary_folder() as folder:
             if path.name == "__init__.py":
                 whole = (path.parent.parent, path.parent.name)
                 path = Path(shutil.make_archive(str(Path(folder, name)), "zip", *whole))
-            self.client.upload_file(str(path))
+            self._await(partial(self.client.upload_file, str(path)))
 
     def close(self) -> None:
         """Leave the cluster; end it if it was started here."""
@@ -279,14 +292,20 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
         temporary_folder() as folder,  # else Dask leaves one of its own
         dask.config.set({"temporary-directory": folder}),
     ):
-        cluster = LocalCluster(
-            n_workers=workers or joblib.cpu_count(),
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-            preload=[_DEAF],
-        )
+        try:
+            cluster = LocalCluster(
+                n_workers=workers or joblib.cpu_count(),
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+                preload=[_DEAF],
+            )
+        except (OSError, RuntimeError):
+            raise EngineError(
+                "The cluster of this machine could not be started: a worker ended before it was "
+                "there, most likely for lack of memory; give fewer (--workers) or run again."
+            ) from None
 
         async def end() -> None:
             await asyncio.gather(*(n.close(timeout=GRACE) for n in cluster.workers.values()))
