@@ -18,7 +18,7 @@ PLUGIN = '''
 
 import numpy as np
 
-from identifiability.effects import AlongAxes, Family, register, travel
+from identifiability.effects import AlongAxes, Family, register
 
 PITCH = 0.35  # rad
 
@@ -29,8 +29,8 @@ class Cogging(AlongAxes):
     source = "data sheet of the motor"
     units = (("Cg", "N·m", "N"),)
 
-    def forces(self, robot, motion, axis):
-        return [np.cos(2 * np.pi * travel(robot, motion, axis) / PITCH)]
+    def curves(self, at):
+        return [np.cos(2 * np.pi * at.travel / PITCH)]
 
 
 register(Family(

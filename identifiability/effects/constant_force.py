@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from identifiability.effects.effect import Along, AlongAxes
 from identifiability.effects.family import RESTS, every_axis
 from identifiability.effects.registry import declare
@@ -35,4 +33,4 @@ class ConstantForce(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return one everywhere."""
-        return [np.ones(len(at.motion))]
+        return [at.ones]

@@ -47,7 +47,7 @@ class CoulombAsymmetry(AlongAxes):
         speed = at.speed
         if at.axis.mixed:
             return [np.sign(speed)]
-        return [(speed > 0).astype(float), -(speed < 0).astype(float)]
+        return [np.heaviside(speed, 0.0), -np.heaviside(-speed, 0.0)]
 
 
 def settle_directions(values: dict[str, float], given: Mapping[str, float]) -> None:

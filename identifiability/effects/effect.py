@@ -76,6 +76,16 @@ class Along:
         return self.robot.travel(self.axis, self.motion.q, self.robot.home)
 
     @property
+    def position(self) -> Array:
+        """Position of the axis as the robot file counts it, (N,) [rad or m]."""
+        return self.robot.travel(self.axis, self.motion.q)
+
+    @property
+    def ones(self) -> Array:
+        """One at every sample, (N,)."""
+        return np.ones(len(self.motion))
+
+    @property
     def load(self) -> Array:
         """What a force f along the axis loads the actuated joints by, ``load · f``, (N, n) or (n,).
 
@@ -121,12 +131,12 @@ class AlongAxes(Effect):
         return tuple(kind for kind, _, _ in self.units)
 
     def curves(self, at: Along) -> Sequence[Array]:
-        """Return the force along an axis per unit of each kind, (N,) each."""
-        raise NotImplementedError(f"{type(self).__name__} states no curves")
+        """Return the force along an axis per unit of each kind, (N,) each.
 
-    def forces(self, robot: Robot, motion: Motion, axis: Axis) -> Sequence[Array]:
-        """Return the same from robot, motion and axis, which a subclass may state instead."""
-        return self.curves(Along(robot, motion, axis))
+        Code is generated from them where they are NumPy's functions of position, travel, speed
+        and acceleration.
+        """
+        raise NotImplementedError(f"{type(self).__name__} states no curves")
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return every kind of every axis."""
@@ -148,8 +158,9 @@ class AlongAxes(Effect):
         """Write a column for every force."""
         column = 0
         for axis in self.axes(robot):
-            load = Along(robot, motion, axis).load
-            for force in self.forces(robot, motion, axis):
+            at = Along(robot, motion, axis)
+            load = at.load
+            for force in self.curves(at):
                 put(out, column, load, force)
                 column += 1
 
@@ -190,16 +201,6 @@ class Shaped(AlongAxes):
     def shapes(self, robot: Robot) -> dict[str, float]:
         """Return the shape of every axis."""
         return {f"{a.name}.{self.name}": self.shape(robot, a) for a in self.axes(robot)}
-
-
-def speed_along(robot: Robot, motion: Motion, axis: Axis) -> Array:
-    """Return the speed of an axis, (N,) [rad/s or m/s]."""
-    return Along(robot, motion, axis).speed
-
-
-def travel(robot: Robot, motion: Motion, axis: Axis) -> Array:
-    """Return the position of an axis from its home, (N,) [rad or m]."""
-    return Along(robot, motion, axis).travel
 
 
 def put(out: Array, column: int, load: Array, force: Array) -> None:

@@ -2,14 +2,11 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from identifiability.effects.effect import Along, AlongAxes
 from identifiability.effects.family import POSTURES, every_axis
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
-from identifiability.robot.along import position_along
 
 
 @declare(
@@ -39,5 +36,4 @@ class FreeSpring(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return the position as the robot file counts it, and a constant."""
-        q = position_along(at.robot, at.motion, at.axis)
-        return [q, -np.ones_like(q)]
+        return [at.position, -at.ones]

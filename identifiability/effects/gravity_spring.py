@@ -9,7 +9,6 @@ from identifiability.effects.family import POSTURES, every_axis
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
-from identifiability.robot.along import position_along
 
 
 def _hinges(robot: Robot) -> tuple[str, ...]:
@@ -49,5 +48,4 @@ class GravitySpring(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return sine and cosine of the angle as the robot file counts it."""
-        q = position_along(at.robot, at.motion, at.axis)
-        return [np.sin(q), np.cos(q)]
+        return [np.sin(at.position), np.cos(at.position)]

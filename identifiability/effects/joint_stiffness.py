@@ -7,6 +7,7 @@ from identifiability.effects.family import POSTURES
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
+from identifiability.robot.along import rest_along
 
 
 def _springs(robot: Robot) -> bool:
@@ -37,11 +38,4 @@ class JointStiffness(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return how far the axis is from where its spring is relaxed."""
-        robot, motion, axis = at.robot, at.motion, at.axis
-        if axis.name in robot.rest and (axis.row is None or axis.weights is not None):
-            return [robot.travel(axis, motion.q) - robot.rest[axis.name]]
-        if axis.row is None:
-            return [at.travel]
-        home = robot.actuated_positions(robot.home[None])[0]
-        rest = [robot.rest.get(j, zero) for j, zero in zip(robot.joints, home, strict=True)]
-        return [(motion.actuated_q - rest) @ axis.row]
+        return [at.position - rest_along(at.robot, at.axis)]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.effects.effect import AlongAxes, Effect
+from identifiability.effects.effect import Along, AlongAxes, Effect
 from identifiability.foundation.errors import ModelError, listing
 from identifiability.foundation.names import Array, Parameter, find_named, is_pattern
 from identifiability.foundation.values import frozen
@@ -63,9 +63,9 @@ class Elsewhere(AlongAxes):
         """Return the kinds of parameters that the effect has there."""
         return self.effect.kinds(robot, axis)
 
-    def forces(self, robot: Robot, motion: Motion, axis: Axis) -> Sequence[Array]:
+    def curves(self, at: Along) -> Sequence[Array]:
         """Return the forces of the effect there."""
-        return self.effect.forces(robot, motion, axis)
+        return self.effect.curves(at)
 
 
 def _find_place(part: Part, robot: Robot) -> Part:

@@ -1,7 +1,6 @@
 """Torque along a joint of which nothing is known but that it depends on the position."""
 
 import numpy as np
-import scipy
 
 from identifiability.effects.effect import Along, Effect, Shaped
 from identifiability.effects.family import POSTURES, Span
@@ -32,6 +31,13 @@ def reached_pieces(effect: Effect, robot: Robot, span: Span) -> tuple[str, ...]:
     first, step = effect.grid(robot, axis)[0], effect.shape(robot, axis)
     cells = np.clip(np.floor(ends / step + [1e-9, -1e-9]).astype(int) - first, 0, None)
     return effect.kinds(robot, axis)[cells[0] : cells[1] + DEGREE + 1]
+
+
+def cubic_piece(away: Array) -> Array:
+    """Return a cubic B-spline of even knots so far from its middle, in their distance."""
+    wide, narrow = np.maximum(2 - away, 0), np.maximum(1 - away, 0)
+    piece: Array = (wide * wide * wide - 4 * narrow * narrow * narrow) / 6
+    return piece
 
 
 @declare(
@@ -102,9 +108,9 @@ class PositionTorque(Shaped):
     def curves(self, at: Along) -> list[Array]:
         """Return the splines."""
         first, last = self.grid(at.robot, at.axis)
-        knots = np.arange(first - DEGREE, last + DEGREE + 1, dtype=float)
-        x = np.clip(at.travel / self.shape(at.robot, at.axis), first, last)
-        return list(scipy.interpolate.BSpline.design_matrix(x, knots, DEGREE).toarray().T)
+        x = np.minimum(np.maximum(at.travel / self.shape(at.robot, at.axis), first), last)
+        middles = range(first - DEGREE // 2, last + DEGREE // 2 + 1)
+        return [cubic_piece(np.abs(x - middle)) for middle in middles]
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return an eighth of the range of an axis [rad or m]."""

@@ -1,7 +1,5 @@
 """A torque that drifts with time: a sensor or an amplifier that warms up."""
 
-import numpy as np
-
 from identifiability.effects.effect import Along
 from identifiability.effects.family import actuated_joints, in_motor
 from identifiability.effects.registry import declare
@@ -32,4 +30,4 @@ class TorqueDrift(TorqueOffset):
 
     def curves(self, at: Along) -> list[Array]:
         """Return a constant and the time of the log."""
-        return [np.ones(len(at.motion)), at.motion.t]
+        return [at.ones, at.motion.t]

@@ -10,11 +10,6 @@ from identifiability.robot.description import Description
 from identifiability.robot.parts import Axis
 
 
-def position_along(robot: Description, motion: Motion, axis: Axis) -> Array:
-    """Return the position of an axis as the robot file counts it, (N,) [rad or m]."""
-    return robot.travel(axis, motion.q)
-
-
 def known_torque(robot: Description, motion: Motion) -> Array:
     """Return the torque of the actuated joints that is known beforehand, (N, n) [N·m or N].
 
@@ -27,7 +22,7 @@ def known_torque(robot: Description, motion: Motion) -> Array:
     axes = {a.name: a for a in (*robot.axes, *robot.passive_axes)}
     for known in robot.known_torque:
         axis = axes[known.along]
-        force = known.force(position_along(robot, motion, axis))
+        force = known.force(robot.travel(axis, motion.q))
         if axis.row is not None:
             tau += force[:, None] * axis.row
         elif motion.X is not None:

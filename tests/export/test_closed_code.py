@@ -11,11 +11,7 @@ from identifiability import Robot
 from identifiability.foundation.errors import IdentifiabilityError, RobotError
 from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.model import Model
-from identifiability.workflows.export.along import CURVES
 from identifiability.workflows.export.code import write_code
-
-LOADED = ("load_dependent_friction", "gravity_tilt")
-EFFECTS = ("rigid_body", "payload", *(e for e in CURVES if e != "coulomb_friction"), *LOADED)
 
 PLATFORM = """<mujoco><compiler angle="radian"/><worldbody>
   <body name="platform" pos="0 0 0.5"><freejoint name="float"/>{top}
@@ -131,11 +127,11 @@ def run(path):
 
 @pytest.mark.everything
 @pytest.mark.parametrize("name", ["3-rps", "six-ups", "five-bar", "delta", "coupled", *MADE])
-def test_generated_python_closes_the_loops_and_is_the_prediction(name, tmp_path):
+def test_generated_python_closes_the_loops_and_is_the_prediction(name, tmp_path, coded):
     """Every effect that code can hold, at once, against regressor times parameters."""
     robot, rng = load(name, tmp_path), np.random.default_rng(0)
     assert robot.closed
-    model = Model.of(*EFFECTS)
+    model = Model.of(*coded)
     names = [p.name for p in model.parameters(robot)]
     values = {n: robot.nominal.get(n, 0.0) + rng.uniform(0.01, 0.1) for n in names}
     m = random_motion(robot, rng, 60)

@@ -11,18 +11,15 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, simulate
+from identifiability.effects import AlongAxes, Family, forget, register
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.model import Model
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import export
-from identifiability.workflows.export.along import CURVES
 from identifiability.workflows.export.code import write_code
 
 TREES = ("six-dof-arm", "two-link")
-LOADED = ("load_dependent_friction", "gravity_tilt")
-OTHER = ("coulomb_friction", "passive_joint_friction")  # the same as another, or not of a tree
-EFFECTS = ("rigid_body", "payload", *(name for name in CURVES if name not in OTHER), *LOADED)
 
 #: Time of a call of the six-axis arm [µs].
 FAST = 5.0
@@ -46,10 +43,10 @@ int main(void) {
 STRICT = ("cc", "-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O2")
 
 
-def planted(name):
+def planted(name, coded):
     """A robot with a value of every parameter that code can hold, and torque along a motion."""
     robot, rng = Robot.load(name), np.random.default_rng(0)
-    model = Model.of(*EFFECTS)
+    model = Model.of(*(e for e in coded if e != "passive_joint_friction"))
     names = [p.name for p in model.parameters(robot)]
     values = {n: robot.nominal.get(n, 0.0) + rng.uniform(0.01, 0.1) for n in names}
     motion = random_motion(robot, rng, 100)
@@ -66,8 +63,8 @@ def load_python(path):
 
 @pytest.mark.everything
 @pytest.mark.parametrize("name", TREES)
-def test_generated_python_is_the_prediction(name, tmp_path):
-    robot, values, shapes, m, tau = planted(name)
+def test_generated_python_is_the_prediction(name, tmp_path, coded):
+    robot, values, shapes, m, tau = planted(name, coded)
     code = load_python(write_code(robot, values, shapes, tmp_path / "code.py", "python"))
     assert robot.joints == code.JOINTS
     found = code.inverse_dynamics(m.actuated_q, m.actuated_v, m.actuated_a)
@@ -78,8 +75,8 @@ def test_generated_python_is_the_prediction(name, tmp_path):
 
 @pytest.mark.everything
 @pytest.mark.parametrize("name", TREES)
-def test_generated_c_compiles_without_a_warning_and_is_the_prediction(name, tmp_path):
-    robot, values, shapes, m, tau = planted(name)
+def test_generated_c_compiles_without_a_warning_and_is_the_prediction(name, tmp_path, coded):
+    robot, values, shapes, m, tau = planted(name, coded)
     path = write_code(robot, values, shapes, tmp_path / "code.c", "c")
     library = tmp_path / "code.so"
     subprocess.run([*STRICT, "-shared", "-fPIC", path, "-o", library, "-lm"], check=True)
@@ -92,13 +89,47 @@ def test_generated_c_compiles_without_a_warning_and_is_the_prediction(name, tmp_
 
 
 @pytest.mark.everything
-def test_generated_c_is_fast(tmp_path):
-    robot, values, shapes, *_ = planted("six-dof-arm")
+def test_generated_c_is_fast(tmp_path, coded):
+    robot, values, shapes, *_ = planted("six-dof-arm", coded)
     path = write_code(robot, values, shapes, tmp_path / "code.c", "c")
     path.write_text(path.read_text() + MAIN)
     subprocess.run([*STRICT, path, "-o", tmp_path / "timed", "-lm"], check=True)
     out = subprocess.run([tmp_path / "timed"], check=True, capture_output=True, text=True)
     assert float(out.stdout.split()[0]) < FAST
+
+
+class Cogging(AlongAxes):
+    name, equation = "cogging", "τ = Cg cos³(2π q/0.35)"
+    units = (("Cg", "N·m", "N"),)
+
+    def curves(self, at):
+        return [np.cos(2 * np.pi * at.travel / 0.35) ** 3]
+
+
+class Loose(Cogging):
+    name, equation = "loose", "τ = Cg median(q)"
+
+    def curves(self, at):
+        return [np.median(at.travel) * at.ones]
+
+
+@pytest.mark.everything
+def test_an_effect_of_ones_own_has_code_where_it_is_a_function_of_motion(tmp_path):
+    robot = Robot.load("two-link")
+    for family in (own := [Family(e(), e.name) for e in (Cogging, Loose)]):
+        register(family)
+    try:
+        m = random_motion(robot, np.random.default_rng(1), 20)
+        path = write_code(robot, {"elbow.Cg": 0.7}, {}, tmp_path / "code.py", "python")
+        found = load_python(path).inverse_dynamics(m.actuated_q, 0 * m.actuated_v, m.actuated_a)
+        expected = 0.7 * np.cos(2 * np.pi * (m.actuated_q[:, 1] - robot.home[1]) / 0.35) ** 3
+        np.testing.assert_allclose(found[:, 1], expected, atol=1e-12)
+        forget("cogging")
+        with pytest.raises(IdentifiabilityError, match=r"for loose \(elbow\.Cg\)"):
+            write_code(robot, {"elbow.Cg": 0.7}, {}, tmp_path / "code.py", "python")
+    finally:
+        for family in own:
+            forget(family.name)
 
 
 @pytest.mark.everything

@@ -1,94 +1,96 @@
-"""Forces along joints, motors and stated axes, in symbols."""
+"""Forces along joints, motors and stated axes, in symbols: what effects say of numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from identifiability.effects.position_torque import DEGREE, PositionTorque
+from identifiability.effects.effect import AlongAxes
 from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
-from identifiability.robot.along import rest_along
+
+#: NumPy's functions that code can hold, by CasADi's names.
+FUNCTIONS = {
+    "absolute": "fabs", "add": "plus", "cos": "cos", "divide": "rdivide", "exp": "exp",
+    "maximum": "fmax", "minimum": "fmin", "multiply": "times", "sign": "sign", "sin": "sin",
+    "sqrt": "sqrt", "square": "sq", "subtract": "minus", "tanh": "tanh",
+}  # fmt: skip
+
+
+class NoSymbolError(Exception):
+    """An effect asks for more than functions of the motion along its axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Symbol(NDArrayOperatorsMixin):
+    """An expression of CasADi that NumPy's functions can be taken of, with NumPy's meaning."""
+
+    ca: Any
+    of: Any
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Symbol:
+        """Return the same function of CasADi."""
+        raw = [x.of if isinstance(x, Symbol) else x for x in inputs]
+        own: dict[str, Any] = {
+            "negative": lambda x: -x,
+            "heaviside": self._step,
+            "power": self._power,
+        }
+        name = ufunc.__name__
+        if method != "__call__" or options or name not in own | FUNCTIONS:
+            raise NoSymbolError(name)
+        return Symbol(self.ca, (own.get(name) or getattr(self.ca, FUNCTIONS[name]))(*raw))
+
+    def _step(self, x: Any, at_rest: float) -> Any:
+        way = self.ca.sign(x)
+        return 0.5 * (way * way + way) + at_rest * (1 - way * way)
+
+    def _power(self, x: Any, exponent: Any) -> Any:
+        if not isinstance(exponent, int):
+            raise NoSymbolError("power")
+        return x**exponent
+
+    def __array__(self, *_: Any, **__: Any) -> NoReturn:
+        """Refuse to be a number."""
+        raise NoSymbolError("number")
 
 
 @dataclass(frozen=True)
 class Moving:
-    """An axis in motion, and the effect along it.
+    """An axis in motion as `effects.Along` has it, in symbols.
 
     Attributes
     ----------
-    ca : module
-        CasADi.
-    position, speed, acceleration : casadi.SX
+    robot : Robot
+    axis : Axis
+    position, speed, acceleration : Symbol
         The position is as the robot file counts it.
-    home, rest : float [rad or m]
-        Positions at home, and where a spring is relaxed.
-    kind : str
-        Of the parameter.
-    shape : float
-        Of the effect; 1 where it has none.
-    first : int
-        Where the pieces of a curve begin, in distances from home; `last` where they end.
     """
 
-    ca: Any
-    position: Any
-    speed: Any
-    acceleration: Any
-    home: float
-    rest: float
-    kind: str
-    shape: float
-    first: int = 0
-    last: int = 0
+    robot: Robot
+    axis: Axis
+    position: Symbol
+    speed: Symbol
+    acceleration: Symbol
 
+    @property
+    def travel(self) -> Any:
+        """Position of the axis from its home."""
+        return self.position - float(self.robot.travel(self.axis, self.robot.home[None])[0])
 
-def _dry(m: Moving) -> Any:
-    way = m.ca.sign(m.speed)
-    ways = {"Fc": way, "Fc+": 0.5 * (way * way + way), "Fc-": 0.5 * (way - way * way)}
-    return ways[m.kind]
+    @property
+    def ones(self) -> Any:
+        """One at every sample."""
+        return Symbol(self.speed.ca, self.speed.ca.SX(1.0))
 
-
-def _ripple(m: Moving) -> Any:
-    phase = (m.position - m.home) * (2 * np.pi / m.shape)
-    return m.ca.sin(phase) if m.kind in ("Rs", "Ms") else m.ca.cos(phase)
-
-
-def _piece(m: Moving) -> Any:
-    """Return a cubic B-spline on an even grid, about its middle."""
-    ca = m.ca
-    x = ca.fmin(ca.fmax((m.position - m.home) / m.shape, m.first), m.last)
-    middle = m.first + int(m.kind[1:]) - 1 - DEGREE + 0.5 * (DEGREE + 1)
-    away = ca.fabs(x - middle)
-    wide, narrow = ca.fmax(2 - away, 0), ca.fmax(1 - away, 0)
-    return (wide * wide * wide - 4 * narrow * narrow * narrow) / 6
-
-
-#: What multiplies a parameter of an effect.
-CURVES: dict[str, Callable[[Moving], Any]] = {
-    "viscous_friction": lambda m: m.speed,
-    "coulomb_friction": _dry,
-    "coulomb_asymmetry": _dry,
-    "passive_joint_friction": lambda m: m.speed if m.kind == "Fv" else _dry(m),
-    "actuator_inertia": lambda m: m.acceleration,
-    "joint_stiffness": lambda m: m.position - m.rest,
-    "torque_offset": lambda m: 1.0,
-    "constant_force": lambda m: 1.0,
-    "quadratic_friction": lambda m: m.ca.fabs(m.speed) * m.speed,
-    "stribeck_friction": lambda m: m.ca.exp(-m.ca.fabs(m.speed / m.shape)) * m.ca.sign(m.speed),
-    "free_spring": lambda m: m.position if m.kind == "k" else -1.0,
-    "gravity_spring": lambda m: (m.ca.sin if m.kind == "ks" else m.ca.cos)(m.position),
-    "position_ripple": _ripple,
-    "position_torque": _piece,
-    "rising_friction": lambda m: -m.ca.exp(-m.ca.fabs(m.speed / m.shape)) * m.ca.sign(m.speed),
-    "sigmoid_friction": lambda m: m.ca.tanh(m.speed / m.shape),
-    "position_friction": lambda m: _piece(m) * m.ca.sign(m.speed),
-    "gear_ripple": _ripple,
-}
+    @property
+    def motion(self) -> NoReturn:
+        """Whole motions are no symbols."""
+        raise NoSymbolError("motion")
 
 
 def axis_row(robot: Robot, axis: Axis) -> Array:
@@ -103,10 +105,15 @@ def axis_row(robot: Robot, axis: Axis) -> Array:
     return row
 
 
-def force_along(
-    ca: Any, robot: Robot, axis: Axis, motion: tuple[Any, Any, Any], what: tuple[str, str, Any]
-) -> Any:
-    """Return the force along an axis per unit of a parameter.
+def forces_along(
+    ca: Any,
+    robot: Robot,
+    axis: Axis,
+    motion: tuple[Any, Any, Any],
+    name: str,
+    shape: float | None,
+) -> dict[str, Any]:
+    """Return the forces along an axis per unit of each kind of an effect's parameters.
 
     Parameters
     ----------
@@ -115,30 +122,23 @@ def force_along(
     axis : Axis
     motion : (nq,), (nv,), (nv,) of casadi.SX
         Positions, velocities and accelerations of all joints.
-    what : (str, str, float or None)
-        Effect, kind of its parameter, and its shape if it has one.
+    name : str
+        Of the effect.
+    shape : float, optional
+        Of the effect, if it has one.
+
+    Raises
+    ------
+    NoSymbolError
+        If the effect is more than a function of the motion along the axis.
     """
-    effect, kind, shape = what
     row, (q, v, a) = axis_row(robot, axis), motion
     places = {robot.dof_index(name): joint.iq for name, joint in robot.tree.single.items()}
     position = sum(row[dof] * q[places[dof]] for dof in np.flatnonzero(row).tolist())
-    first = last = 0
-    family = FAMILIES[effect]
-    if family.build is not None and shape is None:
-        shape = dict(family.effect.shapes(robot))[f"{axis.name}.{effect}"]
-    own = family.at(shape, axis.name)
-    if isinstance(own, PositionTorque):
-        first, last = own.grid(robot, axis)
-    moving = Moving(
-        ca=ca,
-        position=position,
-        speed=ca.dot(ca.SX(row), v),
-        acceleration=ca.dot(ca.SX(row), a),
-        home=float(robot.travel(axis, robot.home[None])[0]),
-        rest=rest_along(robot, axis),
-        kind=kind,
-        shape=1.0 if shape is None else shape,
-        first=first,
-        last=last,
-    )
-    return CURVES[effect](moving)
+    effect = FAMILIES[name].at(shape, axis.name)
+    if not isinstance(effect, AlongAxes) or type(effect).fill is not AlongAxes.fill:
+        raise NoSymbolError(name)
+    speed, acceleration = (ca.dot(ca.SX(row), x) for x in (v, a))
+    moving: Any = Moving(robot, axis, *(Symbol(ca, x) for x in (position, speed, acceleration)))
+    curves: Any = effect.curves(moving)
+    return {k: c.of for k, c in zip(effect.kinds(robot, axis), curves, strict=True)}

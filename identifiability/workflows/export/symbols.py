@@ -5,7 +5,8 @@ The values of the parameters are numbers in it, so that what is zero costs nothi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Robot
 from identifiability.robot.kinematics import Point
-from identifiability.workflows.export.along import CURVES, axis_row, force_along
+from identifiability.workflows.export.along import NoSymbolError, axis_row, forces_along
 from identifiability.workflows.export.recursion import position_rates, tree_torque, world_points
 
 #: What is said without CasADi.
@@ -63,16 +64,23 @@ def torque_symbols(robot: Robot, values: Mapping[str, float], shapes: Mapping[st
         If an effect cannot be generated, or there is no CasADi.
     """
     ca = import_casadi()
-    known = _sort(robot, values, shapes)
     inputs, motion = _motion(ca, robot)
+
+    @cache
+    def forces(axis: Axis, effect: str) -> dict[str, Any]:
+        shape = shapes.get(f"{axis.name}.{effect}")
+        try:
+            return forces_along(ca, robot, axis, motion, effect, shape)
+        except NoSymbolError:
+            return {}
+
+    known = _sort(robot, values, shapes, forces)
     slope = inputs[3] if robot.closed else None
     gravity = gravity_vector(robot)
     tree = tree_torque(ca, robot.tree, known.theta, gravity, motion)
-    for axis, effect, kind, value in known.levels:
-        what = (effect, kind, shapes.get(f"{axis.name}.{effect}"))
-        force = value * force_along(ca, robot, axis, motion, what)
+    for axis, level in known.levels:
         for dof, share in enumerate(axis_row(robot, axis)):
-            tree[dof] += share * force if share else 0.0
+            tree[dof] += share * level if share else 0.0
     if known.tilt.any() or known.loads:
         reference = _bodies(robot, reference_values(robot))
         still = ca.SX.zeros(robot.nv)
@@ -172,21 +180,28 @@ class _Sorted:
     ----------
     theta : mapping
         Joint of the tree to the ten parameters of the body behind it.
-    levels : list of (Axis, str, str, float)
-        Axis, effect, kind and value of what acts along an axis.
+    levels : list of (Axis, casadi.SX)
+        What acts along an axis.
     loads : list of (Axis, float)
         Friction in proportion to the load of an axis.
     tilt : (2,) [rad]
     """
 
     theta: Mapping[int, Array]
-    levels: list[tuple[Axis, str, str, float]]
+    levels: list[tuple[Axis, Any]]
     loads: list[tuple[Axis, float]]
     tilt: Array
 
 
-def _sort(robot: Robot, values: Mapping[str, float], shapes: Mapping[str, float]) -> _Sorted:
+def _sort(
+    robot: Robot,
+    values: Mapping[str, float],
+    shapes: Mapping[str, float],
+    forces: Callable[[Axis, str], dict[str, Any]],
+) -> _Sorted:
     """Return values by what they are about.
+
+    `forces` gives what acts along an axis per unit of each kind of an effect that has code.
 
     Raises
     ------
@@ -196,7 +211,7 @@ def _sort(robot: Robot, values: Mapping[str, float], shapes: Mapping[str, float]
     known = every_parameter(robot, shapes)
     axes = {axis.name: axis for axis in (*robot.axes, *robot.passive_axes)}
     bodies: dict[str, float] = {}
-    levels: list[tuple[Axis, str, str, float]] = []
+    levels: list[tuple[Axis, Any]] = []
     loads: list[tuple[Axis, float]] = []
     tilt, odd = np.zeros(2), []
     for name, value in values.items():
@@ -207,14 +222,16 @@ def _sort(robot: Robot, values: Mapping[str, float], shapes: Mapping[str, float]
             bodies[whole] = bodies.get(whole, 0.0) + value
         elif not value:
             continue
-        elif owner in axes and effect in CURVES:
-            levels.append((axes[owner], effect, kind, value))
         elif owner in axes and effect == LoadDependentFriction.name:
             loads.append((axes[owner], value))
         elif owner == BASE and kind in ("tilt1", "tilt2"):
             tilt[int(kind[-1]) - 1] = value
         else:
-            odd.append(f"{effect} ({name})")
+            unit = forces(axes[owner], effect) if owner in axes and name in known else {}
+            if kind in unit:
+                levels.append((axes[owner], value * unit[kind]))
+            else:
+                odd.append(f"{effect} ({name})")
     if odd:
         raise IdentifiabilityError(
             f"No code can be generated for {listing(odd, 4)}: leave it out of the model, or "
