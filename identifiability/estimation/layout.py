@@ -13,6 +13,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
+from identifiability.regression.windows import choose_windows
 
 #: Stretches of time over which errors are added up, for their standard errors.
 STRETCHES = 20
@@ -27,10 +28,6 @@ FEWEST_LOGS = 4
 #: Folds of the blocked cross-validation when there is one log.
 FOLDS = 5
 
-#: Samples of a log that are all held for figures and autocorrelations; of longer logs only so
-#: many windows of so many samples are, evenly spaced.
-EXCERPT, WINDOWS, WINDOW = 100_000, 4, 10_000
-
 
 @frozen
 class Layout:
@@ -40,6 +37,8 @@ class Layout:
     ----------
     counts : (L,) int
         Samples of each log.
+    windows : tuple of (w, 2) int
+        Samples [start, stop) of each log that stretches are made of.
     log, first : (S,) int
         Log of each stretch and the sample of it that the stretch begins with.
     mean : float [N·m or N]
@@ -52,6 +51,7 @@ class Layout:
     """
 
     counts: np.ndarray
+    windows: tuple[np.ndarray, ...]
     log: np.ndarray
     first: np.ndarray
     mean: float
@@ -61,7 +61,7 @@ class Layout:
 
     @staticmethod
     def of(counts: Sequence[int], torque: Array, signal: np.ndarray) -> Layout:
-        """Return the layout of logs, with about `STRETCHES` over all and one in each at least.
+        """Return the layout of logs, with about `STRETCHES` over all and one in each window.
 
         Parameters
         ----------
@@ -72,15 +72,20 @@ class Layout:
         signal : (n,) bool
             Joints at which there is something to explain.
         """
-        total = max(sum(counts), 1)
-        parts = [min(max(1, round(STRETCHES * c / total)), max(c, 1)) for c in counts]
-        first = [
-            np.arange(k) * (c // k) + np.minimum(np.arange(k), c % k)
-            for c, k in zip(counts, parts, strict=True)
-        ]
+        total, windows = max(sum(counts), 1), choose_windows(counts)
+        sizes = [w[:, 1] - w[:, 0] for w in windows]
+        shown = max(sum(s.sum() for s in sizes), 1)
+        log, first = [], []
+        for k, (starts, lengths) in enumerate(zip(windows, sizes, strict=True)):
+            for start, c in zip(starts[:, 0].tolist(), lengths.tolist(), strict=True):
+                parts = min(max(1, round(STRETCHES * c / shown)), max(c, 1))
+                at = np.arange(parts)
+                first.append(start + at * (c // parts) + np.minimum(at, c % parts))
+                log += [k] * parts
         return Layout(
             counts=np.array(counts, int),
-            log=np.repeat(np.arange(len(counts)), parts),
+            windows=windows,
+            log=np.array(log, int),
             first=np.concatenate(first),
             mean=float(torque.sum() / (total * torque.shape[1])),
             joint_mean=torque.sum(0) / total,
@@ -89,20 +94,16 @@ class Layout:
         )
 
     def stretch(self, log: int, start: int, stop: int) -> np.ndarray:
-        """Return the stretch of the samples [start, stop) of a log, (n,) int."""
+        """Return the stretch of the samples [start, stop) of a window of a log, (n,) int."""
         mine = np.flatnonzero(self.log == log)
         found = np.searchsorted(self.first[mine], np.arange(start, stop), "right") - 1
         which: np.ndarray = mine[found]
         return which
 
-    def shown(self, log: int, start: int, stop: int) -> list[tuple[int, slice]]:
-        """Return which samples of [start, stop) are held, by the number of their window."""
-        count = int(self.counts[log])
-        starts = np.linspace(0, count - WINDOW, WINDOWS).astype(int).tolist()
-        every = [(s, s + WINDOW) for s in starts] if count > EXCERPT else [(0, count)]
-        inside = ((max(first, start), min(last, stop)) for first, last in every)
-        numbered = enumerate(inside, log * WINDOWS)
-        return [(k, slice(a - start, b - start)) for k, (a, b) in numbered if a < b]
+    def series(self, log: int, start: int) -> int:
+        """Return the number of the window, over all logs, in which a sample of a log lies."""
+        before = sum(len(w) for w in self.windows[:log])
+        return before + int(np.searchsorted(self.windows[log][:, 0], start, "right")) - 1
 
 
 def choose_folds(log: np.ndarray) -> np.ndarray:

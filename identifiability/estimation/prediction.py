@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial, reduce
+from itertools import pairwise
 from operator import add
 
 import numpy as np
@@ -29,25 +30,27 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.survey import find_signal
 from identifiability.logs.signals import is_constant
-from identifiability.regression.regression import Part, Regression, map_parts
+from identifiability.regression.part import Part
+from identifiability.regression.regression import Regression, map_parts
 
 
 @frozen
 class Prediction:
     """Measured torque and its prediction by some models along logs.
 
-    Errors are exact sums over every sample. Samples themselves are held as an excerpt: all of
-    them where logs are short, else stretches of each log (`layout.EXCERPT`).
+    Of long logs it is about windows only (`regression.windows`), of others about every sample.
 
     Attributes
     ----------
+    total : int
+        Samples of the logs, those between the windows too.
     sums, raw : ErrorSums
         Against the torque as it was low-passed with the columns, and against the torque as it was
         measured at the same samples.
     t : tuple of (N_l,) [s]
-        Times of the excerpt of each log.
+        Times of the samples of each log, if these are held.
     tau : (N, n) [N·m or N]
-        Measured torque of the excerpt, logs one after the other.
+        Their measured torque, logs one after the other.
     predicted : (N, n, m) [N·m or N]
         Prediction of each of m models.
     log : (N,) int
@@ -58,6 +61,7 @@ class Prediction:
         Of the actuated joints.
     """
 
+    total: int
     sums: ErrorSums
     raw: ErrorSums
     t: tuple[Array, ...]
@@ -84,7 +88,8 @@ class Prediction:
         layout = Layout.of(counts, means, signal)
         parts = ((k, 0, tau[log == k], predicted[log == k]) for k in range(len(t)))
         sums = reduce(add, (ErrorSums.of(layout, *part) for part in parts))
-        return Prediction(sums, sums, tuple(t), tau, predicted, log, log, np.zeros_like(tau))
+        held = tuple(t), tau, predicted, log, log, np.zeros_like(tau)
+        return Prediction(len(tau), sums, sums, *held)
 
     @property
     def samples(self) -> int:
@@ -93,12 +98,12 @@ class Prediction:
 
     @property
     def whole(self) -> bool:
-        """Whether the excerpt is everything."""
-        return len(self.tau) == self.samples
+        """Whether it is about all samples of the logs."""
+        return self.samples == self.total
 
     @property
     def residual(self) -> Array:
-        """Measured less predicted torque of the excerpt, (N, n, m)."""
+        """Measured less predicted torque, (N, n, m)."""
         return self.tau[:, :, None] - self.predicted
 
     @property
@@ -165,7 +170,7 @@ class Prediction:
         return joints_above(self.sums, self._memory(self._scaled_squares(), against), against)
 
     def _scaled_squares(self) -> Array:
-        """Return squared errors of the excerpt, each joint on its own scale, summed over joints."""
+        """Return squared errors, each joint on its own scale, summed over joints."""
         weights = joint_weights(self.sums.variation.sum(0))
         squares: Array = np.einsum("anm,n->am", self.residual**2, weights)
         return squares
@@ -191,24 +196,22 @@ class Task:
     values : (F, b, m)
     turns : Turns or None
         Which set predicts a sample; the first without.
-    excerpt : bool
+    held : bool
         Whether samples are held, not only sums.
     """
 
     values: Array
     turns: Turns | None = None
-    excerpt: bool = True
+    held: bool = True
 
     def predict(self, W: Array, start: int) -> Array:
         """Return the torque (N, n, m) of samples from one on, over all logs, with W (N, n, b)."""
-        predicted = np.empty((*W.shape[:2], self.values.shape[2]))
         if self.turns is None:
-            predicted[:] = W @ self.values[0]
-            return predicted
+            whole: Array = W @ self.values[0]
+            return whole
         which = self.turns.of(start, start + len(W))
-        for fold in np.unique(which):
-            predicted[which == fold] = W[which == fold] @ self.values[fold]
-        return predicted
+        edges = [0, *(np.flatnonzero(np.diff(which)) + 1).tolist(), len(W)]
+        return np.concatenate([W[a:b] @ self.values[which[a]] for a, b in pairwise(edges)])
 
 
 def predict(
@@ -240,7 +243,9 @@ def predict_all(
     engine: Engine | None = None,
     progress: Steps | None = None,
 ) -> list[Prediction]:
-    """Return several predictions of the same logs, going through them once.
+    """Return several predictions of the same logs, going through their windows once.
+
+    What was kept when their information was gathered is not computed again.
 
     Parameters
     ----------
@@ -255,14 +260,16 @@ def predict_all(
     torque = np.array([s.torque for s in surveys])
     layout = Layout.of(counts, torque, find_signal(surveys))
     work = partial(_predict_part, tasks=tuple(tasks), layout=layout)
-    parts = map_parts(work, regression, engine, progress)
-    return [_join(found, len(counts)) for found in zip(*parts, strict=True)]
+    parts = [part for part in regression.parts() if part.is_shown]
+    here = all(part.is_kept for part in parts)
+    found = map_parts(work, parts, None if here else engine, progress)
+    return [_join(one, counts) for one in zip(*found, strict=True)]
 
 
 #: Errors of the low-passed and of the measured torque.
 Both = tuple[ErrorSums, ErrorSums]
 
-#: Time, torque, prediction, velocity, log and series of some samples of an excerpt.
+#: Time, torque, prediction, velocity, log and series of some samples.
 Held = tuple[Array, Array, Array, Array, np.ndarray, np.ndarray]
 
 
@@ -275,23 +282,22 @@ def _predict_part(
         tau, predicted, none = np.empty((0, n)), np.empty((0, n, m)), np.empty(0, int)
         sums.append([ErrorSums.of(layout, 0, 0, tau, predicted)] * 2)
         held.append([(np.empty(0), tau, predicted, tau, none, none)])
-    for chunk in part.chunks():
+    for chunk in part.shown():
         before = int(layout.counts[: chunk.log].sum())
-        shown = layout.shown(chunk.log, chunk.start, chunk.start + len(chunk.tau))
+        log = np.full(len(chunk.t), chunk.log)
+        series = np.full(len(chunk.t), layout.series(chunk.log, chunk.start))
         for k, task in enumerate(tasks):
             predicted = task.predict(chunk.W, before + chunk.start)
             for which, tau in enumerate((chunk.tau, chunk.raw)):
                 sums[k][which] += ErrorSums.of(layout, chunk.log, chunk.start, tau, predicted)
-            for series, rows in shown if task.excerpt else ():
-                t, tau, velocity = (x[rows] for x in (chunk.t, chunk.tau, chunk.velocity))
-                log, number = np.full(len(t), chunk.log), np.full(len(t), series)
-                held[k].append((t, tau, predicted[rows], velocity, log, number))
+            if task.held:
+                held[k].append((chunk.t, chunk.tau, predicted, chunk.velocity, log, series))
     return [((low, raw), some) for (low, raw), some in zip(sums, held, strict=True)]
 
 
-def _join(found: Sequence[tuple[Both, list[Held]]], logs: int) -> Prediction:
+def _join(found: Sequence[tuple[Both, list[Held]]], counts: Sequence[int]) -> Prediction:
     sums, raw = (reduce(add, parts) for parts in zip(*(both for both, _ in found), strict=True))
     held = [some for _, several in found for some in several]
     t, tau, predicted, velocity, log, series = map(np.concatenate, zip(*held, strict=True))
-    times = tuple(t[log == k] for k in range(logs))
-    return Prediction(sums, raw, times, tau, predicted, log, series, velocity)
+    times = tuple(t[log == k] for k in range(len(counts)))
+    return Prediction(sum(counts), sums, raw, times, tau, predicted, log, series, velocity)

@@ -26,7 +26,8 @@ from identifiability.regression.actuator_blocks import (
     merge_held,
 )
 from identifiability.regression.information import Information
-from identifiability.regression.regression import Part, Regression, map_parts
+from identifiability.regression.part import Chunk, Part
+from identifiability.regression.regression import Regression, map_parts
 
 #: Blocks of time a log is divided into at most; the bootstrap draws whole blocks.
 BLOCKS = 256
@@ -71,7 +72,11 @@ def gather_information(
         held = [allot((count, min(longest, len(S)), len(S))) for S in bases]
         sums = [np.zeros((count, len(S))) for S in bases]
         counts, logs = np.zeros(count, int), np.zeros(count, int)
-        pieces = _pieces(map_parts(gather, regression, engine, progress), missed)
+        todo = regression.parts()
+        for part in todo:
+            if part.remote:  # what is kept is not sent about
+                part.keep(None)
+        pieces = _pieces(todo, map_parts(gather, todo, engine, progress), missed)
         for b, piece in enumerate(_join(pieces)):
             logs[b], counts[b] = piece.at[0], piece.count
             for a, (one, total) in enumerate(zip(piece.held, piece.sums, strict=True)):
@@ -120,16 +125,23 @@ def _join(pieces: Iterable[_Piece]) -> Iterator[_Piece]:
         yield reduce(add, same)
 
 
-def _pieces(found: Iterable[tuple[Iterable[_Piece], Array]], missed: Array) -> Iterator[_Piece]:
-    for pieces, unseen in found:
+#: Blocks of a part, squared lengths (n, k) of columns that were not expected, and what is kept of
+#: it where it was gone through elsewhere.
+_Found = tuple[Iterable[_Piece], Array, list[Chunk] | None]
+
+
+def _pieces(parts: Sequence[Part], found: Iterable[_Found], missed: Array) -> Iterator[_Piece]:
+    for part, (pieces, unseen, kept) in zip(parts, found, strict=True):
         yield from pieces
         missed += unseen
+        if part.remote:
+            part.keep(kept)
 
 
 def _gather_part(
     part: Part, seen: np.ndarray, bases: Sequence[Array], edges: Sequence[Array]
-) -> tuple[Iterable[_Piece], Array]:
-    """Return the blocks of a part, and the squared lengths (n, k) of columns not in `seen`.
+) -> _Found:
+    """Return the blocks of a part, and what columns not in `seen` are.
 
     Both are whole once the blocks were gone through, which are made one at a time.
     """
@@ -153,7 +165,9 @@ def _gather_part(
                 at = stop
 
     blocks = _join(pieces())
-    return list(blocks) if part.remote else blocks, missed
+    if not part.remote:
+        return blocks, missed, None
+    return list(blocks), missed, None if part.kept is None else part.kept.chunks
 
 
 def _survey(regression: Regression) -> list[Array]:

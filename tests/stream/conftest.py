@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.estimation import layout
 from identifiability.logs import scan, signals, tables
 from identifiability.logs.prepare import longsamples
+from identifiability.regression import windows
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
 
@@ -24,8 +24,8 @@ def sizes(monkeypatch):
         monkeypatch.setattr(scan, "WHOLE", characters)
         if window is not None:
             monkeypatch.setattr(signals, "WINDOW", window)
-            monkeypatch.setattr(layout, "EXCERPT", 4 * window)
-            monkeypatch.setattr(layout, "WINDOW", window)
+            monkeypatch.setattr(windows, "EXCERPT", 10 * window)
+            monkeypatch.setattr(windows, "WINDOW", window)
 
     chosen()
     return chosen

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.layout import WINDOW, WINDOWS
 from identifiability.estimation.noise.autocorrelation import autocorrelation
 from identifiability.foundation.names import Array
 from identifiability.report.blocks import Block, Fold, Gallery, Section, Trace, Traces
@@ -46,8 +45,6 @@ def section_prediction(analysis: Analysis) -> Section:
     first = analysis.held_out.series[: len(times)] == analysis.held_out.series[:1]
     part = choose_stretch(times[first])
     shown = times[part]
-    whole = analysis.held_out.whole and analysis.fitted.whole
-    windows = sentence("analysis.windows", windows=WINDOWS, window=WINDOW)
     return section(
         "analysis.prediction",
         torque_traces(analysis),
@@ -58,8 +55,17 @@ def section_prediction(analysis: Analysis) -> Section:
         span=f", t = {shown[0]:.3g} … {shown[-1]:.3g} s," if len(shown) > 1 else "",
         model=model_title(analysis.chosen),
         kind="a log that" if analysis.validation else "stretches of a log that",
-        windows="" if whole else windows,
+        windows=_tell_windows(analysis),
     )
+
+
+def _tell_windows(analysis: Analysis) -> str:
+    """Return how many samples errors are of, where they are not of all."""
+    for found in (analysis.held_out, analysis.fitted):
+        if not found.whole:
+            shown, total = f"{found.samples:,}", f"{found.total:,}"
+            return sentence("analysis.windows", shown=shown, total=total)
+    return ""
 
 
 def torque_traces(analysis: Analysis) -> Traces:

@@ -196,7 +196,7 @@ def measure_rungs(
     values = np.stack([m.rung.expand(m.estimate.value) for m in models], 1)
     robots = [p.base for p in physical] + [p.in_file for p in physical]
     own_values = np.stack([values[:, chosen], *robots], 1)
-    every, two = Task(values[None], excerpt=False), Task(own_values[None])
+    every, two = Task(values[None], held=False), Task(own_values[None])
     crossed = _plan_unseen(question, search)
     fitted, unseen, own = predict_all(
         opening.regression, [every, crossed, two], engine=engine, progress=progress
@@ -263,7 +263,7 @@ def _plan_unseen(question: Question, search: Search) -> Task:
     fits = np.stack([s.values[1:] for s in search.path.steps], 2)
     values = start.held[:, None] + start.M @ fits
     turns = take_turns(question.information, folds.fold[folds.stretch])
-    return Task(values, turns, excerpt=False)
+    return Task(values, turns, held=False)
 
 
 def _judge(

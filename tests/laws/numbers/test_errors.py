@@ -27,7 +27,7 @@ from identifiability.estimation.torque_errors import (
     ErrorSums,
     standard_error,
 )
-from identifiability.regression.regression import Chunk
+from identifiability.regression.part import Chunk
 
 from .made import ar1, gather
 
@@ -269,7 +269,9 @@ class Rows:
 
     def parts(self):
         return [
-            SimpleNamespace(remote=False, chunks=lambda k=k: self.chunks(k))
+            SimpleNamespace(
+                remote=False, is_shown=True, is_kept=False, shown=lambda k=k: self.chunks(k)
+            )
             for k in range(len(self.logs))
         ]
 
@@ -292,7 +294,7 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
     values = rng.normal(size=(3, 3, 2))
     turns = Turns(np.arange(8, 81, 8), np.arange(10) % 3)
     whole, plain = predict_all(
-        Rows(W, tau, logs), [Task(values, turns), Task(values[:1], excerpt=False)]
+        Rows(W, tau, logs), [Task(values, turns), Task(values[:1], held=False)]
     )
     expected = np.einsum("tak,tkm->tam", W, values[fold])
     np.testing.assert_allclose(whole.predicted, expected, rtol=1e-12)

@@ -1,0 +1,42 @@
+"""Which samples of logs are looked at one by one: all of short logs, windows of long ones.
+
+Whatever is a sum over samples is taken from `Information`, over every sample. What is not (sizes of
+errors, their memory, pictures) takes rows of the regressor, and 50,000 of them say it as well as
+10⁸ do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+#: Samples of all logs that are looked at one by one; of more only so many windows of so many
+#: samples are, evenly spaced, and one of each log at least.
+EXCERPT, WINDOWS, WINDOW = 100_000, 10, 5_000
+
+
+def choose_windows(counts: Sequence[int]) -> tuple[np.ndarray, ...]:
+    """Return the samples [start, stop) of each log that are looked at one by one, (w, 2) each.
+
+    Parameters
+    ----------
+    counts : sequence of int
+        Samples of each log.
+    """
+    total = sum(counts)
+    if total <= EXCERPT:
+        return tuple(np.array([[0, c]]) for c in counts)
+    windows = []
+    for count in counts:
+        size = min(WINDOW, count)
+        starts = np.linspace(0, count - size, max(1, round(WINDOWS * count / total))).astype(int)
+        windows.append(np.stack([starts, starts + size], 1))
+    return tuple(windows)
+
+
+def inside(windows: np.ndarray, start: int, stop: int) -> list[tuple[int, slice]]:
+    """Return which of the samples [start, stop) lie in windows (w, 2), by number of the window."""
+    low, high = np.maximum(windows[:, 0], start), np.minimum(windows[:, 1], stop)
+    found = np.flatnonzero(low < high).tolist()
+    return [(k, slice(int(low[k]) - start, int(high[k]) - start)) for k in found]

@@ -1,0 +1,95 @@
+"""The regressor is what costs most; it is made once for each sample."""
+
+import cloudpickle
+import numpy as np
+import pytest
+
+from identifiability import analyze
+from identifiability.estimation.prediction import predict
+from identifiability.foundation.engines.local import Serial
+from identifiability.foundation.engines.mapping import Engine, run_limited
+from identifiability.logs import Log
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare import Samples, prepare_samples
+from identifiability.logs.prepare.longsamples import Stretch, prepare_log
+from identifiability.regression.gather import gather_information
+from identifiability.regression.part import Part
+from identifiability.regression.regression import Model, Regression
+from identifiability.regression.windows import choose_windows
+from identifiability.robot import Robot
+
+
+class Elsewhere(Engine):
+    """Sends items and results as another process gets them."""
+
+    def _run(self, function, items):
+        return (copied(run_limited(function, copied(item))) for item in items)
+
+
+def copied(item):
+    return cloudpickle.loads(cloudpickle.dumps(item))
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Times of all samples whose regressor is made, by the kind of what they are samples of."""
+    times = {}
+    plain = Part._regressor
+
+    def spied(self, piece, buffer):
+        times.setdefault(type(self.samples), []).extend(piece.motion.t[piece.at].tolist())
+        return plain(self, piece, buffer)
+
+    monkeypatch.setattr(Part, "_regressor", spied)
+    return times
+
+
+def test_a_long_log_is_gone_through_once(made, sizes, frame_of, saved):
+    sizes(window=100)
+    path = saved(frame_of("two-link", periods=5))
+    found = analyze("two-link", LogFile.read(path), replicates=0, engine=Serial())
+    assert not found.held_out.whole
+    assert made[Stretch] == Log.read(path).t.tolist()
+
+
+def test_a_short_log_is_gone_through_once(made, frame_of):
+    log = Log.from_frame(frame_of("two-link", periods=1, samples=700), "short")
+    robot, model = Robot.load("two-link"), Model.of("rigid_body", "viscous_friction")
+    regression = Regression(robot, model, (prepare_samples(robot, log),))
+    gather_information(regression)
+    predict(regression, np.zeros((len(regression.parameters), 1)))
+    assert made[Samples] == log.t.tolist()
+
+
+def test_errors_of_windows_are_the_same_from_what_was_kept(sizes, frame_of, saved):
+    sizes(window=150)
+    robot, model = Robot.load("two-link"), Model.of("rigid_body", "viscous_friction")
+    file = LogFile.read(saved(frame_of("two-link", periods=6)))
+    samples = prepare_log(robot, file, engine=Serial())
+
+    def errors(engine):
+        regression = Regression(robot, model, (samples,))
+        if engine is not None:
+            gather_information(regression, engine=engine)
+        values = np.arange(len(regression.parameters), dtype=float)[:, None]
+        return predict(regression, values, engine=engine)
+
+    anew = errors(None)
+    assert anew.samples == 1500 == len(anew.tau)
+    assert anew.total == 6000
+    for found in (errors(Serial()), errors(Elsewhere())):
+        np.testing.assert_array_equal(found.t[0], anew.t[0])
+        np.testing.assert_array_equal(found.series, anew.series)
+        np.testing.assert_allclose(found.predicted, anew.predicted, rtol=1e-13)
+        np.testing.assert_allclose(found.sums.absolute, anew.sums.absolute, rtol=1e-12)
+
+
+@pytest.mark.parametrize("counts", [(10,), (3, 0, 5), (2000, 70_000), (99_999, 2), (10**8, 20, 3)])
+def test_windows_lie_in_their_logs_and_do_not_overlap(counts):
+    windows = choose_windows(counts)
+    for count, own in zip(counts, windows, strict=True):
+        edges = own.ravel()
+        assert 0 <= edges[0] <= edges[-1] <= count
+        assert (np.diff(edges) >= 0).all()
+    shown = sum(int(np.diff(own).sum()) for own in windows)
+    assert shown == sum(counts) or 50_000 <= shown <= 100_000
