@@ -22,14 +22,8 @@ from identifiability.report.numbers import (
     whole_percent,
 )
 from identifiability.report.page import Page
-from identifiability.report.sections.commands import (
-    answer_next,
-    held_back,
-    name_logs,
-    source_name,
-)
 from identifiability.report.sections.connections import section_budget, section_confused
-from identifiability.report.sections.decision import answer_quality, answer_trust
+from identifiability.report.sections.decision import answer_next, answer_quality, answer_trust
 from identifiability.report.sections.drawn import sketch_robot
 from identifiability.report.sections.facts import (
     SIGMA,
@@ -42,6 +36,7 @@ from identifiability.report.sections.facts import (
 from identifiability.report.sections.robot import mass_table
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import columns, note, picture, section, sentence, words
+from identifiability.workflows.commands import held_back, name_logs, source_name
 from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.prune.rung import PrunedRung
 

@@ -17,7 +17,15 @@ from identifiability.report import build_analysis_page, render_page
 from identifiability.report.blocks import Note, Trace
 from identifiability.report.figures.confusion import order_confused
 from identifiability.report.figures.skeleton import Part, draw_skeleton, trace_limbs
-from identifiability.report.sections.commands import (
+from identifiability.report.sections.connections import section_confused
+from identifiability.report.sections.decision import (
+    answer_quality,
+    answer_trust,
+    grade_of,
+    state_error,
+)
+from identifiability.robot import Robot
+from identifiability.workflows.commands import (
     file_names,
     held_back,
     ladder_option,
@@ -27,14 +35,6 @@ from identifiability.report.sections.commands import (
     reading_options,
     source_name,
 )
-from identifiability.report.sections.connections import section_confused
-from identifiability.report.sections.decision import (
-    answer_quality,
-    answer_trust,
-    grade_of,
-    state_error,
-)
-from identifiability.robot import Robot
 from identifiability.workflows.predict.frames import correlation_of
 
 

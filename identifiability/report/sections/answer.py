@@ -10,18 +10,12 @@ from identifiability.estimation.verdict import Class
 from identifiability.report.blocks import Answer, Answers, Note, Notes, Term, Terms
 from identifiability.report.marks import MARKS
 from identifiability.report.numbers import error_text, format_count, format_number, join, time_text
-from identifiability.report.sections.commands import (
-    answer_next,
-    held_back,
-    ladder_option,
-    name_logs,
-    source_name,
-)
-from identifiability.report.sections.decision import answer_quality, answer_trust, grade_of
+from identifiability.report.sections.decision import answer_next, answer_quality, answer_trust
 from identifiability.report.sections.drawn import sketch_robot
 from identifiability.report.sections.facts import model_title, sigma_inflation
 from identifiability.report.words import note
 from identifiability.workflows.analyze import Analysis
+from identifiability.workflows.analyze.next_steps import next_commands
 
 #: σ may grow by this factor before the report warns of autocorrelation.
 MILD_INFLATION = 1.2
@@ -66,31 +60,6 @@ def _answer_use(analysis: Analysis) -> Answer:
     physics = f" {analysis.physical_statement}"
     tone = "blue" if chosen.feasible else "amber"
     return Answer(question, f"{title}: {found} identifiable.", f"{size}{physics}", tone)
-
-
-def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
-    """Return at most three lines for the terminal, the most useful first."""
-    robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
-    names = [s.name for s in analysis.samples]
-    logs = name_logs(analysis.robot, names, how=how)
-    if analysis.nothing:
-        return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
-    held = held_back(analysis.validation)
-    chosen, out = analysis.chosen, []
-    if grade_of(chosen.error_ra_validation) != "very-good":
-        page = "--report missing.html"
-        text = "Find out what the model misses:"
-        out.append((text, f"identifiability diagnose {robot} {logs}{held} {page}"))
-    if chosen.count(Class.IDENTIFIABLE) < len(chosen.rung):
-        text = "Drop what noise decides, and keep a model that a real robot can have:"
-        more = f"{ladder_option(analysis.robot, analysis.source)} --report pruned.html"
-        out.append((text, f"identifiability prune {robot} {logs}{held}{more} --json result.json"))
-        text = "Or measure what these logs leave open:"
-        begun = name_logs(analysis.robot, names, "--start-from", how)
-        out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
-    text = "Take the robot into a simulator (result.json is what --json wrote):"
-    out.append((text, f"identifiability export {robot} result.json --out fitted.xml"))
-    return out[:3]
 
 
 def answer_terms(analysis: Analysis) -> Terms:

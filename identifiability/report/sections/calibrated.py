@@ -5,17 +5,12 @@ from __future__ import annotations
 from identifiability.report.blocks import Answer, Answers, Sketch
 from identifiability.report.figures.skeleton import Part
 from identifiability.report.numbers import NONE, join, rough_percent, whole_percent
-from identifiability.report.sections.commands import (
-    answer_next,
-    ladder_option,
-    name_logs,
-    quote,
-    source_name,
-)
+from identifiability.report.sections.decision import answer_next
 from identifiability.report.sections.drawn import moved_pose, sketch_parts
 from identifiability.workflows.calibrate.answer import MOST_WRONG
 from identifiability.workflows.calibrate.result import Calibration
 from identifiability.workflows.calibrate.world import Cause
+from identifiability.workflows.commands import ladder_option, name_logs, quote, source_name
 
 TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
 

@@ -7,14 +7,9 @@ import numpy as np
 from identifiability.report.blocks import Answer, Answers, Sketch
 from identifiability.report.figures.skeleton import Part
 from identifiability.report.numbers import join, rough_percent
-from identifiability.report.sections.commands import (
-    answer_next,
-    file_names,
-    name_logs,
-    quote,
-    source_name,
-)
+from identifiability.report.sections.decision import answer_next
 from identifiability.report.sections.drawn import sketch_parts
+from identifiability.workflows.commands import file_names, name_logs, quote, source_name
 from identifiability.workflows.compare import Comparison
 from identifiability.workflows.compare.changes import LEVEL
 from identifiability.workflows.compare.result import describe

@@ -10,10 +10,7 @@ from identifiability.foundation.names import Array
 from identifiability.report.blocks import Answer, Note
 from identifiability.report.numbers import error_text, format_count
 from identifiability.report.words import sentence
-
-#: Error on unseen motion, of how much torque varies, up to which it is called so; a rule of thumb.
-GRADES = ((0.03, "very-good"), (0.08, "good"), (0.15, "fair"), (0.5, "poor"), (np.inf, "useless"))
-
+from identifiability.workflows.analyze.words import grade_of
 
 #: Error from which on a joint by itself is no longer good where all together are.
 FEW = 0.15
@@ -23,15 +20,17 @@ FEW = 0.15
 MUCH = 0.8
 
 
-def grade_of(error: float) -> str:
-    """Return the name of the grade of an error on unseen motion."""
-    return next(name for limit, name in GRADES if error <= limit)
-
-
 def tone_of(error: float) -> str:
     """Return the colour of an error on unseen motion."""
     tones = {"very-good": "green", "good": "green", "fair": "amber"}
     return tones.get(grade_of(error), "vermilion") if np.isfinite(error) else "grey"
+
+
+def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
+    """Return what to do next, with lines for the terminal."""
+    one = "this" if len(commands) == 1 else "one of these"
+    short = f"Run {one} where robot and logs are."
+    return Answer("What next?", short, commands=tuple(commands))
 
 
 def answer_quality(error: float, joints: Sequence[str], each: Array, kind: str) -> Answer:

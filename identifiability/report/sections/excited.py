@@ -7,9 +7,10 @@ import numpy as np
 from identifiability.report.blocks import Answer, Answers, Sketch
 from identifiability.report.figures.skeleton import Part
 from identifiability.report.numbers import format_count, format_number, join, whole_percent
-from identifiability.report.sections.commands import answer_next, name_logs, source_name
+from identifiability.report.sections.decision import answer_next
 from identifiability.report.sections.drawn import actuated_pose, sketch_parts
 from identifiability.report.words import sentence
+from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.excite.result import Excitation
 
 #: σ of a parameter relative to before, up to which it is known better.

@@ -7,8 +7,9 @@ import numpy as np
 from identifiability.report.blocks import Answer, Answers, Sketch
 from identifiability.report.figures.skeleton import Part
 from identifiability.report.numbers import format_measured, format_number, join, percent
-from identifiability.report.sections.commands import answer_next, name_logs, quote, source_name
+from identifiability.report.sections.decision import answer_next
 from identifiability.report.sections.drawn import sketch_parts
+from identifiability.workflows.commands import name_logs, quote, source_name
 from identifiability.workflows.payload import Load, Quantity
 
 

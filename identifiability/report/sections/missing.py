@@ -7,14 +7,9 @@ import numpy as np
 from identifiability.report.blocks import Answer, Answers, Sketch
 from identifiability.report.figures.skeleton import Part
 from identifiability.report.numbers import format_number, join, percent
-from identifiability.report.sections.commands import (
-    answer_next,
-    held_back,
-    name_logs,
-    source_name,
-)
-from identifiability.report.sections.decision import state_error, tone_of
+from identifiability.report.sections.decision import answer_next, state_error, tone_of
 from identifiability.report.sections.drawn import moved_pose, sketch_parts
+from identifiability.workflows.commands import held_back, name_logs, source_name
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.words import headline
 

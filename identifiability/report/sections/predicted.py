@@ -7,9 +7,9 @@ import numpy as np
 from identifiability.report.blocks import Answer, Answers, Sketch
 from identifiability.report.figures.skeleton import Part
 from identifiability.report.numbers import error_text, format_count, join
-from identifiability.report.sections.commands import answer_next, name_logs, quote, source_name
-from identifiability.report.sections.decision import answer_quality, tone_of
+from identifiability.report.sections.decision import answer_next, answer_quality, tone_of
 from identifiability.report.sections.drawn import sketch_parts
+from identifiability.workflows.commands import name_logs, quote, source_name
 from identifiability.workflows.predict import TorquePrediction
 from identifiability.workflows.predict.result import FEW_INSIDE
 

@@ -10,19 +10,11 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.regression.reduction import LadderSource, ladder_path
-from identifiability.report.blocks import Answer
 from identifiability.robot import Robot
 from identifiability.robot.locate import shipped_folder
 
 #: What of a preparation an option says; others are only said from Python.
 OPTIONS = ("derivatives", "cutoff", "period", "harmonics", "decimate")
-
-
-def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
-    """Return what to do next, with lines for the terminal."""
-    one = "this" if len(commands) == 1 else "one of these"
-    short = f"Run {one} where robot and logs are."
-    return Answer("What next?", short, commands=tuple(commands))
 
 
 def source_name(robot: Robot) -> str:

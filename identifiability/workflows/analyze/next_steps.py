@@ -1,0 +1,33 @@
+"""What to do next after an analysis, as lines for the terminal."""
+
+from __future__ import annotations
+
+from identifiability.estimation.verdict import Class
+from identifiability.workflows.analyze.result import Analysis
+from identifiability.workflows.analyze.words import grade_of
+from identifiability.workflows.commands import held_back, ladder_option, name_logs, source_name
+
+
+def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
+    """Return at most three lines for the terminal, the most useful first."""
+    robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
+    names = [s.name for s in analysis.samples]
+    logs = name_logs(analysis.robot, names, how=how)
+    if analysis.nothing:
+        return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
+    held = held_back(analysis.validation)
+    chosen, out = analysis.chosen, []
+    if grade_of(chosen.error_ra_validation) != "very-good":
+        page = "--report missing.html"
+        text = "Find out what the model misses:"
+        out.append((text, f"identifiability diagnose {robot} {logs}{held} {page}"))
+    if chosen.count(Class.IDENTIFIABLE) < len(chosen.rung):
+        text = "Drop what noise decides, and keep a model that a real robot can have:"
+        more = f"{ladder_option(analysis.robot, analysis.source)} --report pruned.html"
+        out.append((text, f"identifiability prune {robot} {logs}{held}{more} --json result.json"))
+        text = "Or measure what these logs leave open:"
+        begun = name_logs(analysis.robot, names, "--start-from", how)
+        out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
+    text = "Take the robot into a simulator (result.json is what --json wrote):"
+    out.append((text, f"identifiability export {robot} result.json --out fitted.xml"))
+    return out[:3]
