@@ -66,7 +66,8 @@ def diagnose(
     out
         Write the model with the named effects here, as a model file for every other verb.
     motion
-        Write the motion to log next here, which tells an "A or B" apart; --limits holds for it.
+        Write the motion to log next here: it tells an "A or B" apart or, where there is none, shows
+        what these logs cannot tell from the model. --limits holds for it.
     limits
         TOML with limits of the joints, as for excite.
     earlier

@@ -92,24 +92,42 @@ def measure_spread(
     dof = np.maximum(information.samples / fit.times - len(kept) / n, 1.0)
     swallowed = np.sqrt(information.samples / (fit.times * dof))
     low, raw = (np.fmax(own * swallowed, other) for own, other in zip(rms, unseen, strict=True))
-    covariance = np.zeros((information.size, information.size))
-    if kept:
-        covariance[np.ix_(kept, kept)] = _robust(information, fit, uncertainty)
-    unknown = _never_shown(information, fit)
+    covariance, unknown = measure_errors(information, fit, widening(information, fit, uncertainty))
     return Spread(covariance=covariance, unknown=unknown, low=low, raw=raw, dof=dof)
 
 
-def _robust(information: Information, fit: Estimate, uncertainty: Uncertainty) -> Array:
-    """Return the covariance of the kept columns, as large as resampling and scores say.
+def measure_errors(
+    information: Information, fit: Estimate, wider: float = 1.0
+) -> tuple[Array, Array]:
+    """Return the covariance (k, k) of the values of a fit, and what it never saw, (k, d).
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+    wider : float
+        Factor of variance, such as that of `widening`.
+    """
+    kept = list(fit.kept)
+    covariance = np.zeros((information.size, information.size))
+    if kept:
+        covariance[np.ix_(kept, kept)] = wider * remembering_covariance(information, fit)
+    return covariance, _never_shown(information, fit)
+
+
+def widening(information: Information, fit: Estimate, uncertainty: Uncertainty) -> float:
+    """Return by how much variances are larger than by formula, as resampling and scores say.
 
     One factor for all of them keeps how they depend on each other: what few parameters do not know
     of each other, torque may know well.
     """
-    found = remembering_covariance(information, fit)
-    variance, wide = np.diag(found), uncertainty.robust[list(fit.kept)] ** 2
+    kept = list(fit.kept)
+    variance, wide = fit.sigma[kept] ** 2, uncertainty.robust[kept] ** 2
+    if kept:
+        variance = np.diag(remembering_covariance(information, fit))
     known = np.isfinite(wide) & (variance > 0)
-    larger = float(np.mean(wide[known] / variance[known])) if known.any() else 1.0
-    return max(larger, 1.0) * found
+    return max(float(np.mean(wide[known] / variance[known])) if known.any() else 1.0, 1.0)
 
 
 def _never_shown(information: Information, fit: Estimate) -> Array:

@@ -1,7 +1,7 @@
 """From "A or B" to the motion that tells them apart, and how likely it does."""
 
 import json
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,17 +10,16 @@ from typer.testing import CliRunner
 from identifiability import IdentifiabilityError, Robot, excite
 from identifiability.cli import app
 from identifiability.simulation import Campaign, Noise, random_trajectory
-from identifiability.workflows.diagnose import find_next
+from identifiability.workflows.diagnose import diagnose, find_next
 from identifiability.workflows.diagnose.decision_chance import aim_at, decision_chance
-from identifiability.workflows.excite.criteria import Discrimination, Separation
+from identifiability.workflows.excite.criteria import Ask, Discrimination, Reveal
 
 
-def aim_of(values=(1.0,), reverse=None):
+def aim_of(values=(1.0,), *more, nested=False):
     """One model column, one effect, and one rival with two shapes."""
-    second = (np.array([2]), np.array([3]))
-    return Discrimination(
-        np.array([1]), np.array([2, 3]), np.array(values), second, np.arange(1, 4), reverse
-    )
+    shapes = (np.array([2]), np.array([3]))
+    ask = Ask(0, False, np.array([1]), np.array(values), shapes, nested=nested)
+    return Discrimination(np.array([1]), np.array([2, 3]), (ask, *more))
 
 
 def test_what_only_the_true_effect_explains_is_its_least_over_the_rivals_shapes():
@@ -34,8 +33,10 @@ def test_what_only_the_true_effect_explains_is_its_least_over_the_rivals_shapes(
 
     squares = [9 * np.sum(left([0, k]) ** 2) for k in (2, 3)]
     assert aim.figure(float(aim.cost(G[None])[0])) == pytest.approx(np.sqrt(min(squares)))
-    whole = aim.each[0].squares(G[None])[0][0]
-    assert whole == pytest.approx(9 * np.sum(left([0]) ** 2))
+    whole = 9 * np.sum(left([0]) ** 2)
+    assert aim.squares(G[None], aim.asks[0])[0][0] == pytest.approx(whole)
+    similarity = np.sqrt(1 - min(squares) / whole)
+    assert aim.similarity(G[None])[0] == pytest.approx(similarity)
 
 
 def test_a_chance_rises_with_the_effect_and_is_the_mean_over_both_truths():
@@ -43,13 +44,41 @@ def test_a_chance_rises_with_the_effect_and_is_the_mean_over_both_truths():
     G[1, 2] = G[2, 1] = 0.5
     weak, strong = (decision_chance(aim_of((size,)), G, 0.9) for size in (0.5, 8.0))
     assert weak < 0.5 < 0.99 < strong
-    back = Discrimination(np.array([2]), np.array([1]), np.array([0.5]), (np.array([1]),),
-                          np.arange(1, 4))  # fmt: skip
+    back = Ask(0, True, np.array([2]), np.array([0.5]), (np.array([1]),))
     both = decision_chance(aim_of((8.0,), back), G, 0.9)
-    assert both == pytest.approx((strong + decision_chance(back, G, 0.9)) / 2)
+    alone = decision_chance(Discrimination(np.array([2]), np.array([1, 3]), (back,)), G, 0.9)
+    assert both == pytest.approx((strong + alone) / 2)
     # Names that are alike need a decisive likelihood ratio, others only the larger one.
     G[1, 2] = G[2, 1] = 0.95
     assert decision_chance(aim_of((4.0,)), G, 0.9) < decision_chance(aim_of((4.0,)), G, 0.99) - 0.2
+
+
+def test_the_part_of_a_rival_is_decided_where_the_rival_would_show_more():
+    """An offset, and a spring with an offset of its own, of which the motion shows more or less."""
+    chances = []
+    for seen in (0.1, 1.0):
+        G = np.eye(4)
+        G[1, 2] = G[2, 1] = 1.0
+        G[3, 0] = G[0, 3] = np.sqrt(1 - seen**2)  # the model hides the rest
+        aim = aim_at(G, [np.array([1])], [[np.array([2, 3])]], 0, np.array([10.0]))
+        (ask,) = aim.asks
+        assert ask.reverse
+        assert ask.nested
+        np.testing.assert_allclose(np.abs(ask.values), 10 / np.sqrt(2))
+        chances.append(decision_chance(aim, G, 0.9))
+    assert chances[0] < 0.1 < 0.9 < chances[1]
+
+
+def test_hidden_effects_count_alike_however_large_and_none_counts_against():
+    A = np.random.default_rng(1).standard_normal((40, 3))
+    A[:, 2] = A[:, 0]  # the model says it
+    aim = Reveal((np.array([1]), np.array([2])), (np.array([2.0]), np.array([3.0])))
+    G = A.T @ A
+    Q = A[:, [0]] / np.linalg.norm(A[:, 0])
+    seen = 4 * np.sum((A[:, 1] - Q[:, 0] * (Q[:, 0] @ A[:, 1])) ** 2)
+    np.testing.assert_allclose(aim.squares(G[None])[:, 0], [seen, 0.0], atol=1e-6)
+    assert aim.figure(float(aim.cost(G[None])[0])) < np.sqrt(seen)
+    assert aim.cost(1e4 * G[None])[0] < aim.cost(G[None])[0] < aim.cost(0 * G[None] + np.eye(3))[0]
 
 
 def test_a_motion_may_begin_and_end_at_rest():
@@ -68,16 +97,45 @@ def test_a_motion_may_begin_and_end_at_rest():
 
 
 def test_shapes_of_an_effect_may_have_different_numbers_of_columns():
-    columns, known = np.arange(5), np.eye(5) + 0.1
-    aim = Separation(np.array([1]), np.array([2, 3, 4]))
-    found = aim_at(SimpleNamespace(criterion=aim), known, [[1], [1, 2]], 0, np.ones(1))
-    assert [own.tolist() for own in found.shapes] == [[2], [3, 4]]
-    assert set(columns) - set(found.effects.tolist()) == {0}
+    known, rival = np.eye(5) + 0.1, [np.array([2]), np.array([3, 4])]
+    found = aim_at(known, [np.array([1])], [rival], 0, np.ones(1))
+    assert [own.tolist() for own in found.asks[0].others] == [[2], [3, 4]]
+    assert found._model(known[None]).tolist() == [0]
 
 
-def test_nothing_is_asked_for_where_nothing_is_undecided():
+def test_nothing_is_asked_for_where_nothing_is_undecided_or_hidden(diagnosis_of):
+    d = replace(diagnosis_of("two-link", effects=("quadratic_friction",)), aliases=())
     with pytest.raises(IdentifiabilityError, match="Nothing that was named is undecided"):
-        find_next.__wrapped__(SimpleNamespace(effects=()))
+        find_next(d)
+
+
+def test_what_small_motion_hides_is_shown_by_the_motion_that_is_asked_for():
+    robot, rng = Robot.load("two-link"), np.random.default_rng(3)
+    drawn = [random_trajectory(robot, rng, harmonics=1) for _ in range(3)]
+    motions = [replace(m, sin=0.2 * m.sin, cos=0.2 * m.cos) for m in drawn]
+    noise, hidden = Noise(additive=0.012, correlation=0.9), ["joint_stiffness@shoulder=0.05"]
+    options = {"effects": ["joint_stiffness"], "quick": True, "forward": False}
+
+    def record(c, torque):
+        return c.logs(torque, noise, np.random.default_rng(5))
+
+    first = Campaign.of(robot, motions)
+    torque = first.hidden(hidden)
+    logs = record(first, torque)
+    d = diagnose(robot, logs[:2], logs[2:], **options)
+    assert d.effects == ()
+    assert ("joint_stiffness", "shoulder") in {(a.family, a.place) for a in d.aliases}
+    found = find_next(d, evaluations=300)
+    assert found.hidden
+    assert "joint_stiffness@shoulder" in found.names
+    assert found.before < found.chance
+    assert "which these logs cannot tell from the model" in found.statement
+    both = Campaign.of(robot, [*motions, *[found.excitation.trajectory] * found.periods])
+    again = both.hidden(hidden)
+    again *= np.linalg.norm(torque) / np.linalg.norm(again[: len(torque)])
+    logs = record(both, again)
+    after = diagnose(robot, [*logs[:2], *logs[3:]], logs[2], earlier=d, **options)
+    assert [(e.name, e.joints) for e in after.effects] == [("joint_stiffness", ("shoulder",))]
 
 
 @pytest.mark.everything

@@ -41,7 +41,9 @@ def test_what_was_open_is_decided_and_what_helps_no_longer_goes(folder):
     assert [(e.name, e.joints, e.alternatives) for e in d.effects] == [
         ("joint_stiffness", ("shoulder",), ())
     ]
-    assert [s.name for s in d.samples] == ["run0.csv", "run1.csv", "run2.csv", "run4.csv"]
+    # What only the new log shows must be judged by a half of it.
+    new = ["run4.csv, part 1", "run4.csv, part 2"]
+    assert [s.name for s in d.samples] == ["run0.csv", "run1.csv", "run2.csv", *new]
     assert [s.name for s in d.validation] == ["run3.csv"]
     assert [t.outcome for t in d.turns] == ["decided", "gone"]
     assert (
@@ -88,22 +90,32 @@ def test_a_part_of_a_log_that_is_fitted_as_a_whole_verifies_nothing(folder, tmp_
         diagnose("two-link", folder / "run4.csv", earlier=path)
 
 
-def test_a_function_without_a_name_is_carried_on_until_it_has_one(logs_of):
+@pytest.fixture(scope="module")
+def unnamed(logs_of):
+    """Logs of friction whose names are held back, a diagnosis of some, and its options."""
     logs = logs_of("five-bar", "rising_friction@left_shoulder=0.1")
     few = {"effects": ["joint_stiffness", "function_of_velocity"], "replicates": 99}
     few["forward"] = False
-    d = diagnose("five-bar", logs[:2], logs[4], **few)
+    return logs, diagnose("five-bar", logs[:2], logs[4], **few), few
+
+
+def test_a_function_without_a_name_is_carried_on(unnamed):
+    logs, d, few = unnamed
     assert [(e.name, e.joints) for e in d.effects] == [("function_of_velocity", ("left_shoulder",))]
-    spring, friction = ["joint_stiffness"], ["joint_stiffness", "rising_friction"]
-    still, then = (
-        diagnose("five-bar", logs[:3], logs[4], earlier=d, **few | {"effects": asked})
-        for asked in (spring, friction)
-    )
+    few = few | {"effects": ["joint_stiffness"]}
+    still = diagnose("five-bar", logs[:3], logs[4], earlier=d, **few)
     assert [(t.before, t.outcome) for t in still.turns] == [
         ("an unnamed function of velocity in left_shoulder", "kept")
     ]
     assert [e.name for e in still.effects] == ["function_of_velocity"]
     assert still.effects[0].p_value == d.effects[0].p_value
+
+
+@pytest.mark.everything
+def test_a_name_that_explains_a_function_takes_its_place(unnamed):
+    logs, d, few = unnamed
+    few = few | {"effects": ["joint_stiffness", "rising_friction"]}
+    then = diagnose("five-bar", logs[:3], logs[4], earlier=d, **few)
     assert [(t.after, t.outcome) for t in then.turns] == [
         ("friction that rises with speed to its level", "decided")
     ]

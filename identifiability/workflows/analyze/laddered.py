@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.spread import measure_spread
+from identifiability.estimation.spread import measure_errors, measure_spread, widening
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
@@ -97,14 +97,19 @@ class Laddered(Result, Opening, Predicts):
                 f"Nothing can be predicted, because {self.nothing}; give other logs to fit."
             )
         own, unseen = ((p.joint_rms()[:, 0], p.joint_rms(raw=True)[:, 0]) for p in self._alone)
-        used = self._used
+        used, whole = self._used, self._ladder[0]
         part = used.rung.reduce(self.information)
+        wider = widening(part, used.estimate, used.uncertainty)
+        M, unpruned = whole.rung.M, whole.rung.reduce(self.information)
+        covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
         return Fit(
             structure=self.structure,
             rung=used.rung,
             values=used.estimate.value,
             spread=measure_spread(part, used.estimate, used.uncertainty, own, unseen),
             preparation=settled(self.settings.get("preparation"), self.samples),
+            base_covariance=M @ covariance @ M.T,
+            base_unknown=M @ unknown,
         )
 
     def ladder_frame(self) -> "pd.DataFrame":

@@ -1,4 +1,4 @@
-"""What tells two effects apart, and how likely: by the rule that calls names undecided."""
+"""What tells an effect from its rivals, and how likely: by the rule that calls names undecided."""
 
 from __future__ import annotations
 
@@ -7,63 +7,84 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.foundation.names import Array
-from identifiability.workflows.diagnose.lookalikes import DECISIVE
-from identifiability.workflows.excite.criteria import Discrimination, Separation
-from identifiability.workflows.excite.question import Question
+from identifiability.workflows.diagnose.lookalikes import DECISIVE, SAME
+from identifiability.workflows.excite.criteria import Ask, Discrimination
 
 #: Experiments that are drawn for a chance.
 DRAWN = 20_000
 
+#: Columns of an effect, one array for each of its shapes.
+Shapes = Sequence[np.ndarray]
+
 
 def aim_at(
-    question: Question, G: Array, widths: Sequence[Sequence[int]], at: int, values: Array
+    G: Array, named: Shapes, rivals: Sequence[Shapes], at: int, values: Array
 ) -> Discrimination:
-    """Return what tells the first effect, as it was found, from the second, and the reverse.
+    """Return what tells an effect, as it was found, from its rivals, and each of them from it.
 
-    Where the second is true it is as large as the logs take it for the first.
+    Where a rival is true it is as large as the logs take it for the named one. Of two of which one
+    is a part of the other only the whole can be told from the part: where it was not found, each
+    of its columns has an equal part of the torque.
 
     Parameters
     ----------
-    question : Question
-        By `Separation`, whose effects are a number of shapes each.
     G : (k, k)
-        What the logs say.
-    widths : two sequences of int
-        Columns of each shape of both effects.
+        What the logs say of the columns of the model and of all these effects.
+    named : sequence of (p,) int
+    rivals : sequence of sequence of (q,) int
     at : int
-        The shape of the first that was found.
+        The shape that was found.
     values : (p,)
-        Of the first, with that shape.
+        With that shape.
     """
-    aim = question.criterion
-    assert isinstance(aim, Separation)
-    effects = np.concatenate([aim.first, aim.second])
-    firsts, seconds = (
-        tuple(np.split(own, np.cumsum(each)[:-1]))
-        for own, each in zip((aim.first, aim.second), widths, strict=True)
-    )
-    model = np.setdiff1d(np.arange(len(G)), effects)
+    every = [np.concatenate(list(shapes)) for shapes in (named, *rivals)]
+    model = np.setdiff1d(np.arange(len(G)), np.concatenate(every))
     length = np.sqrt(np.maximum(np.diag(G), 1e-300))
     unit = G / np.outer(length, length)
     base = np.linalg.pinv(unit[np.ix_(model, model)], rcond=1e-12, hermitian=True)
     left = unit - unit[:, model] @ base @ unit[model]
-    true, best, likeliest = values * length[firsts[at]], -np.inf, (seconds[0], np.zeros(1))
-    for own in seconds:
-        cross = left[np.ix_(own, firsts[at])] @ true
-        level = np.linalg.pinv(left[np.ix_(own, own)], rcond=1e-9, hermitian=True) @ cross
-        if float(level @ cross) > best:
-            best, likeliest = float(level @ cross), (own, level / length[own])
-    own, level = likeliest
-    back = Discrimination(own, aim.first, level, firsts, effects)
-    return Discrimination(firsts[at], aim.second, values, seconds, effects, back)
+    own = named[at]
+    true, asks = values * length[own], []
+    whole = float(true @ left[np.ix_(own, own)] @ true)
+    for k, shapes in enumerate(rivals):
+        found = [_explain(left, b, own, true) for b in shapes]
+        best = int(np.argmax([explained for _, explained in found]))
+        level, explained = found[best]
+        other = shapes[best]
+        nested = explained > SAME**2 * whole and len(other) > len(own)
+        if nested:
+            sign = np.where(level < 0, -1.0, 1.0)
+            level = sign * np.linalg.norm(true) / np.sqrt(len(other))
+        else:
+            asks.append(Ask(k, False, own, values, tuple(shapes)))
+        part = not nested and len(other) < len(own) and _within(left, other, own)
+        if part:
+            asks[-1] = Ask(k, False, own, values, tuple(shapes), nested=True)
+        else:
+            asks.append(Ask(k, True, other, level / length[other], tuple(named), nested=nested))
+    return Discrimination(every[0], np.concatenate(every[1:]), tuple(asks))
+
+
+def _explain(left: Array, b: np.ndarray, own: np.ndarray, true: Array) -> tuple[Array, float]:
+    """Return the level (q,) at which columns explain most of an effect, and how much."""
+    cross = left[np.ix_(b, own)] @ true
+    level = np.linalg.pinv(left[np.ix_(b, b)], rcond=1e-9, hermitian=True) @ cross
+    return level, float(level @ cross)
+
+
+def _within(left: Array, small: np.ndarray, large: np.ndarray) -> bool:
+    """Whether columns are a part of others, beside the model."""
+    squares = sum(_explain(left, large, small[[k]], np.ones(1))[1] for k in range(len(small)))
+    return squares > SAME**2 * float(np.trace(left[np.ix_(small, small)]))
 
 
 def decision_chance(aim: Discrimination, G: Array, alike: float) -> float:
-    """Return the chance that of two effects the true one is named alone.
+    """Return the chance that of several effects the true one is named alone.
 
-    Either may be true, one as likely as the other as long as nothing tells them apart. Both are
-    scored by the squares that they explain; a name is undecided where the other is alike and its
-    score comes within `lookalikes.DECISIVE`.
+    Each may be true, one as likely as the other as long as nothing tells them apart. All are
+    scored by the squares that they explain; a name is undecided where another is alike and its
+    score comes within `lookalikes.DECISIVE`. Of a part and the whole the part is decided where
+    the whole would have to explain as much more than it does.
 
     Parameters
     ----------
@@ -74,17 +95,22 @@ def decision_chance(aim: Discrimination, G: Array, alike: float) -> float:
         Similarity from which on two names may be undecided.
     """
     e = np.random.default_rng(0).standard_normal((2, DRAWN))
-    chances = []
-    for way in (aim,) if aim.reverse is None else (aim, aim.reverse):
-        right = np.ones(DRAWN, bool)
-        for one in way.each:
-            similarity = float(one.angles(G[None])[0][0])
-            whole, own = (float(part[0]) for part in one.squares(G[None]))
+    right: dict[int, np.ndarray] = {}
+    for ask in aim.asks:
+        whole, left = (part[..., 0] for part in aim.squares(G[None], ask))
+        truth = ask.rival + 1 if ask.reverse else 0
+        own = right.get(truth, np.ones(DRAWN, bool))
+        for outside in np.minimum(left, whole).tolist():
+            similarity = np.sqrt(1.0 - outside / max(float(whole), 1e-300))
             first = np.sqrt(whole) + e[0]
             # The other explains what is not the first one's own, and of the noise what it shares.
-            second = np.sqrt(max(whole - own, 0.0))
+            second = np.sqrt(max(whole - outside, 0.0))
             second = second + similarity * e[0] + np.sqrt(max(1 - similarity**2, 0.0)) * e[1]
             ahead = 0.5 * (first**2 - second**2)
-            right &= ahead > (DECISIVE if similarity > alike else 0.0)
-        chances.append(float(np.mean(right)))
-    return float(np.mean(chances))
+            own = own & (ahead > (DECISIVE if ask.nested or similarity > alike else 0.0))
+        right[truth] = own
+        if ask.nested:
+            part = 0 if ask.reverse else ask.rival + 1
+            told = 0.5 * (float(left.min()) - e[1] ** 2) > DECISIVE
+            right[part] = right.get(part, np.ones(DRAWN, bool)) & told
+    return float(np.mean([x.mean() for x in right.values()]))

@@ -23,15 +23,13 @@ from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import score_candidates
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.material import Material
+from identifiability.workflows.diagnose.motion import PART
 from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.turns import Outcome, Turn
 from identifiability.workflows.predict.about import Entry
 
 #: How a diagnosis that is gone on from is given.
 Before = Annotated[Findings | str | Path, Expected("a result of diagnose, or the path of its JSON")]
-
-#: What follows the name of a log in that of a part of it.
-PART = ", part "
 
 
 class PlaceEntry(Entry):

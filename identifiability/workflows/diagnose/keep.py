@@ -45,6 +45,8 @@ def keep_completed(d: Findings) -> Fit:
         values=values,
         spread=spread,
         preparation=settled(d.preparation, d.samples),
+        base_covariance=spread.covariance,
+        base_unknown=spread.unknown,
     )
 
 

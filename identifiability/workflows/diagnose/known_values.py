@@ -112,7 +112,9 @@ def _is_of(p: Parameter, body: str, kinds: tuple[str, ...]) -> bool:
 
 
 def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
-    """Return the values of a fit with their covariance.
+    """Return the values of a fit with their covariance, that of the unpruned model.
+
+    What a reduced model leaves out is not known to be nothing: it is only too small to be seen.
 
     Parameters
     ----------
@@ -132,9 +134,7 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
             f"The values of {name} are those of a model of {listing(fit.structure.model.texts)}, "
             f"and {listing(structure.model.texts)} is diagnosed; give that model, or no model."
         )
-    M, spread = fit.rung.M, fit.spread
-    covariance = M @ spread.covariance @ M.T
-    free = M @ spread.unknown
+    covariance, free = fit.base_covariance, fit.base_unknown
     if free.size and np.abs(free).max() > 0:
         reach = UNSEEN * max(float(np.abs(fit.base).max()), 1e-12) / float(np.abs(free).max())
         covariance = covariance + reach**2 * free @ free.T

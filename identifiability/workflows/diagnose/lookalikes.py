@@ -20,6 +20,7 @@ from identifiability.workflows.diagnose.evidence import (
     orthonormal,
     project_out,
     score_candidates,
+    solve_values,
     unit_columns,
 )
 from identifiability.workflows.diagnose.rows import Candidate, Rows
@@ -162,6 +163,8 @@ def find_rivals(
         similarity = float(shared[0])
         contains = own.shape[1] < directions.shape[1] and float(shared[-1]) > SAME
         undecided = similarity > similar and s > score - DECISIVE
+        if undecided and contains:
+            undecided = not _shows_no_more(white, model, (named, c), own, directions)
         before = out.get(c.group, Rival(*c.group, 0.0, False))
         similarity = min(max(similarity, before.similarity), 1.0)
         out[c.group] = Rival(
@@ -171,6 +174,31 @@ def find_rivals(
             contains=contains or before.contains,
         )
     return sorted(out.values(), key=lambda r: -r.similarity)
+
+
+def _shows_no_more(
+    white: Whitened, model: Array, both: Sequence[Candidate], own: Array, other: Array
+) -> bool:
+    """Whether a rival of which the named effect is a part would have to explain more than it does.
+
+    It is taken to be as large as what was named, each of its columns with an equal share: then the
+    directions that only it has would explain so much more. Where they do not, the part is it.
+
+    Parameters
+    ----------
+    model : (R, m)
+    both : (Candidate, Candidate)
+        Named, and the rival.
+    own, other : (R, k)
+        Orthonormal bases of what each adds.
+    """
+    named, rival = (white.D[:, list(c.columns)] for c in both)
+    vectors, s, _ = np.linalg.svd(project_out(own, other), full_matrices=False)
+    only = vectors[:, s > 0.5]  # of two bases of which one holds the other these are one or zero
+    level = solve_values(white, np.column_stack([model, named]))[0][model.shape[1] :]
+    size = float(np.linalg.norm(named @ level))
+    expected = size**2 * float(np.mean(((only.T @ unit_columns(rival)) ** 2).sum(0)))
+    return 0.5 * (expected - float(((only.T @ white.y) ** 2).sum())) > DECISIVE
 
 
 def _opposite(own: Array, other: Array, white: Whitened, both: Sequence[Candidate]) -> bool:

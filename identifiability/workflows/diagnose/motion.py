@@ -28,6 +28,10 @@ from identifiability.robot import Robot
 
 #: Stretches that a held-out log is divided into, in turn to choose and to verify.
 TURNS = 4
+#: A new log in two.
+HALVES = (0.0, 0.5, 1.0)
+#: What follows the name of a log in that of a part of it.
+PART = ", part "
 #: Share of a log that verifies where there is no other.
 LAST = 0.25
 #: Share of a stretch that is left out at each of its inner ends.
@@ -131,8 +135,27 @@ def divide(log: Recording, edges: Sequence[float] | np.ndarray) -> list[Recordin
         pause = PAUSE * (high - low)
         first = int(np.ceil(low + (pause if low > 0 else 0)))
         last = int(high - (pause if high < n else 0))
-        out.append(log.cut(first, last, f"{log.name}, part {k + 1}"))
+        out.append(log.cut(first, last, f"{log.name}{PART}{k + 1}"))
     return out
+
+
+def halve_new(logs: Sequence[Recording], known: Sequence[str]) -> list[Recording]:
+    """Return logs in which a new one, the only one that is not known, is divided into halves.
+
+    What only it shows could not be predicted from the others, and would be refused: so one half of
+    it judges the other.
+
+    Parameters
+    ----------
+    logs : sequence of Log
+    known : sequence of str
+        Names of logs, or of parts of them, that were fitted before.
+    """
+    before = {name.partition(PART)[0] for name in known}
+    new = [log for log in logs if log.name not in before]
+    if len(new) != 1 or len(new[0]) < 2 * LEAST:
+        return list(logs)
+    return [part for log in logs for part in (divide(log, HALVES) if log in new else [log])]
 
 
 def join(names: Sequence[str]) -> str:

@@ -44,7 +44,12 @@ from identifiability.workflows.diagnose.known_values import (
     read_given,
 )
 from identifiability.workflows.diagnose.material import DRAWS, Rules, Setting
-from identifiability.workflows.diagnose.motion import assign_roles, prepare_rows, samples_each
+from identifiability.workflows.diagnose.motion import (
+    assign_roles,
+    halve_new,
+    prepare_rows,
+    samples_each,
+)
 from identifiability.workflows.diagnose.odd_log import OddLog, describe_odd_log
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.search import Search
@@ -151,7 +156,8 @@ def diagnose(
             logs, validate = before.find_logs(list_logs(logs), list_logs(validate))
             model = list(before.model) if model is None and fixed is False else model
         given = read_recordings(logs, validate, Conventions.of(robot))
-        roles = assign_roles(given.fitted, given.held)
+        fitted = given.fitted if before is None else halve_new(given.fitted, before.fitted)
+        roles = assign_roles(fitted, given.held)
         settled = settle_cutoff(robot, roles.fit, preparation)
         how = preparation if settled.cutoff is None else settled
         structure, known = _settle_values(robot, model, fixed)

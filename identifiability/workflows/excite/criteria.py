@@ -1,16 +1,16 @@
-"""What an exciting motion is good for: the three criteria, on Gram matrices ``WᵀW``.
+"""What an exciting motion is good for: the criteria, on Gram matrices ``WᵀW``.
 
 What to use when: `Condition` for a first log of a robot (all parameters alike) [Gautier 1992];
 `LogDet` for what to measure next, about some parameters beside all others [Swevers 1997]
 (D_s-optimality, [Atkinson 2007, sec. 10.3]); `Separation` for two effects that a diagnosis could
-not tell apart. Each gives a cost that is to be made small, batched over candidates, and the
+not tell apart, `Discrimination` where their size is known; `Reveal` for effects that it could not
+tell from the model. Each gives a cost that is to be made small, batched over candidates, and the
 figure that a reader knows it by.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import replace
 
 import numpy as np
 
@@ -26,6 +26,8 @@ VISIBLE = 0.03
 #: What is added to the scaled Gram matrix of what remains of an effect: directions of which less
 #: than a ten-thousandth remains have no angle.
 RIDGE = 1e-8
+#: Standard deviations beyond which an effect is seen well enough.
+PLAIN = 15.0
 
 
 class Criterion(ABC):
@@ -159,58 +161,101 @@ class Separation(Criterion):
 
 
 @frozen
-class Discrimination(Separation):
-    """What of an effect of known size neither the model nor another effect explains.
-
-    T-optimality [Atkinson & Fedorov 1975]: half of it is the expected logarithm of the likelihood
-    ratio of the two. Gram matrices are in units of the noise. The other effect may have any of
-    several shapes: the one that explains most counts.
+class Ask:
+    """A true effect of known size that is to be told from another one.
 
     Attributes
     ----------
+    rival : int
+        Which rival it is about.
+    reverse : bool
+        Whether it is the rival that is true.
+    own : (p,) int
+        Columns of the true effect.
     values : (p,)
-        Of the first effect.
-    shapes : tuple of (q,) int
-        Columns of the second effect with each of its shapes.
-    effects : (·,) int
-        Columns of both effects, whatever their shapes; all others are the model.
-    reverse : Discrimination, optional
-        The same where the second one is true; the worse of the two counts.
+        Its size.
+    others : tuple of (q,) int
+        Columns of the other effect with each of its shapes: the one that explains most counts.
+    nested : bool
+        Whether the other one is a part of it: of two that explain as much the part has the name.
     """
 
+    rival: int
+    reverse: bool
+    own: np.ndarray
     values: Array
-    shapes: tuple[np.ndarray, ...]
+    others: tuple[np.ndarray, ...]
+    nested: bool = False
+
+
+@frozen
+class Discrimination(Separation):
+    """What of a true effect of known size neither the model nor its rival explains.
+
+    T-optimality [Atkinson & Fedorov 1975]: half of it is the expected logarithm of the likelihood
+    ratio of the two. Gram matrices are in units of the noise. Of all `asks` the worst counts.
+    """
+
+    asks: tuple[Ask, ...]
     title = "what only the true effect explains, in standard deviations"
     short = "standard deviations"
-    effects: np.ndarray
-    reverse: Discrimination | None = None
-
-    @property
-    def each(self) -> list[Discrimination]:
-        """The same about one shape each."""
-        return [replace(self, second=own, shapes=(own,), reverse=None) for own in self.shapes]
 
     def cost(self, G: Array) -> Array:
-        """Return minus half the logarithm of the squares that only the first effect explains."""
-        least = np.min([one.squares(G)[1] for one in self.each], axis=0)
+        """Return minus half the logarithm of the squares that only the true effect explains."""
+        least = np.min([self.squares(G, ask)[1].min(0) for ask in self.asks], axis=0)
         cost: Array = -0.5 * np.log(np.maximum(least, 1e-12))
-        return cost if self.reverse is None else np.maximum(cost, self.reverse.cost(G))
+        return cost
 
     def figure(self, cost: float) -> float:
         """Return the root of these squares."""
         return float(np.exp(-cost))
 
-    def _model(self, G: Array) -> np.ndarray:
-        return np.setdiff1d(np.arange(G.shape[1]), self.effects)
-
-    def squares(self, G: Array) -> tuple[Array, Array]:
-        """Return what of the first effect is outside the model (m,), and of the second too (m,)."""
+    def squares(self, G: Array, ask: Ask) -> tuple[Array, Array]:
+        """Return what of an effect is outside the model (m,), and of every other shape (s, m)."""
         unit, length = scaled(G)
-        a = self.first
-        size = length[:, a] * self.values
-        other = self._model(G)
-        both = np.concatenate([other, self.second])
-        return _squares(unit, a, other, size), _squares(unit, a, both, size)
+        size, model = length[:, ask.own] * ask.values, self._model(G)
+        left = [_squares(unit, ask.own, np.concatenate([model, own]), size) for own in ask.others]
+        return _squares(unit, ask.own, model, size), np.array(left)
+
+    def similarity(self, G: Array) -> Array:
+        """Return how like the rival the most alike of them is, (m,)."""
+        found = [self.squares(G, ask) for ask in self.asks]
+        least = [left.min(0) / np.maximum(whole, 1e-300) for whole, left in found]
+        similarity: Array = np.sqrt(np.clip(1.0 - np.min(least, axis=0), 0.0, 1.0))
+        return similarity
+
+
+@frozen
+class Reveal(Criterion):
+    """How much of effects of known size is seen beside the model.
+
+    Gram matrices are in units of the noise. The mean logarithm over effects counts; beyond
+    `PLAIN` standard deviations an effect is no better seen, and below one no worse hidden.
+    `effects` are columns (p,) of each, `values` (p,) their sizes.
+    """
+
+    effects: tuple[np.ndarray, ...]
+    values: tuple[Array, ...]
+    name = "reveal"
+    title = "what of effects the model does not say, in standard deviations"
+    short = "standard deviations"
+
+    def cost(self, G: Array) -> Array:
+        """Return minus half the mean logarithm of the squares outside the model, (m,)."""
+        seen = self.squares(G)
+        cost: Array = -0.5 * np.log(1.0 + seen / (1.0 + seen / PLAIN**2)).mean(0)
+        return cost
+
+    def figure(self, cost: float) -> float:
+        """Return the root of these squares."""
+        return float(np.sqrt(max(np.exp(-2 * cost) - 1.0, 0.0)))
+
+    def squares(self, G: Array) -> Array:
+        """Return what of each effect is outside the model, (effects, m)."""
+        unit, length = scaled(G)
+        model = np.setdiff1d(np.arange(G.shape[1]), np.concatenate(self.effects))
+        both = zip(self.effects, self.values, strict=True)
+        return np.array([_squares(unit, own, model, length[:, own] * x) for own, x in both])
 
 
 def _squares(unit: Array, own: np.ndarray, others: np.ndarray, size: Array) -> Array:

@@ -63,6 +63,9 @@ class Fit(Covaries):
     spread : Spread
     preparation : Preparation
         How the fitted logs were turned into motion, with the cut-off that was chosen for them.
+    base_covariance, base_unknown : (b, b), (b, d)
+        What the logs do not know of the base parameters, by the unpruned model: a reduced one
+        takes what it leaves out as known. The latter are directions that the motion never showed.
     origin : str
         Name of the file that it was read from (reports tell no paths of a machine).
     """
@@ -72,6 +75,8 @@ class Fit(Covaries):
     values: Array
     spread: Spread
     preparation: Preparation
+    base_covariance: Array
+    base_unknown: Array
     origin: str = "result.json"
 
     @property
@@ -178,6 +183,8 @@ class Fit(Covaries):
                 name: value.tolist() if isinstance(value, np.ndarray) else value
                 for name, value in asdict(self.spread).items()
             },
+            "base_covariance": self.base_covariance.tolist(),
+            "base_unknown": self.base_unknown.tolist(),
             "preparation": how,
         }
 
@@ -204,6 +211,8 @@ class FitEntry(Entry):
     low: list[float]
     raw: list[float]
     dof: list[float]
+    base_covariance: list[list[float]]
+    base_unknown: list[list[float]]
     preparation: PreparationEntry
 
 
@@ -261,9 +270,16 @@ def _build(entry: FitEntry, robot: Robot, where: str) -> Fit:
         unknown=_shaped(entry.unknown, (k, -1), where) if k else np.empty((0, 0)),
         **{x: _shaped(getattr(entry, x), (n,), where) for x in ("low", "raw", "dof")},
     )
-    values = _shaped(entry.values, (k,), where)
-    how = Preparation(**entry.preparation.model_dump())
-    return Fit(structure=structure, rung=rung, values=values, spread=spread, preparation=how)
+    b = len(structure.base)
+    return Fit(
+        structure=structure,
+        rung=rung,
+        values=_shaped(entry.values, (k,), where),
+        spread=spread,
+        preparation=Preparation(**entry.preparation.model_dump()),
+        base_covariance=_shaped(entry.base_covariance, (b, b), where),
+        base_unknown=_shaped(entry.base_unknown, (b, -1), where) if b else np.empty((0, 0)),
+    )
 
 
 def _shaped(rows: list[Any], shape: tuple[int, ...], where: str) -> Array:
