@@ -225,8 +225,9 @@ def case(name: str, seed: int) -> dict[str, Any]:
         return row | {"outcome": "no motion", "told": str(error)}
     row |= {"said": f"{row['said']}; asked: {found.statement[:160]}"}
     row |= {"chance": found.chance, "periods": found.periods, "separates": list(found.names)}
-    if found.same:
-        return row | {"outcome": "the same torque"}
+    shown = any(n.partition(":")[0] == "@".join(truth) for n in found.names)
+    if found.same or not shown:
+        return row | {"asked": False, "outcome": "said to be told by no motion"}
     *old, new = world.logs([repeated(found.excitation.trajectory, found.periods)])
     after = diagnose(world.robot, [*old[:FITTED], new], old[FITTED:], earlier=d, **options)
     outcome = judge(after, truth)
