@@ -10,8 +10,21 @@ def main() -> None:
 
         run()
     except KeyboardInterrupt:
-        sys.stderr.write("Stopped.\n")
-        raise SystemExit(130) from None
+        _stop()
+    except ImportError as error:  # what interrupts a library of C++ while it is loaded comes as one
+        reason: BaseException | None = error
+        while reason is not None and not isinstance(reason, (KeyboardInterrupt, SystemExit)):
+            reason = reason.__cause__ or reason.__context__
+        if isinstance(reason, SystemExit):
+            raise reason from None
+        if reason is None:
+            raise
+        _stop()
+
+
+def _stop() -> None:
+    sys.stderr.write("Stopped.\n")
+    raise SystemExit(130) from None
 
 
 if __name__ == "__main__":

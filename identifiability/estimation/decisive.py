@@ -147,15 +147,13 @@ def _block_squares(information: Information, fit: Estimate) -> Array:
 
     The usual one is taken as so large that what is beyond it is also `LARGE`.
     """
-    k = information.size
-    z = np.append(-fit.value, 1.0)
+    z = np.append(-fit.value, 1.0)[:, None]
     sums = np.zeros((len(information.counts), information.actuators))
-    for a, part in enumerate(information.parts):
-        own = part.widen(k * (1 + information.instrumented))[:, -(k + 1) :] @ z
+    for a, (part, own) in enumerate(information.of_actuators(z)):
         for at in batches(part.blocks):
-            sums[at, a] = part.grams(own[:, None], at)[:, 0, 0]
+            sums[at, a] = part.grams(own, at)[:, 0, 0]
     mean = sums / information.counts[:, None]
-    torque = information.squares(information.basis[:, -1]) / information.samples
+    torque = information.torque / information.samples
     usual = np.maximum(np.median(mean, axis=0), (LARGE**2 / BEYOND) * torque)
     shares: Array = mean / np.where(usual > 0, usual, np.inf)
     return shares

@@ -21,7 +21,7 @@ from identifiability.estimation.least_squares import (
     noise_scale,
 )
 from identifiability.estimation.leverage import correct_leverage
-from identifiability.foundation.linalg import few_at_once, triangular_factor
+from identifiability.foundation.linalg import few_at_once, solve_each, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.samples import Record
@@ -59,8 +59,7 @@ class InstrumentalVariables:
             return plain
         part = information.select(kept)
         found = combine(part, plain.weights, self.record, plain.value[kept])
-        S = part.basis
-        rss = np.maximum(part.squares(S @ np.append(-found.value, 1.0)), 0.0)
+        rss = part.squares(np.append(-found.value, 1.0))
         scale = noise_scale(part, plain.weights, plain.times, rss)
         covariance = _white_covariance(part, found, plain, scale)
         directions = found.B * np.sqrt(scale * found.length**2 + found.bias(scale))
@@ -78,7 +77,7 @@ class InstrumentalVariables:
         flat, values = both.reshape(len(both), -1), np.zeros((len(counts), information.size))
         for at in few_at_once(len(counts), both[0].nbytes):
             sums = (counts[at] @ flat).reshape(-1, k, k + 1)
-            values[at, kept] = found.value + _solve_each(sums) @ found.B.T
+            values[at, kept] = found.value + solve_each(sums) @ found.B.T
         return values
 
     def influence(self, information: Information, fit: Estimate) -> Array:
@@ -159,7 +158,7 @@ class InstrumentalVariables:
         else:
             drawn = information.weigh(counts)
             found = combine(drawn, fit.weights, self.record)
-            rss = np.maximum(drawn.squares(drawn.basis @ found.residual()[k:]), 0.0)
+            rss = drawn.squares(found.residual()[k:])
             root = found.root(noise_scale(drawn, fit.weights, fit.times, rss))
         A, c = found.moments(information, fit.weights)
         to_y = root @ found.B  # of directions into coordinates of the loss
@@ -186,20 +185,8 @@ def _white_covariance(
     information: Information, found: Combined, plain: Estimate, scale: float
 ) -> Array:
     """Return the covariance under independent residuals, whatever the weights know, (k, k)."""
-    k, joint = information.size, information.joint
-    Z = joint.basis[:, : 2 * k] @ found.left
-    spread = scale * Z.T @ joint.total(plain.weights / plain.times) @ Z
+    factor = information.joint.factor(plain.weights / plain.times)
+    Z = factor[:, : 2 * information.size] @ found.left
+    spread = scale * Z.T @ Z
     white: Array = found.B @ (spread + np.diag(found.bias(scale))) @ found.B.T
     return white
-
-
-def _solve_each(sums: Array) -> Array:
-    """Return the solutions of equations (R, k, k + 1); NaN where there is none."""
-    try:
-        return np.asarray(np.linalg.solve(sums[:, :, :-1], sums[:, :, -1:])[..., 0])
-    except np.linalg.LinAlgError:
-        out = np.full(sums.shape[:2], np.nan)
-        for i, one in enumerate(sums):
-            if np.linalg.matrix_rank(one[:, :-1]) == len(one):
-                out[i] = np.linalg.solve(one[:, :-1], one[:, -1])
-        return out

@@ -260,7 +260,7 @@ def column_rms(information: Information) -> Array:
 
 def column_noise(information: Information, fit: Estimate) -> Array:
     """Return the largest over joints of column rms over residual rms, per unit, (k,)."""
-    squares = information.squares(information.basis[:, :-1])
+    squares = information.squares(np.eye(information.size + 1)[:, :-1])
     floor = 1e-18 * float(np.max(fit.rss, initial=0.0)) + 1e-300
-    ratio: Array = np.sqrt(np.maximum(squares, 0.0) / np.maximum(fit.rss, floor)[:, None]).max(0)
+    ratio: Array = np.sqrt(squares / np.maximum(fit.rss, floor)[:, None]).max(0)
     return ratio

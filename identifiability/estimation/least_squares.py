@@ -19,7 +19,9 @@ from identifiability.estimation.memory import FEWEST, LogNoise, Noise, measure_m
 from identifiability.foundation.linalg import (
     RANK_TOLERANCE,
     few_at_once,
+    sandwich,
     scan_columns,
+    solve_each,
     unit_coordinates,
 )
 from identifiability.foundation.names import Array
@@ -69,17 +71,10 @@ class OrdinaryLeastSquares:
         """Return the score of each block, leverage corrected [Bell & McCaffrey 2002], (B, k)."""
         k = len(fit.kept)
         part = information.select(fit.kept)
-        S = part.basis
-        grams = part.blocks(fit.weights)
-        # Coordinates in which the whole information is the unit matrix.
-        inverse = unit_coordinates(grams[:, :k, :k].sum(0)).T
-        x = fit.value[list(fit.kept)]
-        z = np.append(S[:k, k] - S[:k, :k] @ x, S[k, k])  # τ - W x = Z z
-        scores = (grams[:, :k] @ z) @ inverse.T
-        for at in few_at_once(len(grams), grams[:1].nbytes):
-            own = inverse @ grams[at, :k, :k] @ inverse.T
-            scores[at] = correct_leverage(scores[at], own)
-        to_x = solve_triangular(S[:k, :k], inverse.T)
+        to_x, both = _equations(part, fit.weights, fit.value[list(fit.kept)])
+        scores = both[:, :, k].copy()
+        for at in few_at_once(len(scores), both[:1].nbytes):
+            scores[at] = correct_leverage(scores[at], both[at, :, :k])
         moved = np.zeros((len(scores), information.size))
         moved[:, list(fit.kept)] = scores @ to_x.T
         return moved
@@ -168,23 +163,18 @@ def _solve(
     if len(kept) < k:
         part = _solve(information.select(kept), weights, estimator, times)
         return _embed(part, information, kept, singular)
-    # Unknowns in the basis are y = S11 x - s12; the large part of τ that the basis already
-    # explains never enters a difference of squares.
-    G, S = information.total(weights), information.basis
-    y = np.linalg.solve(G[:k, :k], G[:k, k]) * S[k, k]
-    inverse = solve_triangular(S[:k, :k], np.eye(k)) if k else np.empty((0, 0))
-    z = np.append(-y, S[k, k])  # τ - W x = Z z
-    rss = np.maximum(information.squares(z), 0.0)
+    R = information.factor(weights)
+    value = solve_triangular(R[:k, :k], R[:k, k]) if k else np.empty(0)
+    rss = information.squares(np.append(-value, 1.0))
     dof = information.rows - k
     # Weights that know of memory are those of σ² κ; independent residuals would have σ² alone.
     scale = noise_scale(information, weights, times, rss)
-    to_x = np.linalg.solve(G[:k, :k], inverse.T)
-    covariance = scale * to_x.T @ information.total(weights / times)[:k, :k] @ to_x
+    covariance = scale * sandwich(R[:k, :k], information.factor(weights / times)[:, :k])
     low = float(singular[-1]) if k else 1.0
     return Estimate(
         columns=information.columns,
-        value=solve_triangular(S[:k, :k], S[:k, k] + y) if k else np.empty(0),
-        covariance=0.5 * (covariance + covariance.T),
+        value=value,
+        covariance=covariance,
         determined=np.ones(k, bool),
         kept=tuple(range(k)),
         # Each actuator pays for its share of the parameters in proportion to its rows.
@@ -269,34 +259,27 @@ def refit(information: Information, weights: Array, counts: Array) -> Array:
     k = information.size
     if not k:
         return np.empty((len(counts), 0))
-    S = information.basis
-    flat = information.blocks(weights).reshape(len(information.counts), -1)
-    inverse = solve_triangular(S[:k, :k], np.eye(k))
+    R = information.factor(weights)
+    value = solve_triangular(R[:k, :k], R[:k, k])
+    to_x, both = _equations(information, weights, value)
+    flat = both.reshape(len(both), -1)
     out = [
-        _solve_replicates((counts[at] @ flat).reshape(-1, k + 1, k + 1), S)
+        solve_each((counts[at] @ flat).reshape(-1, k, k + 1))
         for at in few_at_once(len(counts), flat[:1].nbytes)
     ]
-    values: Array = np.concatenate(out) @ inverse.T
+    values: Array = value + np.concatenate(out) @ to_x.T
     return values
 
 
-def _solve_replicates(G: Array, S: Array) -> Array:
-    """Return the unknowns ``S11 x`` of every replicate; NaN where it leaves columns dependent.
+def _equations(information: Information, weights: Array, value: Array) -> tuple[Array, Array]:
+    """Return unit coordinates (k, k) and the normal equations of each block in them, (B, k, k + 1).
 
-    Parameters
-    ----------
-    G : (R, k + 1, k + 1)
-        Gram matrices of the replicates.
-    S : (k + 1, k + 1)
-        Basis of the information.
+    Their unknowns are what comes on top of values (k,), so the large part of τ that these explain
+    never enters a difference of squares.
     """
-    k = len(S) - 1
-    try:
-        y = np.linalg.solve(G[:, :k, :k], G[:, :k, k:])[..., 0]
-    except np.linalg.LinAlgError:
-        y = np.full((len(G), k), np.nan)
-        for i, gram in enumerate(G):
-            if np.linalg.matrix_rank(gram[:k, :k]) == k:
-                y[i] = np.linalg.solve(gram[:k, :k], gram[:k, k])
-    unknowns: Array = S[:k, k] + S[k, k] * y
-    return unknowns
+    k = len(value)
+    R = information.factor(weights)[:k, :k]
+    change = np.zeros((k + 1, k + 1))
+    change[:k, :k] = unit_coordinates(R)
+    change[:, k] = np.append(-value, 1.0)
+    return change[:k, :k], information.products(weights, change[:, :k], change)

@@ -111,16 +111,16 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
     """
     k, N, B = len(fit.kept), information.samples, len(information.counts)
     part = information.select(fit.kept)
-    S = part.basis
-    z = np.append(S[:k, k] - S[:k, :k] @ fit.value[list(fit.kept)], S[k, k])  # τ - W x = Z z
     turn, taken = _take(part, fit.weights)
-    rounding = ROUNDING**2 * part.squares(S[:, k])
+    change = np.column_stack([turn, np.append(-fit.value[list(fit.kept)], 1.0)])
+    rounding = ROUNDING**2 * part.torque
     slow, known = fit.rss / N, np.full(information.actuators, np.inf)
-    for a, (sums, rss) in enumerate(zip(part.sums, fit.rss, strict=True)):
+    for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
         if rss <= rounding[a]:
             continue  # what rounding left has no memory to speak of
-        scatter = _sum_lags(sums @ z[:, None], information.log)
-        left = N - fit.weights[a] * _sum_lags(sums[:, :k] @ turn, information.log)
+        sums = own.sums @ turned
+        scatter = _sum_lags(sums[:, k:], information.log)
+        left = N - fit.weights[a] * _sum_lags(sums[:, :k], information.log)
         ratio = scatter / np.maximum(left, LEFT * N)
         # Blocks at a lag hold pairs of samples that are half a block farther apart on average.
         apart = (np.arange(B) + 0.5) * N / B
@@ -134,10 +134,10 @@ def measure_memory(information: Information, fit: Estimate) -> tuple[Array, Arra
 
 
 def _take(part: Information, weights: Array) -> tuple[Array, Array]:
-    """Return unit coordinates (k, k), and what the columns take of noise of variance 1, (n,)."""
+    """Return unit coordinates (k + 1, k), and what columns take of noise of variance 1, (n,)."""
     k = part.size
-    turn = unit_coordinates(part.total(weights)[:k, :k])
-    return turn, weights * part.squares(np.vstack([turn, np.zeros((1, k))])).sum(1)
+    turn = np.vstack([unit_coordinates(part.factor(weights)[:k, :k]), np.zeros((1, k))])
+    return turn, weights * part.squares(turn).sum(1)
 
 
 def _share(times: Array, known: Array, blocks: int, block: float) -> Array:

@@ -138,10 +138,8 @@ def compare_motions(
     groups = information.log if groups is None else groups
     if len(np.unique(groups)) < 2:
         return None
-    k, needed = information.size, FEWEST_OUTPUTS * len(fit.kept)
-    S, x = information.basis, fit.value
-    residual = np.append(S[:k, k] - S[:k, :k] @ x, S[k, k])  # τ - W x = Z z
-    torque = information.squares(information.basis[:, -1]).sum()
+    needed = FEWEST_OUTPUTS * len(fit.kept)
+    torque = information.torque.sum()
     if fit.rss.sum() <= NOTHING**2 * torque:  # rounding left these, and agrees with nothing
         return None
     found, own, sd, dof, errors = [], [], [], [], []
@@ -165,7 +163,7 @@ def compare_motions(
         own.append(alone)
         sd.append(np.where(fit.determined & (wide > 0), wide, np.inf))
         dof.append(scores.stretches - 1.0)
-        errors.append(np.sqrt(np.maximum(part.squares(residual), 0.0) / part.samples))
+        errors.append(np.sqrt(part.squares(np.append(-fit.value, 1.0)) / part.samples))
     if len(found) < 2:
         return None
     values, spread = np.array([e.value for e in own]), np.array(sd)
@@ -181,7 +179,7 @@ def compare_motions(
         pooled=pooled,
         ratio=ratio,
         ratio_dof=ratio_dof,
-        between=np.zeros(k),
+        between=np.zeros(information.size),
     )
     if motions.agree:
         return motions

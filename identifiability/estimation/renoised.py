@@ -59,8 +59,7 @@ class RenoisedLeastSquares:
         own = plain.covariance[np.ix_(kept, kept)]
         # Of what is determined alone; the rest has no variance.
         covariance = H @ np.where(np.isfinite(own), own, 0.0) @ H.T
-        S = part.basis
-        rss = np.maximum(part.squares(S @ np.append(-value, 1.0)), 0.0)
+        rss = part.squares(np.append(-value, 1.0))
         mended = Correction.of(plain, directions, weak)
         return correct(plain, self, value, covariance, rss, mended)
 

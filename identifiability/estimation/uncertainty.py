@@ -11,6 +11,7 @@ from identifiability.estimation.noise.autocorrelation import block_length
 from identifiability.estimation.scores import MEMORIES, ScoreScatter, longer, scatter_scores
 from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.linalg import sandwich
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -186,10 +187,8 @@ def remembering_covariance(
     """
     k, memory = len(fit.kept), fit.times if times is None else times
     part = information.select(fit.kept)
-    to_x = np.linalg.solve(part.total(fit.weights)[:k, :k], np.linalg.inv(part.basis[:k, :k]).T)
     noise = fit.weights**2 * fit.variance * memory
-    covariance: Array = to_x.T @ part.total(noise)[:k, :k] @ to_x
-    return covariance
+    return sandwich(part.factor(fit.weights)[:k, :k], part.factor(noise)[:, :k])
 
 
 def recurrence(

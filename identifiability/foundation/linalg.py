@@ -58,15 +58,26 @@ def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
     return kept
 
 
-def unit_coordinates(G: Array) -> Array:
-    """Return T, (k, k), with ``Tᵀ G T`` the unit matrix, of a Gram matrix G (k, k).
-
-    Of directions that rounding left of nothing, T keeps what rounding did.
-    """
+def solve_each(equations: Array) -> Array:
+    """Return the solutions of equations (R, k, k + 1), (R, k); NaN where there is none."""
     try:
-        root = np.linalg.cholesky(G)
-        T: Array = solve_triangular(root, np.eye(len(G)), lower=True).T if len(G) else root
+        return np.asarray(np.linalg.solve(equations[:, :, :-1], equations[:, :, -1:])[..., 0])
     except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(G)
-        T = vectors / np.sqrt(np.maximum(values, len(G) * np.finfo(float).eps * values[-1]))
+        out = np.full(equations.shape[:2], np.nan)
+        for i, one in enumerate(equations):
+            if np.linalg.matrix_rank(one[:, :-1]) == len(one):
+                out[i] = np.linalg.solve(one[:, :-1], one[:, -1])
+        return out
+
+
+def sandwich(R: Array, F: Array) -> Array:
+    """Return ``(RᵀR)⁻¹ FᵀF (RᵀR)⁻¹`` of a triangular R (k, k) and F (m, k), (k, k)."""
+    half = solve_triangular(R, solve_triangular(R, F.T, trans="T")) if len(R) else R
+    found: Array = half @ half.T
+    return found
+
+
+def unit_coordinates(R: Array) -> Array:
+    """Return T, (k, k), with columns ``A T`` of length one and at right angles, ``AᵀA = RᵀR``."""
+    T: Array = solve_triangular(R, np.eye(len(R))) if len(R) else R
     return T

@@ -10,13 +10,14 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from identifiability.foundation.linalg import triangular_factor
+from identifiability.foundation.linalg import few_at_once, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
@@ -57,13 +58,20 @@ class ActuatorBlocks:
         return bool(self.blocks.shape[1] == self.blocks.shape[2])
 
     @cached_property
-    def total(self) -> Array:
-        """``Zᵀ Z`` over all blocks, (r, r)."""
+    def root(self) -> Array:
+        """A factor of ``Zᵀ Z`` over all blocks, (r, r) or fewer rows."""
         if self.squared:
-            total: Array = self.blocks.sum(0)
-            return total
+            values, vectors = np.linalg.eigh(self.blocks.sum(0))
+            return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
         rows = self.blocks.reshape(-1, self.blocks.shape[2])
-        return rows.T @ rows
+        root = rows[:0]
+        for at in few_at_once(len(rows), rows[:1].nbytes):
+            root = triangular_factor(np.vstack([root, rows[at]]))
+        return root
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return its fields: what follows from them is neither sent to workers nor part of keys."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def grams(self, change: Array, at: slice) -> Array:
         """Return ``(Z change)ᵀ (Z change)`` of some blocks, (b, q, q), for a `change` (r, q)."""

@@ -7,13 +7,13 @@ the actuator's rows, so ``[W τ] basis⁻¹`` has columns of about unit length a
 nothing is lost by squaring (plain Gram matrices lose half the digits, QR of all rows costs five
 times as much). Adding is concatenation of blocks, so chunks, files and processes are one sum.
 
-What to use when: `factor` is the loss of least squares for programs and posteriors, `blocks` is for
-folds and resampling, ``+`` for logs and workers, `joint` for instruments.
+What to use when: `factor` is the loss of least squares for programs and posteriors, `products` are
+for folds and resampling, ``+`` for logs and workers, `joint` for instruments.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from functools import cached_property
 from typing import Any
@@ -33,7 +33,7 @@ from identifiability.regression.actuator_blocks import (
     invert_basis,
 )
 
-#: Weights whose totals are kept.
+#: Weights whose factors are kept.
 REMEMBERED = 3
 
 
@@ -129,17 +129,8 @@ class Information:
         return sum(p.blocks.nbytes + p.basis.nbytes for p in self.parts)
 
     @cached_property
-    def _common(self) -> tuple[Array, tuple[Array, ...]]:
-        """A basis of all actuators' rows, and how each one's own coordinates turn into it."""
-        k = self.size
-        wide = [part.widen(self._width)[:, -(k + 1) :] for part in self.parts]
-        short = max(0, k + 1 - sum(map(len, wide)))
-        Q, basis = np.linalg.qr(np.vstack([*wide, np.zeros((short, k + 1))]))
-        return basis, tuple(np.split(Q, np.cumsum([len(w) for w in wide]))[: len(wide)])
-
-    @cached_property
-    def _weighted(self) -> dict[bytes, Array]:
-        """Totals by their weights: a fit asks for the same ones many times."""
+    def _factors(self) -> dict[bytes, Array]:
+        """Factors by their weights: a fit asks for the same ones many times."""
         return {}
 
     @property
@@ -160,37 +151,30 @@ class Information:
         return Information(names, self.parts, self.counts, self.log)
 
     @property
-    def basis(self) -> Array:
-        """Upper triangular, (k + 1, k + 1), with ``[W τ] = Z basis`` for all rows."""
-        return self._common[0]
+    def torque(self) -> Array:
+        """Each actuator's sum of squares of its torque, (n,)."""
+        return self.squares(np.eye(self.size + 1)[:, -1])
 
-    @property
-    def of_actuators(self) -> tuple[tuple[ActuatorBlocks, Array], ...]:
-        """Blocks of each actuator, and what turns coordinates of `basis` into theirs (r, k + 1)."""
-        return tuple(zip(self.parts, self._common[1], strict=True))
-
-    def squares(self, z: Array) -> Array:
-        """Return each actuator's sum of squares of ``Z z``, (n,) or (n, m).
+    def of_actuators(self, change: Array) -> Iterator[tuple[ActuatorBlocks, Array]]:
+        """Yield the blocks of each actuator with ``[W τ] change`` in their coordinates, (r, q).
 
         Parameters
         ----------
-        z : (k + 1,) or (k + 1, m)
+        change : (k + 1, q)
         """
-        own = ((part.total, Q @ z) for part, Q in self.of_actuators)
-        return np.array([np.einsum("i...,i...->...", y, total @ y) for total, y in own])
+        for part in self.parts:
+            own, columns = self._own(part)
+            yield part, own @ change[[*columns, self.size]]
 
-    @property
-    def sums(self) -> list[Array]:
-        """Sums of the rows Z over each block, (B, k + 1) of every actuator."""
-        return [part.sums @ Q for part, Q in zip(self.parts, self._common[1], strict=True)]
+    def squares(self, change: Array) -> Array:
+        """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
 
-    def blocks(self, weights: Array) -> Array:
-        """Return ``Zᵀ Z`` of each block, actuators weighted, (B, k + 1, k + 1)."""
-        out = allot((len(self.counts), self.size + 1, self.size + 1), 1)
-        for weight, part, Q in zip(weights, self.parts, self._common[1], strict=True):
-            for at in batches(part.blocks):
-                out[at] += part.grams(np.sqrt(weight) * Q, at)
-        return out
+        Parameters
+        ----------
+        change : (k + 1,) or (k + 1, m)
+        """
+        pairs = self.of_actuators(change)
+        return np.array([np.square(part.root @ own).sum(0) for part, own in pairs])
 
     def products(self, weights: Array, left: Array, right: Array) -> Array:
         """Return ``([W τ] left)ᵀ ([W τ] right)`` of each block, actuators weighted, (B, p, q).
@@ -201,30 +185,46 @@ class Information:
         left, right : (k + 1, p) and (k + 1, q)
         """
         out = allot((len(self.counts), left.shape[1], right.shape[1]), 1)
-        for weight, part, Q in zip(weights, self.parts, self._common[1], strict=True):
-            one, other = Q @ (self.basis @ left), Q @ (self.basis @ right)
+        both = zip(weights, self.of_actuators(left), self.of_actuators(right), strict=True)
+        for weight, (part, one), (_, other) in both:
             for at in batches(part.blocks):
-                out[at] += weight * part.products(one, other, at)
+                out[at] += part.products(weight * one, other, at)
         return out
 
-    def total(self, weights: Array | None = None) -> Array:
-        """Return ``Zᵀ Z`` of all blocks, actuators weighted, (k + 1, k + 1)."""
-        weights = np.ones(self.actuators) if weights is None else np.asarray(weights, float)
-        if weights.tobytes() not in self._weighted:
-            total = np.zeros((self.size + 1, self.size + 1))
-            for weight, (part, Q) in zip(weights, self.of_actuators, strict=True):
-                total += Q.T @ (weight * part.total @ Q)
-            total.flags.writeable = False
-            while len(self._weighted) >= REMEMBERED:
-                self._weighted.pop(next(iter(self._weighted)))
-            self._weighted[weights.tobytes()] = total
-        return self._weighted[weights.tobytes()]
-
     def factor(self, weights: Array | None = None) -> Array:
-        """Return R (k + 1, k + 1), upper triangular, with ``RᵀR = [W τ]ᵀ [W τ]``."""
-        eigenvalues, vectors = np.linalg.eigh(self.total(weights))
-        root = np.sqrt(np.maximum(eigenvalues, 0.0))[:, None] * vectors.T
-        return triangular_factor(root @ self.basis)
+        """Return R (k + 1, k + 1), upper triangular, with ``RᵀR = [W τ]ᵀ [W τ]``.
+
+        Actuators that see few columns come first, and what they say goes into those that see these
+        columns too: in a tree that is a fraction of the work of all rows over all columns.
+        """
+        weights = np.ones(self.actuators) if weights is None else np.asarray(weights, float)
+        if weights.tobytes() not in self._factors:
+            pairs = zip(np.sqrt(weights), self.parts, strict=True)
+            found: list[tuple[np.ndarray, Array]] = []
+            for root, part in sorted(pairs, key=lambda pair: len(pair[1].columns)):
+                own, columns = self._own(part)
+                inside = [np.isin(c, columns).all() for c, _ in found]
+                rows = [root * (part.root @ own)]
+                rows += [
+                    _spread(F, c, columns) for (c, F), i in zip(found, inside, strict=True) if i
+                ]
+                found = [pair for pair, i in zip(found, inside, strict=True) if not i]
+                found.append((columns, triangular_factor(np.vstack(rows))))
+            every = np.arange(self.size)
+            whole = np.vstack([_spread(F, c, every) for c, F in found])
+            if len(found) > 1 or len(whole) < self.size + 1:
+                short = max(0, self.size + 1 - len(whole))
+                whole = triangular_factor(np.pad(whole, ((0, short), (0, 0))))
+            while len(self._factors) >= REMEMBERED:
+                self._factors.pop(next(iter(self._factors)))
+            self._factors[weights.tobytes()] = whole
+        return self._factors[weights.tobytes()].copy()
+
+    def _own(self, part: ActuatorBlocks) -> tuple[Array, np.ndarray]:
+        """Return an actuator's basis of the columns W that it can see, and which these are."""
+        instruments = self._width - self.size
+        seen = part.columns >= instruments
+        return part.basis[:, np.append(seen, True)], part.columns[seen] - instruments
 
     def reduce(self, M: Array, columns: Sequence[str], held: Array | None = None) -> Information:
         """Return the information of the columns ``W M``, with torque ``τ - W held``.
@@ -287,3 +287,10 @@ class Information:
             self.instrumented,
             echo,
         )
+
+
+def _spread(F: Array, columns: np.ndarray, among: np.ndarray) -> Array:
+    """Return the rows (r, v + 1) of some columns and the torque over more columns (r, m + 1)."""
+    wide = np.zeros((len(F), len(among) + 1))
+    wide[:, [*np.searchsorted(among, columns), len(among)]] = F
+    return wide

@@ -192,7 +192,12 @@ class Part:
 
     def _regressor(self, piece: Piece, buffer: Array) -> Array:
         W = self.model.regressor(self.robot, piece.motion, out=buffer)
-        return piece.down(W if self.columns is None else W[:, :, self.columns])
+        if self.columns is None:
+            return piece.down(W)
+        if most_rows(W.shape[1:]) >= CHUNK:
+            return piece.down(W[:, :, self.columns])
+        # Of many joints these would be hundreds of megabytes before they are decimated.
+        return np.stack([piece.down(own[:, self.columns]) for own in W.swapaxes(0, 1)], axis=1)
 
 
 def most_rows(shape: tuple[int, int]) -> int:

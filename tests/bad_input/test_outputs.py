@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from identifiability.__main__ import main
 from identifiability.foundation import output
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.output import check_apart, check_writable, write_bytes, write_text
@@ -142,3 +143,19 @@ def test_names_that_are_no_paths_are_refused():
 def test_a_demo_folder_that_is_a_file_is_refused(old, refused):
     sentence = f"'{old}' is the name of a file; give that of a folder."
     assert refused("demo", "--quick", "--folder", old) == sentence
+
+
+@pytest.mark.parametrize(
+    ("reason", "code"), [(KeyboardInterrupt(), 130), (SystemExit(143), 143), (None, None)]
+)
+def test_what_interrupts_a_library_while_it_is_loaded_is_no_error_of_it(
+    reason, code, monkeypatch, capsys
+):
+    def load():
+        raise ImportError("initialization failed") from reason
+
+    monkeypatch.setattr("identifiability.cli.main", load)
+    with pytest.raises(ImportError if code is None else SystemExit) as told:
+        main()
+    assert code is None or told.value.code == code
+    assert capsys.readouterr().err == ("Stopped.\n" if code == 130 else "")

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -205,6 +206,24 @@ def test_a_cluster_of_this_machine_that_cannot_be_started_is_one_sentence(monkey
     monkeypatch.setattr(distributed, "LocalCluster", end)
     with pytest.raises(EngineError, match="could not be started: a worker ended"):
         choose_engine("dask", workers=1)
+
+
+def test_what_interrupts_the_start_of_a_cluster_ends_it_once_it_is_there():
+    ended = []
+
+    def start():
+        time.sleep(0.1)
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)
+        return SimpleNamespace(close=lambda: ended.append(True))
+
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            clusters._start_whole(start)
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    assert ended == [True]
 
 
 @needs_dask

@@ -66,7 +66,8 @@ def test_every_product_of_instruments_columns_and_torque_is_kept(rows):
     information = Information.of_rows("abcde", W, tau, np.zeros(600, int), 50, V)
     joint = information.joint
     Z = np.concatenate([V, W, tau[:, :, None]], 2)
-    blocks = joint.basis.T @ joint.blocks(WEIGHTS) @ joint.basis
+    every = np.eye(11)
+    blocks = joint.products(WEIGHTS, every, every)
     for k, block in enumerate(blocks):
         own = Z[50 * k : 50 * (k + 1)]
         np.testing.assert_allclose(block, np.einsum("a,tai,taj->ij", WEIGHTS, own, own), atol=1e-9)
@@ -84,9 +85,10 @@ def test_beside_instruments_the_columns_say_what_they_say_alone(rows):
     ):
         R, S = one.factor(WEIGHTS), other.factor(WEIGHTS)
         np.testing.assert_allclose(S.T @ S, R.T @ R, rtol=1e-9, atol=1e-9 * np.abs(R).max() ** 2)
-        a, b = (x.basis.T @ x.blocks(WEIGHTS) @ x.basis for x in (one, other))
+        every = np.eye(one.size + 1)
+        a, b = (x.products(WEIGHTS, every, every) for x in (one, other))
         np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-9 * np.abs(a).max())
-        squares = [x.squares(x.basis) for x in (one, other)]
+        squares = [x.squares(every) for x in (one, other)]
         np.testing.assert_allclose(squares[1], squares[0], rtol=1e-9, atol=1e-9)
 
 

@@ -30,7 +30,9 @@ def work(regression, blocks):
     weights = np.linspace(1.0, 2.0, found.actuators)
     drawn = draw_blocks(count, 40, np.random.default_rng(0))
     arrays = [part.blocks for one in every for part in one.parts]
-    return arrays, [found.blocks(weights), refit(fewer, weights, drawn)]
+    every = np.eye(k + 1)
+    products = found.products(weights, every, every)
+    return arrays, [products, found.factor(weights), refit(fewer, weights, drawn)]
 
 
 @pytest.mark.parametrize("blocks", [12, 250])  # Gram matrices, and rows

@@ -292,15 +292,17 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
         temporary_folder() as folder,  # else Dask leaves one of its own
         dask.config.set({"temporary-directory": folder}),
     ):
+        start = partial(
+            LocalCluster,
+            n_workers=workers or joblib.cpu_count(),
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.CRITICAL,
+            preload=[_DEAF],
+        )
         try:
-            cluster = LocalCluster(
-                n_workers=workers or joblib.cpu_count(),
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address="127.0.0.1:0",
-                silence_logs=logging.CRITICAL,
-                preload=[_DEAF],
-            )
+            cluster = _start_whole(start)
         except (OSError, RuntimeError):
             raise EngineError(
                 "The cluster of this machine could not be started: a worker ended before it was "
@@ -315,3 +317,17 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
         finally:
             cluster.sync(end)  # an item may still be at work, and Ctrl-C must not wait for it
             cluster.close()
+
+
+def _start_whole(start: Callable[[], Any]) -> Any:
+    """Return a cluster; Ctrl-C meanwhile ends it once it is there: Dask cannot end half of one."""
+    made: list[Any] = []
+    try:
+        with ThreadPoolExecutor(1) as thread:  # leaving it waits
+            thread.submit(lambda: made.append(start())).result()
+        return made[0]
+    except (KeyboardInterrupt, SystemExit):
+        for cluster in made:
+            with contextlib.suppress(OSError, RuntimeError):
+                cluster.close()
+        raise

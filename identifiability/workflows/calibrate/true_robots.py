@@ -62,7 +62,7 @@ class TrueRobots:
         of_others = np.any(structure.G[:, ~stated], axis=1)
         span, others = _free(result.rung, full, of_others, structure.G @ bodies)
         noise = full.estimate.variance * np.maximum(full.autocorrelation_time, 1.0)
-        torque = analysis.information.total()[-1, -1] / max(analysis.information.rows, 1)
+        torque = analysis.information.torque.sum() / max(analysis.information.rows, 1)
         factor = analysis.information.factor(1.0 / np.maximum(noise, ROUNDING * torque + 1e-300))
         R = factor[:, :-1]
         left = factor[:, -1] - R @ (structure.G @ bodies + others)

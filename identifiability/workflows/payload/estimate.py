@@ -229,7 +229,7 @@ def _differences(
 def _measure(part: Information) -> Noise:
     """Return the noise beside the load, larger than what rounding leaves."""
     alone = estimate(part)
-    least = NOTHING**2 * float(np.mean(part.squares(part.basis[:, -1]))) / part.samples
+    least = NOTHING**2 * float(np.mean(part.torque)) / part.samples
     variance = np.maximum(alone.variance, max(least, np.finfo(float).tiny))
     return Noise(variance, alone.times)
 

@@ -240,24 +240,23 @@ def gather_folds(
         torque's sum of squares.
     """
     k = information.size
-    squares = information.squares(information.basis[:, k]) if variation is None else variation
+    squares = information.torque if variation is None else variation
     scale = joint_weights(squares)
-    seen = zip(information.of_actuators, np.sqrt(scale), strict=True)
     R = full.estimator.loss(information, full)
     length = float(np.linalg.norm(R[:, k]))
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
     inverse = np.linalg.inv(R)
-    change = information.basis @ inverse
+    seen = zip(information.of_actuators(inverse), np.sqrt(scale), strict=True)
     stretch, fold = divide_blocks(information.log, information.counts)
     centre, turned = R[:k, k].copy(), inverse[:k, :k]
-    blocks = change.T @ information.blocks(full.weights) @ change
+    blocks = information.products(full.weights, inverse, inverse)
     equations = Equations.of(information, full, R, blocks)
     return Folds(
         columns=information.columns,
         inverse=turned,
         centre=centre,
         scale=float(R[k, k]),
-        scored=tuple((part, root * Q @ change) for (part, Q), root in seen),
+        scored=tuple((part, root * own) for (part, own), root in seen),
         stretch=stretch,
         fold=fold,
         unseen=_unseen_factor(unseen, turned, scale, information.samples),

@@ -237,7 +237,7 @@ def _measure_variation(opening: Opening, information: Information) -> Array:
     surveys = [s.survey for s in opening.samples]
     outputs = sum(s.outputs for s in surveys)
     mean = sum(s.torque for s in surveys) / outputs
-    squares = information.squares(information.basis[:, -1]) - outputs * mean**2
+    squares = information.torque - outputs * mean**2
     variation: Array = np.maximum(squares, 0.0) * find_signal(surveys)
     return variation
 
