@@ -22,11 +22,11 @@ from hostile.commands import CLUSTER
 from hostile.faults import ROOT, Days, Fault, check_refusal
 
 #: A scheduler that does not answer for so long is given up [s].
-PATIENCE = 2
+PATIENCE = 10
 
 #: Seconds from the freezing of a scheduler in which its command must have ended: a command asks
 #: after ten seconds without a result, and waits for the answer as long as it was told.
-SOON = 30.0
+SOON = 45.0
 
 #: Seconds for a scheduler or a worker to be there.
 THERE = 60.0
