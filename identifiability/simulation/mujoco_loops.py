@@ -48,9 +48,10 @@ class PointClosure:
 
     def gradient(self, model: Any, data: Any) -> Array:
         """Return the derivative of the error, (k, nv)."""
-        return np.asarray(
-            (self._turn(data) @ self._apart(model, data, mujoco.mj_jac))[[*self.axes]]
-        )
+        apart = self._apart(model, data, mujoco.mj_jac)
+        if self.frame:
+            apart = self._turn(data) @ apart
+        return apart if len(self.axes) == 3 else apart[[*self.axes]]
 
     def gradient_rate(self, model: Any, data: Any) -> Array:
         """Return the time derivative of the same, (k, nv)."""
@@ -65,16 +66,14 @@ class PointClosure:
 
     def _apart(self, model: Any, data: Any, jacobian: Any) -> Array:
         """Return by what joints move the points apart, as seen from the frame, (3, nv)."""
-        total = np.zeros((3, model.nv))
-        for end, sign in ((0, 1.0), (1, -1.0)):
-            at = self._world(data, end)
-            moving = {self.body[end]: sign}
-            if self.frame:
-                moving[self.frame] = moving.get(self.frame, 0.0) - sign
-            for body, part in moving.items():
-                J = np.zeros((3, model.nv))
-                jacobian(model, data, J, None, at, body)
-                total += part * J
+        J = np.zeros((2, 3, model.nv))
+        for end in (0, 1):
+            jacobian(model, data, J[end], None, self._world(data, end), self.body[end])
+        total: Array = J[0] - J[1]
+        if self.frame:
+            for end in (0, 1):
+                jacobian(model, data, J[end], None, self._world(data, end), self.frame)
+            total -= J[0] - J[1]
         return total
 
 

@@ -216,21 +216,19 @@ class MujocoRobot:
 
     def _jacobian(self, *, dot: bool = False) -> Array:
         """Return the Jacobian of the loop errors, or its time derivative."""
-        rows = []
-        for c in self.closures:
-            turned = c.gradient_rate if dot else c.gradient
-            rate = turned(self.model, self.data)
-            rows.append(np.pad(rate, ((0, 0), (0, len(self.cables)))))
         q, v = self.data.qpos, self.data.qvel
-        for coupling in self.couplings:
-            rate = coupling.gradient_rate(q, v) if dot else coupling.gradient(q, len(v))
-            rows.append(np.pad(rate, ((0, 0), (0, len(self.cables)))))
-        for k, cable in enumerate(self.cables):
-            row = np.zeros((1, self.size))
-            row[0, : self.model.nv] = -cable.slope(self.model, self.data, dot=dot)
-            row[0, self.model.nv + k] = 0.0 if dot else 1.0
-            rows.append(row)
-        return np.concatenate(rows) if rows else np.empty((0, self.size))
+        rows = [
+            c.gradient_rate(self.model, self.data) if dot else c.gradient(self.model, self.data)
+            for c in self.closures
+        ]
+        rows += [c.gradient_rate(q, v) if dot else c.gradient(q, len(v)) for c in self.couplings]
+        rows += [-c.slope(self.model, self.data, dot=dot)[None] for c in self.cables]
+        nv, first = self.model.nv, sum(len(row) for row in rows) - len(self.cables)
+        out = np.zeros((first + len(self.cables), self.size))
+        if rows:
+            out[:, :nv] = np.concatenate(rows)
+        out[first:, nv:] = 0.0 if dot else np.eye(len(self.cables))
+        return out
 
     def slope(self) -> Array:
         """Return X with ``q̇_passive = -X q̇_actuated`` at the present configuration."""

@@ -10,6 +10,7 @@ stationary [Monahan 1984].
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,13 @@ class JointNoise:
     dof: float
     left: float
 
+    @cached_property
+    def _root(self) -> Array:
+        """A root of the covariance, (p, p)."""
+        vectors, squares, _ = np.linalg.svd(self.covariance)
+        root: Array = vectors * np.sqrt(squares)
+        return root
+
     @property
     def pacf(self) -> Array:
         """Partial autocorrelations, (p,)."""
@@ -81,7 +89,7 @@ class JointNoise:
         """Return partial autocorrelations and sigma as uncertain as the data leave them."""
         theta = self.theta
         if len(theta):
-            theta = np.clip(rng.multivariate_normal(theta, self.covariance), -BOUND, BOUND)
+            theta = np.clip(theta + self._root @ rng.standard_normal(len(theta)), -BOUND, BOUND)
         return np.tanh(theta), self.sigma * float(np.sqrt(self.dof / rng.chisquare(self.dof)))
 
 

@@ -32,30 +32,38 @@ class RestrictedLikelihood:
         self.floor = floor * float(left @ left) / self.rows
         self.left = float(left @ left) * self.scale**2 / self.dof
         P = HIGHEST_ORDER
-        self.gram = np.zeros((P + 1, P + 1, P + 1, Z.shape[1], Z.shape[1]))
+        gram = np.zeros((P + 1, P + 1, P + 1, Z.shape[1], Z.shape[1]))
         for p in range(P + 1):
             long = [z for z in self.parts if len(z) > p]
             lagged = [[z[p - i : len(z) - i] for z in long] for i in range(p + 1)]
             for i in range(p + 1):
                 for j in range(i + 1):
                     G = sum(a.T @ b for a, b in zip(lagged[i], lagged[j], strict=True))
-                    self.gram[p, i, j] = G
-                    self.gram[p, j, i] = np.transpose(G)
-                self.gram[p, i, i, -1, -1] += self.floor * sum(len(z) - p for z in long)
+                    gram[p, i, j] = G
+                    gram[p, j, i] = np.transpose(G)
+                gram[p, i, i, -1, -1] += self.floor * sum(len(z) - p for z in long)
+        self.gram = [
+            gram[p, : p + 1, : p + 1].reshape((p + 1) ** 2, -1).copy() for p in range(P + 1)
+        ]
+        #: The first m + 1 rows of every stretch that has them, the last one first, by m.
+        self.heads = [
+            np.array([z[m::-1] for z in self.parts if len(z) > m]).reshape(-1, m + 1, Z.shape[1])
+            for m in range(P)
+        ]
 
     def _whitened(self, theta: Array) -> tuple[Array, float]:
         """Return the Gram matrix of the whitened columns and the log-determinant."""
         predictors, variances = levinson(np.tanh(theta))
         p = len(theta)
         c = np.append(1.0, -predictors[-1])
-        G = np.einsum("i,j,ijab->ab", c, c, self.gram[p, : p + 1, : p + 1])
+        G = (np.outer(c, c).ravel() @ self.gram[p]).reshape(self.k + 1, self.k + 1)
         logdet = 0.0
-        for z in self.parts:
-            for m in range(min(p, len(z))):
-                row = z[m] - (predictors[m] @ z[:m][::-1] if m else 0.0)
-                G = G + np.outer(row, row) / variances[m]
-                G[-1, -1] += self.floor * (1 + predictors[m] @ predictors[m]) / variances[m]
-                logdet += np.log(variances[m])
+        for m, head in enumerate(self.heads[:p]):
+            weights = np.append(1.0, -predictors[m])
+            row = weights @ head  # of every stretch
+            G += row.T @ row / variances[m]
+            G[-1, -1] += len(head) * self.floor * (weights @ weights) / variances[m]
+            logdet += len(head) * float(np.log(variances[m]))
         return G, logdet
 
     def _factor(self, theta: Array) -> tuple[Array, float]:
