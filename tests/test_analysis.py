@@ -98,7 +98,11 @@ def test_without_validation_the_error_is_cross_validated(simulated):
 
 
 def test_several_logs_leave_one_out(simulated):
-    out = analyze("3-rps", [simulated("3-rps", t, k) for k, t in enumerate(("571", "595", "601"))])
+    out = analyze(
+        "3-rps",
+        [simulated("3-rps", t, k) for k, t in enumerate(("571", "595", "601"))],
+        replicates=50,
+    )
     assert "one log left out" in out.validation_kind
     assert out.information.samples == 2250
     assert 0.04 < out.chosen.error_ra_validation < 0.055
@@ -140,8 +144,10 @@ def test_a_robot_that_never_moves_determines_nothing_and_says_why(rps):
 def test_computed_derivatives_give_the_same_parameters_as_true_ones(simulated):
     """Two-link arm, no noise: filtering torque and columns alike leaves the parameters alone."""
     log = simulated("two-link", "a", 0, Noise(), 3000)
-    exact = analyze("two-link", log)
-    computed = analyze("two-link", log, preparation=Preparation(derivatives="butterworth"))
+    exact = analyze("two-link", log, replicates=0)
+    computed = analyze(
+        "two-link", log, replicates=0, preparation=Preparation(derivatives="butterworth")
+    )
     a, b = exact.to_frame("full model"), computed.to_frame("full model")
     assert any("low-pass" in note for note in computed.samples[0].notes)
     big = a["torque_share"] > 0.02
@@ -150,7 +156,9 @@ def test_computed_derivatives_give_the_same_parameters_as_true_ones(simulated):
 
 def test_autocorrelated_residuals_inflate_sigma(simulated):
     noises = [Noise(additive=0.05, correlation=rho) for rho in (0.0, 0.9)]
-    white, red = (analyze("five-bar", simulated("five-bar", "a", 0, noise)) for noise in noises)
+    white, red = (
+        analyze("five-bar", simulated("five-bar", "a", 0, noise), replicates=0) for noise in noises
+    )
     ratio = [
         np.median([v.sigma_robust / v.sigma for v in out.chosen.verdicts]) for out in (white, red)
     ]
@@ -187,7 +195,9 @@ def test_a_log_given_twice_is_refused(simulated):
 
 def test_negligible_is_judged_joint_by_joint(simulated):
     """A wrist parameter is not negligible because the shoulder's residual is large."""
-    out = analyze("six-dof-arm", simulated("six-dof-arm", "a", 0, Noise(torque=0.02)))
+    out = analyze(
+        "six-dof-arm", simulated("six-dof-arm", "a", 0, Noise(torque=0.02)), replicates=50
+    )
     for v in out.full.verdicts:
         if v.verdict is Class.NEGLIGIBLE:
             assert abs(v.value) < 4 * v.sigma_robust, v.name

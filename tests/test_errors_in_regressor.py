@@ -19,7 +19,7 @@ from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
 from identifiability.workflows.prune import prune
 
-SEEDS, PERIODS = 10, 10
+SEEDS, PERIODS = 6, 10
 NOISE = Noise(motion=0.04, torque=0.05)
 
 

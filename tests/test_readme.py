@@ -61,6 +61,7 @@ def type_in(line: str, *, quick: bool) -> None:
             return
         options = {o for p in COMMANDS[words[0]].params for o in p.opts}
         more = [["--engine", "serial"], ["--quick"]] if quick else []
+        more += [["--effects", "stribeck_friction"]] if quick and words[0] == "diagnose" else []
         words += [w for m in more if m[0] in options and m[0] not in words for w in m]
         done = CliRunner().invoke(app, words)
         assert done.exit_code == 0, f"{line}\n{done.output}\n{done.exception}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from inspect import signature
 
 import numpy as np
@@ -42,15 +43,21 @@ def test_a_seed_from_python_is_the_seed_of_the_command(robot, tmp_path):
     assert not np.allclose(pd.read_csv(tmp_path / "4.csv"), ours)
 
 
-def test_quick_is_a_tenth_unless_somebody_says_how_many(robot):
+def test_quick_is_a_tenth_unless_somebody_says_how_many(robot, monkeypatch):
     log = simulate(robot, shipped_trajectory(robot, "a"), noise="torque=0.02")
     assert analyze(robot, log, quick=True).settings["replicates"] == 200
     assert analyze(robot, log, quick=True, replicates=2).settings["replicates"] == 2
     assert prune(robot, log, quick=True).settings["replicates"] == 20
     analysis = analyze(robot, log, replicates=0)
     few = {"noise": (1.0,), "rho": (0.0,), "refits": 0}
+    asked = {}
+    for name, count in (("check_ranks", "replicates"), ("measure_false_names", "trials")):
+        keep = partial(
+            lambda name, count, *_, **given: asked.update({name: given[count]}), name, count
+        )
+        monkeypatch.setattr(f"identifiability.workflows.calibrate.calibration.{name}", keep)
     quick = calibrate(analysis, **few, quick=True)
-    assert (quick.cells[0].trials, quick.false_names.trials) == (4 * 8, 4)
+    assert (quick.cells[0].trials, asked) == (4 * 8, {"check_ranks": 200, "measure_false_names": 4})
     stated = calibrate(analysis, **few, quick=True, replicates=2, names=0, sbc=0)
     assert (stated.cells[0].trials, stated.false_names, stated.ranks) == (4 * 2, None, None)
 

@@ -7,7 +7,7 @@ To add an effect: one file that states its columns and registers its `Family`.
 from importlib import import_module
 from pkgutil import iter_modules
 
-from identifiability.effects.effect import Along, AlongAxes, Effect, put
+from identifiability.effects.effect import Along, AlongAxes, Effect, Shaped, put
 from identifiability.effects.family import Family, Law, Span, joint_places
 from identifiability.effects.placed import Part, Placed
 from identifiability.effects.registry import (
@@ -37,6 +37,7 @@ __all__ = [
     "Law",
     "Part",
     "Placed",
+    "Shaped",
     "Span",
     "bring",
     "default_effects",

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from identifiability.effects.effect import Effect
+from identifiability.effects.effect import Effect, Shaped
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, Robot
@@ -97,10 +97,8 @@ class Family:
         In words: ``Stribeck friction``.
     places : callable(Robot) -> names of joints, bodies or ``base``
         By default every actuated joint and coupled motor.
-    build : callable(shape: float, place: str) -> Effect, optional
-        The effect with a shape.
     shapes : callable(Span) -> shapes, optional
-        The grid that the shape is searched on.
+        The grid that the shape is searched on; without one it is what robot file or ladder state.
     against : {"velocity", "position", "load", "time"}
         Over what its curve is drawn.
     separate : bool
@@ -144,7 +142,6 @@ class Family:
     effect: Effect
     title: str
     places: Callable[[Robot], tuple[str, ...]] = joint_places
-    build: Callable[[float, str], Effect] | None = None
     shapes: Callable[[Span], tuple[float, ...]] | None = None
     against: Literal["velocity", "position", "load", "time"] = "velocity"
     separate: bool = False
@@ -173,9 +170,9 @@ class Family:
 
     def at(self, shape: float | None, place: str) -> Effect:
         """Return the effect with a shape at a place, as the robot has it without one."""
-        if self.build is None or shape is None:
+        if shape is None or np.isnan(shape) or not isinstance(self.effect, Shaped):
             return self.effect
-        return self.build(shape, place)
+        return type(self.effect)(shape, place)
 
     def drawn_over(self, effect: Effect, robot: Robot, joint: int) -> int:
         """Return the joint whose motion its curve at a joint is drawn over."""

@@ -61,14 +61,10 @@ def register(family: Family) -> Family:
 def declare(
     title: str, places: Callable[[Robot], tuple[str, ...]] = joint_places, **facts: Any
 ) -> Callable[[type[E]], type[E]]:
-    """Register the family of an effect's class, with the other attributes of `Family` as `facts`.
-
-    Where there are shapes to try, the class makes the effect with a shape at a place.
-    """
+    """Register the family of an effect's class, with what else `Family` has as `facts`."""
 
     def decorate(effect: type[E]) -> type[E]:
-        build = effect if "shapes" in facts else None
-        register(Family(effect(), title, places, build=build, **facts))
+        register(Family(effect(), title, places, **facts))
         return effect
 
     return decorate

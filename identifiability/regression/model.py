@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from identifiability.effects import Effect, Part, Placed, find_effect, find_family
+from identifiability.effects import Effect, Part, Placed, Shaped, find_effect, find_family
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, checked
@@ -115,7 +115,7 @@ def _read_effect(name: str, written: Iterable[str]) -> Effect:
             return effect
         places, shape = _split_shape(text.partition("@")[2])
         family = find_family(name)
-        if shape is not None and family.shapes is None:
+        if shape is not None and not isinstance(effect, Shaped):
             raise ModelError(f"'{text}': {name} has no shape; leave out the number behind the ':'.")
         parts += [Part(family.at(shape, place), place) for place in places.split("+")]
     return Placed(parts, tuple(written))

@@ -81,13 +81,17 @@ def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
 def test_the_command_line_says_it_on_the_page_and_in_the_file(frame, command, write, tmp_path):
     spoilt, named = spoil(frame.iloc[: ROW + 49], "torque times 1000")
     path, result, page = write("log.csv", spoilt), tmp_path / "out.json", tmp_path / "out.html"
-    out = command("analyze", "two-link", path, "--json", result, "--report", page, "--no-posterior")
+    out = command(
+        "analyze", "two-link", path, "--json", result, "--report", page, "--no-posterior", "--quick"
+    )
     assert out.exit_code == 0, out.output
     assert "log.csv: one value lies far" in out.output
     (hint,) = json.loads(result.read_text())["hints"]
     assert named in hint
     assert f"data row {ROW}" in page.read_text()
-    out = command("calibrate", "two-link", path, "--replicates", 4, "--no-sbc", "--names", 0)
+    out = command(
+        "calibrate", "two-link", path, "--replicates", 4, "--no-sbc", "--names", 0, "--quick"
+    )
     assert out.exit_code == 0, out.output
     assert "log.csv: one value lies far" in out.output
 

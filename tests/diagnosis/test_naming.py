@@ -37,8 +37,16 @@ def test_a_hidden_effect_is_named_in_its_joints_and_the_gap_shrinks(
     assert d.held_after < 1.1 * diagnosis_of(robot).held_before
 
 
-def test_two_hidden_effects_are_both_named(diagnosis_of, named):
-    d = diagnosis_of("3-rps", "stribeck_friction@slider1=0.03", "position_ripple@slider2=0.02")
+def among(*effects):
+    """Run a test with few effects to choose from, and with all of them where there is time."""
+    every = pytest.param(None, marks=pytest.mark.everything)
+    return pytest.mark.parametrize("effects", [effects, every], ids=["few", "all"])
+
+
+@among("stribeck_friction", "position_ripple", "quadratic_friction", "joint_stiffness")
+def test_two_hidden_effects_are_both_named(diagnosis_of, named, effects):
+    both = ("stribeck_friction@slider1=0.03", "position_ripple@slider2=0.02")
+    d = diagnosis_of("3-rps", *both, effects=effects)
     assert sorted(named(d)) == [
         ("position_ripple", ("slider2",)),
         ("stribeck_friction", ("slider1",)),
@@ -69,12 +77,6 @@ def test_nulls_get_a_name_no_more_often_than_they_may(rho, motion, logs_of):
         d = diagnose("two-link", logs[:4], logs[4:], replicates=99, seed=seed)
         false += bool(d.effects)
     assert false <= 2
-
-
-def among(*effects):
-    """Run a test with few effects to choose from, and with all of them where there is time."""
-    every = pytest.param(None, marks=pytest.mark.everything)
-    return pytest.mark.parametrize("effects", [effects, every], ids=["few", "all"])
 
 
 @among("coulomb_asymmetry", "torque_offset", "joint_stiffness", "stribeck_friction", "gear_ripple")

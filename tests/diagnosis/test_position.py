@@ -43,22 +43,29 @@ def planted(what, joint, c=None):
     return out
 
 
-def find(what, joint, seed, c=None):
+def find(what, joint, seed, c=None, effects=None):
     c = c or source()
     logs = c.logs(planted(what, joint, c), NOISE, np.random.default_rng(seed))
-    return diagnose(c.robot, logs[:4], logs[4:], seed=seed, forward=False, quick=True)
+    return diagnose(
+        c.robot, logs[:4], logs[4:], seed=seed, effects=effects, forward=False, quick=True
+    )
 
 
 CASES = [("cable", 0), ("extension spring", 1), ("cable", 1), ("extension spring", 0)]
+#: What a curve over the position could be taken for.
+LIKE = (
+    "position_torque", "joint_stiffness", "torque_offset", "free_spring", "gravity_spring",
+    "position_ripple", "position_friction",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    ("what", "joint"),
-    [CASES[0], *(pytest.param(*c, marks=pytest.mark.everything) for c in CASES[1:])],
+    ("what", "joint", "effects"),
+    [(*CASES[0], LIKE), *(pytest.param(*c, None, marks=pytest.mark.everything) for c in CASES)],
 )
-def test_a_curve_is_learned_and_named_with_its_joint(what, joint):
+def test_a_curve_is_learned_and_named_with_its_joint(what, joint, effects):
     """Its error on unseen motion is within a tenth of that without anything planted."""
-    d, bare = find(what, joint, 5), find("nothing", joint, 5)
+    d, bare = (find(w, joint, 5, effects=effects) for w in (what, "nothing"))
     assert bare.effects == ()
     assert [(e.name, e.joints) for e in d.effects] == [
         ("position_torque", (source().robot.joints[joint],))

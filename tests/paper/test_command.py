@@ -65,9 +65,9 @@ def test_every_script_states_its_question(name):
 
 
 def test_a_script_runs_alone(tmp_path):
-    script = STUDIES / "table_1_base_parameters.py"
+    script = STUDIES / "paper_slips.py"
     words = [sys.executable, str(script), "--quick", "--workers", "1", "--out", str(tmp_path)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert "pass  Table 1" in done.stdout
-    assert (tmp_path / "table_1_base_parameters.html").exists()
+    assert "pass  Slips of the paper" in done.stdout
+    assert (tmp_path / "paper_slips.html").exists()

@@ -26,12 +26,18 @@ def test_a_platform_edge_one_percent_longer_fails_the_coefficients_of_table_1(ch
     assert not result.passed
 
 
-def test_a_dropped_column_of_model_4_fails_its_size_rows_and_count(changed_robot):
+def test_a_dropped_column_of_model_4_fails_its_size_and_rows(changed_robot):
     robot = changed_robot("ladder.toml", '  "platform.mx", "leg2_upper.m",', '  "leg2_upper.m",')
     options = Options(quick=True, seeds=1, robot=robot)
     assert {"sizes of Models 1 to 4", "rows of Table 1 in Model 4"} <= failed(
         table_1_base_parameters.run(options)
     )
+
+
+@pytest.mark.everything
+def test_a_dropped_column_of_model_4_fails_the_count_of_every_trial(changed_robot):
+    robot = changed_robot("ladder.toml", '  "platform.mx", "leg2_upper.m",', '  "leg2_upper.m",')
+    options = Options(quick=True, seeds=1, robot=robot)
     trials = table_3_noise.noise_trials(options)
     wrong = {c.name for c in table_3_noise.find_checks(trials) if not c.passed}
     assert {

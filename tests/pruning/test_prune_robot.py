@@ -24,7 +24,13 @@ def test_the_3rps_ends_at_the_papers_smallest_model_without_knowing_it(pruned):
     assert all(v.verdict is Class.IDENTIFIABLE for v in pruned.verdicts)
 
 
-@pytest.mark.parametrize(("trajectory", "seed"), [("571", 3), ("595", 4), ("601", 5)])
+@pytest.mark.parametrize(
+    ("trajectory", "seed"),
+    [
+        ("571", 3),
+        *(pytest.param(*x, marks=pytest.mark.everything) for x in (("595", 4), ("601", 5))),
+    ],
+)
 def test_other_logs_give_nine_friction_and_actuator_parameters_and_few_others(
     simulated, trajectory, seed
 ):
@@ -125,7 +131,9 @@ def test_several_logs_are_left_out_one_at_a_time(simulated):
     assert out.chosen.error_ra_unseen < 0.05
 
 
-@pytest.mark.parametrize("name", ["five-bar", "two-link", "six-dof-arm"])
+@pytest.mark.parametrize(
+    "name", ["five-bar", pytest.param("six-dof-arm", marks=pytest.mark.everything)]
+)
 def test_other_robots_prune_without_special_cases(simulated, name):
     out = prune(name, simulated(name, "a", 0, Noise(torque=0.02)), replicates=5)
     assert len(out.chosen) < len(out.full)

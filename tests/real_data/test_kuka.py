@@ -126,6 +126,7 @@ def test_positions_and_velocities_of_the_files_agree_until_the_filter_runs_out(k
     assert found["tail_mismatch"] > 0.5
 
 
+@pytest.mark.everything
 def test_the_study_writes_its_table_and_a_report(kuka, folder, tmp_path, capsys):
     out = tmp_path / "new" / "kuka_lwr4.json"
     frame = kuka.main(["--data", str(folder.parent), "--out", str(out), "--quick"])
