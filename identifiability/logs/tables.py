@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 PARQUET = (".parquet", ".pq")
 NUMBERS = ("double", "float", "int64", "int32", "int16", "int8")
 
-#: Rows of a piece of Parquet.
-PIECE_ROWS = 8_192
+#: Rows of a piece of Parquet, and its cells, at most.
+PIECE_ROWS, PIECE_CELLS = 32_768, 1_000_000
 
 #: Bytes of a cell, on average over a group of rows.
 LONGEST_CELL = 4_096
@@ -196,10 +196,10 @@ class Table:
         if is_parquet(self.path):
             chosen = None if columns is None else list(columns)
             groups = list(range(place, end))
+            count = len(self.columns if chosen is None else chosen)
+            rows = max(1, min(PIECE_ROWS, PIECE_CELLS // max(count, 1)))
             # Its threads wait for each other longer than they work.
-            yield from file.iter_batches(
-                PIECE_ROWS, row_groups=groups, columns=chosen, use_threads=False
-            )
+            yield from file.iter_batches(rows, row_groups=groups, columns=chosen, use_threads=False)
         else:
             file.seek(place)
             yield self.parse(file.read(end - place), row)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Annotated
 
 import numpy as np
@@ -84,9 +84,29 @@ class Model:
         """Return the shapes behind the columns, by ``<joint>.<effect>``."""
         return {name: at for e in self.effects for name, at in e.shapes(robot).items()}
 
-    def regressor(self, robot: Robot, motion: Motion, out: Array | None = None) -> Array:
-        """Return the regressor W (N, n, p): ``W[k] @ phi`` is the torque at sample k."""
-        widths = [len(e.parameters(robot)) for e in self.effects]
+    def widths(self, robot: Robot) -> list[int]:
+        """Return how many columns each effect has."""
+        return [len(e.parameters(robot)) for e in self.effects]
+
+    def regressor(
+        self,
+        robot: Robot,
+        motion: Motion,
+        out: Array | None = None,
+        widths: Sequence[int] | None = None,
+    ) -> Array:
+        """Return the regressor W (N, n, p): ``W[k] @ phi`` is the torque at sample k.
+
+        Parameters
+        ----------
+        robot : Robot
+        motion : Motion
+        out : (at least N, n, p), optional
+            Where to.
+        widths : sequence of int, optional
+            What `widths` returned, which takes as long as some hundred samples do.
+        """
+        widths = self.widths(robot) if widths is None else widths
         if not sum(widths):
             raise ModelError("The model has no effects; name at least one, such as rigid_body.")
         shape = (len(motion), len(robot.actuated), sum(widths))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import repeat
 from typing import Any
@@ -180,7 +180,8 @@ class Part:
         if samples is None:
             yield from repeat((None, lambda: None))
             return
-        shape = (len(self.robot.actuated), len(self.model.parameters(self.robot)))
+        widths = self.model.widths(self.robot)
+        shape = (len(self.robot.actuated), sum(widths))
         buffer = np.empty((0, *shape))
         if isinstance(samples, Samples) and samples.decimation is not None:
             # Beside few samples a strong filter would draw on many more, for each piece anew.
@@ -188,10 +189,10 @@ class Part:
         for piece in samples.pieces(size):
             if len(buffer) < len(piece.motion):
                 buffer = np.empty((len(piece.motion), *shape))
-            yield piece, partial(self._regressor, piece, buffer)
+            yield piece, partial(self._regressor, piece, buffer, widths)
 
-    def _regressor(self, piece: Piece, buffer: Array) -> Array:
-        W = self.model.regressor(self.robot, piece.motion, out=buffer)
+    def _regressor(self, piece: Piece, buffer: Array, widths: Sequence[int]) -> Array:
+        W = self.model.regressor(self.robot, piece.motion, buffer, widths)
         if self.columns is None:
             return piece.down(W)
         if most_rows(W.shape[1:]) >= CHUNK:

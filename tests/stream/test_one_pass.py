@@ -36,9 +36,9 @@ def made(monkeypatch):
     times = {}
     plain = Part._regressor
 
-    def spied(self, piece, buffer):
+    def spied(self, piece, buffer, widths):
         times.setdefault(type(self.samples), []).extend(piece.motion.t[piece.at].tolist())
-        return plain(self, piece, buffer)
+        return plain(self, piece, buffer, widths)
 
     monkeypatch.setattr(Part, "_regressor", spied)
     return times
