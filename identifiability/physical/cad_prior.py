@@ -98,13 +98,13 @@ def nominal_cones(region: PhysicalSet, prior: CadPrior) -> Array:
     return maps
 
 
-def prior_gap(region: PhysicalSet, prior: CadPrior, x: Array, slope: Array) -> float:
-    """How far the pull of the prior at x is from balancing the slope (p,) of the data.
+def prior_gap(maps: Array, weight: float, x: Array, slope: Array) -> float:
+    """How far the pull of a prior at x is from balancing the slope (p,) of the data.
 
     The conjugate of the divergence, min_J ⟨P, J⟩ + w (tr J − log det J − 4) = w log det(1 + P/w),
-    is tight at P = w (J⁻¹ − 1), the optimum.
+    is tight at P = w (J⁻¹ − 1), the optimum. `maps` are those of `nominal_cones`.
     """
-    maps, w, one = nominal_cones(region, prior), prior.weight, np.eye(4)
+    w, one = weight, np.eye(4)
     J = (maps @ x).reshape(-1, 4, 4)
     P = adjoint_inverse(maps, slope).reshape(-1, 4, 4)
     sign, dual = np.linalg.slogdet(one + P / w)

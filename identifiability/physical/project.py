@@ -129,8 +129,7 @@ class Projection:
         self.reference = np.zeros(p) if reference is None else reference
         self.held = Held.none(p) if held is None else held
         self._rows, self._least = region.scaled_rows, region.least_with(margin)
-        if prior is not None:
-            nominal_cones(region, prior)  # raises
+        self.nominal = np.zeros((0, 16, p)) if prior is None else nominal_cones(region, prior)
 
     def solve(self, data: LeastSquares) -> FeasibleEstimate:
         """Project one data set.
@@ -152,8 +151,8 @@ class Projection:
                 none = np.zeros(len(self._least)), np.zeros((len(self.region.ellipsoids), 16))
                 return self._read(data, scaled, free, *none, "optimal")
             if self.prior is not None and not len(self.region.ellipsoids):
-                lines = self._rows, self._least
-                pulled = pull(self.region, self.prior, lines, scaled.factor, free, scaled.plane)
+                nominal, lines = (self.nominal, self.prior.weight), (self._rows, self._least)
+                pulled = pull(self.region, nominal, lines, scaled.factor, free, scaled.plane)
                 if pulled is not None and self._holds(pulled[0]):
                     return self._read(data, scaled, *pulled, np.zeros((0, 16)), "optimal")
             return self._read(data, scaled, *_solve_program(self, scaled, free))
@@ -216,7 +215,7 @@ class Projection:
         held += float(np.sum(E * (ellipsoids @ x - self.margin * np.eye(4).ravel())))
         if self.prior is not None:
             rest = np.where(self.region.inertial, 0.0, slope)
-            gap = prior_gap(self.region, self.prior, x, slope)
+            gap = prior_gap(self.nominal, self.prior.weight, x, slope)
             gap += abs(held) + most_gain(rest, scaled.factor, reach)
             return np.zeros(cones.shape[:2]), gap  # the divergence keeps bodies off the edge
         Z = semidefinite(adjoint_inverse(cones, slope))
@@ -251,7 +250,7 @@ def _solve_program(
         level = margin * np.eye(4) - (map_ @ free).reshape(4, 4)
         program.semidefinite((map_ @ wide).reshape(4, 4, -1), level)
     if prior is not None:
-        for k, map_ in enumerate(nominal_cones(region, prior)):
+        for k, map_ in enumerate(projection.nominal):
             start = 2 * p + DIVERGENCE * k
             slope += prior.weight * add_divergence(program, map_ @ wide, map_ @ free, start)
     try:

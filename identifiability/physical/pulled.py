@@ -10,10 +10,9 @@ solver does.
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
+from scipy.linalg.lapack import dposv
 
 from identifiability.foundation.names import Array
-from identifiability.physical.cad_prior import CadPrior, nominal_cones
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Plane
 
@@ -33,6 +32,10 @@ LESS = 0.03
 #: The same of the weight, which begins at the size of the cost and ends at the prior's.
 LIGHTER = 0.2
 
+#: Rows and columns of the lower triangle of a body, and what makes its squares those of the whole.
+ROW, COLUMN = np.tril_indices(4)
+TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
+
 #: Newton decrement up to which the weight goes on falling, in weights. Nearly always it may fall at
 #: once. Where that leads along the edge of a thin body in ever smaller steps, it waits.
 PATIENCE = (np.inf, 1.0)
@@ -40,7 +43,7 @@ PATIENCE = (np.inf, 1.0)
 
 def pull(
     region: PhysicalSet,
-    prior: CadPrior,
+    nominal: tuple[Array, float],
     lines: tuple[Array, Array],
     factor: Array,
     free: Array,
@@ -51,7 +54,9 @@ def pull(
     Parameters
     ----------
     region : PhysicalSet
-    prior : CadPrior
+    nominal : (nb, 16, p) and float
+        Maps to pseudo-inertias that the nominal bodies make the identity (`nominal_cones`), and
+        the weight of the prior [σ²].
     lines : (m, p) and (m,)
         ``rows @ x ≥ least`` are the signs and the bounds.
     factor : (p, p)
@@ -60,14 +65,9 @@ def pull(
         Where that cost is least, in the plane.
     plane : Plane
         What is held.
-
-    Raises
-    ------
-    ValueError
-        When a nominal body cannot exist or is a point; it is named.
     """
     for steps, patience in zip(STEPS, PATIENCE, strict=True):
-        found = _pull(region, prior, lines, factor, free, plane, steps, patience)
+        found = _pull(region, nominal, lines, factor, free, plane, steps, patience)
         if found is not None:
             return found
     return None
@@ -75,7 +75,7 @@ def pull(
 
 def _pull(
     region: PhysicalSet,
-    prior: CadPrior,
+    nominal: tuple[Array, float],
     lines: tuple[Array, Array],
     factor: Array,
     free: Array,
@@ -83,7 +83,7 @@ def _pull(
     steps: int,
     patience: float,
 ) -> tuple[Array, Array] | None:
-    maps, (rows, least) = nominal_cones(region, prior), lines
+    (maps, light), (rows, least) = nominal, lines
     own = np.take_along_axis(maps, region.bodies[:, None, :], axis=2)
     x = free.copy()
     x[region.bodies] = np.linalg.pinv(own) @ np.eye(4).ravel()  # the nominal bodies
@@ -91,9 +91,8 @@ def _pull(
     T = plane.along @ Vt.T  # along these directions the quadratic cost is a sum of squares
     cone, sign = maps @ T, rows @ T
     z = T.T @ (x - free)
-    weight = max(prior.weight, float(s * z @ (s * z)) / (4 * max(len(maps), 1)))
-    row, column = np.tril_indices(4)
-    triangle, twice = 4 * row + column, np.where(row == column, 1.0, np.sqrt(2.0))[:, None]
+    weight = max(light, float(s * z @ (s * z)) / (4 * max(len(maps), 1)))
+    triangle = 4 * ROW + COLUMN
     slack = np.abs(rows @ x - least) + 0.01
     y = weight / slack
     least_product = ENOUGH / max(100, 2 * y.size)  # so that all of them together are enough
@@ -101,7 +100,7 @@ def _pull(
         root = np.linalg.inv(np.linalg.cholesky((maps @ x).reshape(-1, 4, 4)))
         congruent = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
         # Of the congruent J along each direction: the triangle, and its squares as of the whole.
-        rates = (twice * congruent[:, triangle] @ cone).reshape(-1, z.size)
+        rates = (TWICE[:, None] * congruent[:, triangle] @ cone).reshape(-1, z.size)
         away = np.eye(4) - root.transpose(0, 2, 1) @ root
         lack, product = rows @ x - least - slack, slack * y
         aim = max(LESS * product.mean(), least_product) if y.size else 0.0
@@ -120,9 +119,9 @@ def _pull(
         reach = min(*edges, _room(y, rise, IN_SIGNS))
         z, slack, y = z + reach * step, slack + reach * change, y + reach * rise
         x = free + T @ z
-        if weight > prior.weight:
+        if weight > light:
             if patience == np.inf or (reach > IN_CONES and force @ step <= patience * weight):
-                weight = max(prior.weight, LIGHTER * weight)
+                weight = max(light, LIGHTER * weight)
         elif reach == 1.0 and max(force @ step, product.sum()) < ENOUGH:
             return x, y
     return None
@@ -130,21 +129,16 @@ def _pull(
 
 def _whole(triangles: Array) -> Array:
     """Return the symmetric matrices (nb, 4, 4) of their lower triangles (nb, 10), weighted."""
-    row, column = np.tril_indices(4)
     out = np.empty((len(triangles), 4, 4))
-    out[:, row, column] = triangles / np.where(row == column, 1.0, np.sqrt(2.0))
-    out[:, column, row] = out[:, row, column]
+    out[:, ROW, COLUMN] = out[:, COLUMN, ROW] = triangles / TWICE
     return out
 
 
 def _solve(curve: Array, force: Array) -> Array | None:
     """Return the Newton step, each direction in its own size; None where rounding forbids it."""
     size = 1 / np.sqrt(np.diag(curve))
-    try:
-        root = scipy.linalg.cho_factor(size[:, None] * curve * size)
-    except np.linalg.LinAlgError:
-        return None
-    return np.asarray(size * scipy.linalg.cho_solve(root, size * force))
+    _, step, failed = dposv(size[:, None] * curve * size, size * force)
+    return None if failed else size * step
 
 
 def _room(value: Array, change: Array, share: float) -> float:
