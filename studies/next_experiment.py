@@ -58,7 +58,7 @@ ROBOTS = ("two-link", "five-bar", "six-dof-arm", "3-rps")
 HARMONICS, REACHES, FITTED = (1, 2, 3), (0.2, 0.5, 1.0), 2
 #: Least similarity of truth and rival; range of the expected logarithm of their likelihood ratio,
 #: of which 4 decides; and of the size of the truth in standard errors.
-ALIKE, RATIO, STRENGTH = 0.93, (0.5, 3.0), (9.0, 20.0)
+ALIKE, RATIO, STRENGTH = 0.93, (0.5, 2.0), (11.0, 20.0)
 #: Size of what the base model says as well, of the joint's torque, and how many of the draws.
 HIDDEN, ALIASED = 0.05, 0.4
 NOISE = Noise(additive=0.012, correlation=0.9)

@@ -63,15 +63,14 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     robot = source_name(d.robot)
     logs = name_logs(d.robot, [s.name for s in d.samples], how=d.preparation)
     logs += held_back(d.validation, d.samples)
+    ask = f"identifiability diagnose {robot} {logs} --next motion.json"
     if not d.effects:
         what = "See which parameters these logs determine:"
-        return [(what, f"identifiability analyze {robot} {logs} --report report.html")]
-    apart = [
-        (
-            "Find the motion that tells one name from the other:",
-            f"identifiability diagnose {robot} {logs} --next motion.json",
-        )
-    ]
+        hidden = any(a.structural for a in d.aliases)
+        shows = [("Find the motion that shows what these logs cannot tell from the model:", ask)]
+        analyze = f"identifiability analyze {robot} {logs} --report report.html"
+        return [(what, analyze), *(shows if hidden else ())]
+    apart = [("Find the motion that tells one name from the other:", ask)]
     return [
         *(apart if any(e.alternatives for e in d.effects) else ()),
         (

@@ -31,7 +31,7 @@ from identifiability.workflows.excite.workflow import find_motion
 from identifiability.workflows.opening import Progress
 
 #: Periods that a motion may be logged for: the fewest that are likely to decide.
-PERIODS, LIKELY = (1, 2, 4, 8, 16), 0.95
+PERIODS, LIKELY = (1, 2, 4, 8, 16, 32), 0.95
 #: Looks of the search, and samples a period.
 EVALUATIONS, SAMPLES = 4000, 750
 #: Names that a sentence lists.

@@ -27,8 +27,6 @@ from identifiability.workflows.excite.question import Known, Question, pose_ques
 SAME = 1.0 - 1e-6
 #: Random motions that are asked whether any motion tells effects apart, and samples of each.
 LOOKS, SAMPLES = 12, 150
-#: Share of an effect beside the model that any motion must show, or none does.
-SHOWN = 0.1
 #: Score that an effect must reach where no step was made that says so.
 CRITICAL = 8.0
 
@@ -151,7 +149,7 @@ def ask_hidden(d: Findings, series: Series, seed: int) -> Asked | None:
             (grams[:, own][:, :, own], size) for own, size in zip(columns, sizes, strict=True)
         )
     ])  # fmt: skip
-    shown = (aim.squares(grams) > SHOWN**2 * np.maximum(length, 1e-300)).any(1)
+    shown = (aim.squares(grams) > d.rules.alias**2 * np.maximum(length, 1e-300)).any(1)
     if not shown.any():
         return None
     aim = Reveal(
