@@ -214,12 +214,11 @@ def case(name: str, seed: int) -> dict[str, Any]:
     row |= {"first": judge(d, truth), "said": tell_names(d)}
     if row["first"] not in ("A or B", "cannot be told"):
         return row | {"outcome": row["first"]}
-    row["asked"] = True
     try:
         found = find_next(d, evaluations=EVALUATIONS, seed=seed)
     except IdentifiabilityError as error:
-        return row | {"outcome": "no motion", "told": str(error)}
-    row |= {"said": f"{row['said']}; asked: {found.statement[:160]}"}
+        return row | {"outcome": "said to be told by no motion", "told": str(error)}
+    row |= {"asked": True, "said": f"{row['said']}; asked: {found.statement[:160]}"}
     row |= {"chance": found.chance, "periods": found.periods, "separates": list(found.names)}
     shown = any(n.partition(":")[0] == "@".join(truth) for n in found.names)
     if found.same or not shown:
