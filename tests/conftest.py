@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from contextlib import contextmanager
 from functools import cache, partial
@@ -37,6 +38,8 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.addinivalue_line("markers", "everything: takes too long for make test")
+    # Else a fifth of the time goes into looking for garbage among what modules hold for good.
+    gc.set_threshold(100_000, 50, 100)
     # Tests that run at the same time share the cores: else each starts processes for all of them.
     runners = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     if runners > 1:
