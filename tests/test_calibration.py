@@ -116,7 +116,7 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
             "--replicates",
             "4",
             "--names",
-            "1",
+            "0",
             "--report",
             str(report),
             "--json",

@@ -216,7 +216,7 @@ def test_a_bound_on_the_closure_is_kept_or_refused(find):
         for j, m in (("left_shoulder", 2.1), ("right_shoulder", 1.04))
     }
     limits = find_limits(robot, wide)
-    short = {"iterations": 2, "harmonics": 2, "samples": 100}
+    short = {"iterations": 2, "harmonics": 2, "samples": 60}
     free = find(robot, limits=limits, **short)
     strict = type(limits)(**{**vars(limits), "closure_bound": 2.6})
     result = find(robot, limits=strict, **short)

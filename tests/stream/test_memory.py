@@ -40,6 +40,6 @@ def test_three_times_the_samples_take_the_same_memory(form, sizes, frame_of, sav
     step = frame["t"][1] - frame["t"][0]
     _, short, long = (  # the first one imports what reads the form
         peak(robot, saved(frame.iloc[np.arange(n) % 4000].assign(t=step * np.arange(n)), form))
-        for n in (4_000, 24_000, 72_000)
+        for n in (4_000, 16_000, 48_000)
     )
     assert long < 1.25 * short
