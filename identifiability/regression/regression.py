@@ -124,11 +124,11 @@ class Regression:
         size = 8 * shown * len(self.robot.actuated) * len(self.parameters)
         if isinstance(samples, LongSamples) or size >= KEEP_BYTES:
             return None
-        return self._kept.setdefault((log, start), Kept())
+        return self._kept.setdefault((log, start, samples.outputs), Kept())
 
     @cached_property
-    def _kept(self) -> dict[tuple[int, int], Kept]:
-        """Chunks by log and first output of the part."""
+    def _kept(self) -> dict[tuple[int, int, int], Kept]:
+        """Chunks by log, first output and size of a part: empty ones begin where others do."""
         return {}
 
     def to_frame(self) -> pd.DataFrame:
