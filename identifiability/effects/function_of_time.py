@@ -10,13 +10,14 @@ from identifiability.foundation.names import Array
 TYPICAL = 30.0
 
 
-def _duration(span: Span) -> tuple[float, ...]:
+def duration(span: Span) -> tuple[float, ...]:
+    """Return the end of the time of the longest log [s]."""
     return (max((float(m.t.max(initial=0.0)) for m in span.motions), default=0.0) or TYPICAL,)
 
 
 @declare(
     "an unnamed function of time",
-    shapes=_duration,
+    shapes=duration,
     against="time",
     unnamed=True,
     flexible=True,

@@ -111,6 +111,12 @@ class ARNoise:
             out[:, j] = whiten(values[:, j], runs, pacf) / sigma
         return out
 
+    def misfit(self, residual: Array) -> Array:
+        """Return the variance of a residual (N, n) that noise does not explain, (n,)."""
+        left = np.array([j.left for j in self.joints])
+        excess: Array = np.maximum(np.mean(residual**2, axis=0) - 2 * left, 0.0)
+        return excess
+
     def simulate(
         self,
         count: int,

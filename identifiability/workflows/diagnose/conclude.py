@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import Part, Placed
+from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
@@ -174,7 +175,8 @@ def _show(
     """
     joints, places = m.setting.structure.robot.joints, [p.place for p in placements]
     at = [k for k, joint in enumerate(joints) if joint in places]
-    own = gap.at(at if set(places) <= set(joints) else range(len(joints)))
+    seen = at if set(places) <= set(joints) else list(range(len(joints)))
+    own = gap.at(seen)
     errors = own.error_over_joints().tolist()
     return Shown(
         before=errors[first],
@@ -182,6 +184,7 @@ def _show(
         interval=own.interval_over_joints(first, second, rng),
         expected=own.expected_change(first, second),
         strength=float(np.linalg.norm([p.strength for p in placements])),
+        news=own.news(ARNoise(tuple(m.noise.joints[k] for k in seen)), first, second, rng),
     )
 
 

@@ -141,7 +141,7 @@ class NamedEffect:
     def confirmed(self) -> bool:
         """Whether the motion that verifies surely has less error with it, where it is or in all."""
         worse = self.joints_interval[0] > 0 or self.shown.interval[0] > 0
-        return not worse and min(self.joints_interval[1], self.shown.interval[1]) < 0
+        return not worse and (self.joints_interval[1] < 0 or self.shown.better)
 
     @property
     def refuted(self) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.layout import choose_folds
+from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.estimation.torque_errors import (
     DRAWN_STRETCHES,
     change_interval,
@@ -27,6 +28,7 @@ from identifiability.estimation.torque_errors import (
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.signals import is_constant
+from identifiability.regression.information import Information
 from identifiability.workflows.diagnose.known_fit import fit_known
 from identifiability.workflows.diagnose.real_fit import RealRobot
 from identifiability.workflows.diagnose.rows import Candidate, Rows
@@ -88,6 +90,15 @@ class Gap:
         squares = self.residual[:, :, [first, second]] ** 2
         return change_interval_over_joints(squares, self._variation, rng, draws)
 
+    def news(
+        self, noise: ARNoise, first: int, second: int, rng: np.random.Generator, draws: int = 2000
+    ) -> tuple[float, float]:
+        """Return the 95 % interval of the change of what the memory of the noise leaves of it."""
+        left = self.residual[:, :, second]
+        both = self.residual[:, :, [first, second]]
+        white = noise.whiten(both, self.rows.runs, noise.misfit(left))
+        return change_interval_over_joints(white**2, np.ones_like(left), rng, draws)
+
     def expected_change(self, first: int, second: int) -> float:
         """Return how the error over joints would change, were what the second model adds there.
 
@@ -141,12 +152,16 @@ class HeldOut:
         Rows that take no part in fitting or choosing; None to leave out fitted motion in turn.
     real : RealRobot or None
         Fits that a real robot can have; None where the model has no bodies or is not refitted.
+    noise : ARNoise or None
+        Rows that are fitted are weighed by it and by what a model does not explain; None for
+        equal weights. Slow noise would cost a fit of many columns what it gains.
     """
 
     train: Rows
     choosing: Rows | None
     verifying: Rows | None = None
     real: RealRobot | None = None
+    noise: ARNoise | None = None
 
     def error(self, chosen: Sequence[Candidate], *, real: bool = False) -> float:
         """Return the mean absolute error while choosing, every joint in units of its own."""
@@ -238,7 +253,7 @@ class HeldOut:
         Joints weigh by their own residual. With `real` it is the fit of a real robot; where the
         solver finds none, which is rare, the least-squares fit stands in.
         """
-        information = self.train.information(chosen, mask)
+        information = self._information(chosen, mask)
         free = estimate(information)
         if self.train.root is not None:
             b = self.train.X.shape[2]
@@ -247,9 +262,39 @@ class HeldOut:
         found = self.real.fit(information, free, chosen) if real and self.real else None
         return free.value if found is None else found
 
+    def _information(self, chosen: Sequence[Candidate], mask: np.ndarray | slice) -> Information:
+        """Return what some fitted rows say of the columns of a model, weighed by the noise."""
+        whole = self.train.columns(chosen), self.train.tau
+        if self.noise is None:
+            return information_of(*whole, mask)
+        key = _columns(chosen)
+        if key not in self._weighed:
+            self._weighed.clear()
+            W, tau = whole
+            left = tau - W @ estimate(information_of(*whole)).value
+            white = self.noise.whiten(
+                np.concatenate([W, tau[:, :, None]], axis=2),
+                self.train.runs,
+                self.noise.misfit(left),
+            )
+            self._weighed[key] = white[:, :, :-1], white[:, :, -1]
+        return information_of(*self._weighed[key], mask)
+
+    @cached_property
+    def _weighed(self) -> dict[tuple[int, ...], tuple[Array, Array]]:
+        """Return the last rows that were weighed: folds ask for the same ones again."""
+        return {}
+
     def fitted_residual(self, chosen: Sequence[Candidate]) -> Array:
         """Return the errors on the rows that were fitted, (N, n)."""
         return self._predict(self.train, chosen, real=False)
+
+
+def information_of(W: Array, tau: Array, mask: np.ndarray | slice = slice(None)) -> Information:
+    """Return what some rows say: columns (N, n, m), torque (N, n), the rows that count."""
+    W, tau = W[mask], tau[mask]
+    names = tuple(map(str, range(W.shape[2])))
+    return Information.of_rows(names, W, tau, np.zeros(len(tau), int), len(tau))
 
 
 def _columns(chosen: Sequence[Candidate]) -> tuple[int, ...]:

@@ -18,6 +18,7 @@ from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_even
 from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.gates import Chosen, Naming
 from identifiability.workflows.diagnose.held_out import Gain, HeldOut
+from identifiability.workflows.diagnose.leftover import is_anything_left
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
 from identifiability.workflows.diagnose.naming import Say, find_same, name_effects
 from identifiability.workflows.diagnose.residual import find_discrepancies
@@ -100,7 +101,9 @@ def what_is_left(material: Material, naming: Naming) -> bool:
     left = material.held.fitted_residual(naming.chosen)
     joints = material.setting.structure.robot.joints
     found = find_discrepancies(material.train, left, joints)
-    return any(d.explained[cause] > NOTABLE for d in found for cause in CAUSES)
+    if any(d.explained[cause] > NOTABLE for d in found for cause in CAUSES):
+        return True
+    return is_anything_left(material, naming.chosen)
 
 
 def predicts_better(

@@ -18,7 +18,6 @@ from identifiability.estimation.noise.residual_noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
-from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
@@ -147,14 +146,6 @@ class Rows:
         whole[:, :first] = part[:, :first]
         whole[:, first + self.D.block(j).columns] = part[:, first:]
         return whole
-
-    def information(
-        self, chosen: Sequence[Candidate], mask: np.ndarray | slice = slice(None)
-    ) -> Information:
-        """Return what some rows say of the columns of the model with some candidates."""
-        W, tau = self.columns(chosen)[mask], self.tau[mask]
-        names = tuple(map(str, range(W.shape[2])))
-        return Information.of_rows(names, W, tau, np.zeros(len(tau), int), len(tau))
 
     def along(self, j: int) -> dict[str, Array]:
         """Return what the residual of joint j may depend on, each (N,)."""

@@ -15,6 +15,7 @@ from identifiability.logs.repeats import Recording
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.goes_on import Earlier
 from identifiability.workflows.diagnose.late import early, name_late
+from identifiability.workflows.diagnose.leftover import keep_complete
 from identifiability.workflows.diagnose.material import Setting, gather
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.odd_log import OddLog, still_odd
@@ -71,7 +72,10 @@ class Search:
         naming = name_effects(m.bench, options, m.held, setting.rules, present, say, start)
         if self.earlier is not None:
             naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
+        # What resembles the missing effect makes room for it before the next pass.
+        naming = keep_complete(m, naming)
         m, naming = name_late(m, naming, self.choose, streams[4], effects, self.draws, say)
+        naming = keep_complete(m, naming)
         functions = () if self.earlier is None else self.earlier.functions
         m, naming = name_unnamed(
             m, naming, self.choose, streams[5], effects, self.draws, say, functions

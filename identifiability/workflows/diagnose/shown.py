@@ -18,6 +18,9 @@ class Shown:
         The change that an effect of the fitted size would bring; zero or less.
     strength : float
         That size in standard errors of the fit.
+    news : (float, float)
+        95 % of the change of the error that the memory of the noise does not foretell: slow noise
+        hides a small change in the error itself.
     """
 
     before: float
@@ -25,6 +28,12 @@ class Shown:
     interval: tuple[float, float]
     expected: float
     strength: float = float("inf")
+    news: tuple[float, float] = (float("nan"), float("nan"))
+
+    @property
+    def better(self) -> bool:
+        """Whether the error surely falls, or its news does and the error does not rise."""
+        return self.interval[1] < 0 or (self.news[1] < 0 and self.after <= self.before)
 
     @property
     def least(self) -> float:

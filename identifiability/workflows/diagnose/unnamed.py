@@ -135,6 +135,7 @@ def _extend(material: Material, wider: Material, found: Sequence[Candidate]) -> 
         choosing=extended(material.held.choosing, wider.held.choosing),
         verifying=extended(material.held.verifying, wider.held.verifying),
         real=material.held.real,
+        noise=material.held.noise,
     )
     bench = replace(material.bench, rows=train)
     return replace(

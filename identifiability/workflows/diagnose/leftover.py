@@ -1,0 +1,213 @@
+"""What a name leaves in its joint: whoever explains less than is left there is not what is missing.
+
+An effect that the dictionary does not have resembles some that it has, and the most similar one
+stands out and predicts better: so would the right one, but that leaves nothing. What is left is
+asked for without any name, by many smooth functions of motion and load at once, their short
+memory included. The test is approximate: rows are those whitened by the noise [Aitken 1936], and
+whatever the joint's own columns can say is left to them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import signal, stats
+
+from identifiability.estimation.noise.ar_noise import ARNoise
+from identifiability.estimation.noise.autoregression import Runs
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.workflows.diagnose.evidence import orthonormal, project_out, unit_columns
+from identifiability.workflows.diagnose.gates import Naming, keep_surviving
+from identifiability.workflows.diagnose.material import Material
+from identifiability.workflows.diagnose.rows import Candidate, Rows
+
+#: Random waves [Rahimi & Recht 2007], what each depends on at most, and their seed.
+WAVES, INPUTS, SEED = 24, 3, 0
+#: Samples over which the recent past is averaged.
+PASTS = (2, 5, 15, 40)
+#: Speeds over their rms at which the direction turns.
+TURNS = (0.1, 0.5)
+#: Columns of what other joints do, at most.
+OTHERS = 30
+#: Directions of unit columns beside the model that are shorter are the model's.
+THIN = 1e-2
+#: Rows for each column without which nothing can be said.
+ROWS = 2.0
+#: Level of the test that anything is left, and how much may be left over what is explained.
+LEVEL, MOST, TINY = 0.01, 1.0, 1e-12
+#: Level in a joint at which what is left is asked for by many columns.
+ASKED = 0.05
+
+
+@frozen
+class Leftover:
+    """What is left in a joint beside a name.
+
+    Attributes
+    ----------
+    explained : float
+        Squares of the whitened rows that the name explains beside all else, beyond noise's.
+    left : float
+        Squares that functions without a name explain beside it, beyond noise's.
+    p_value : float
+        That nothing is left.
+    """
+
+    explained: float
+    left: float
+    p_value: float
+
+    @property
+    def outweighs(self) -> bool:
+        """Whether surely something is left, and more than the name explains."""
+        return self.p_value < LEVEL and self.ratio > MOST
+
+    @property
+    def ratio(self) -> float:
+        """What is left over what the name explains."""
+        return self.left / max(self.explained, TINY)
+
+
+def keep_complete(material: Material, naming: Naming) -> Naming:
+    """Return a naming without names in whose joint more is left than they explain.
+
+    They are taken out one after the other, the one that leaves most over what it explains first.
+    What every joint has, friction and offsets, is there whatever else is missing.
+    """
+    why = "more is left in its joint than it explains"
+    while naming.chosen:
+        found = [
+            (c, measure_leftover(material, naming.chosen, c))
+            for c in naming.chosen
+            if not c.family.basic
+        ]
+        against = [(one.ratio, c) for c, one in found if one is not None and one.outweighs]
+        if not against:
+            break
+        gone = [max(against, key=lambda pair: pair[0])[1]]
+        naming = keep_surviving(naming, gone, material.setting.structure.model.names, why)
+    return naming
+
+
+def measure_leftover(
+    material: Material, chosen: Sequence[Candidate], c: Candidate
+) -> Leftover | None:
+    """Return what is left beside some names in the joint of one of them; None if few rows are.
+
+    Of what acts in several joints it is the one where most is left.
+    """
+    rest = material.white.columns([o for o in chosen if o is not c])
+    Q = orthonormal(rest)
+    own = orthonormal(project_out(Q, unit_columns(material.white.D[:, list(c.columns)])))
+    explained = float(np.sum((own.T @ material.white.y) ** 2)) - own.shape[1]
+    joints = np.flatnonzero(material.train.D.take(c.columns).any(axis=(0, 2))).tolist()
+    found = [(left, p) for j in joints for left, p in _in_joint(material, chosen, j)]
+    if not found:
+        return None
+    return Leftover(explained, *max(found))
+
+
+def is_anything_left(material: Material, chosen: Sequence[Candidate]) -> bool:
+    """Whether some joint's torque depends on anything beside what was named."""
+    joints = range(material.train.joints)
+    return any(p < ASKED for j in joints for _, p in _in_joint(material, chosen, j))
+
+
+def _in_joint(material: Material, chosen: Sequence[Candidate], j: int) -> list[tuple[float, float]]:
+    """Return what is left in a joint and the p-value that nothing is; nothing if few rows are."""
+    rows, noise = material.train, ARNoise((material.noise.joints[j],))
+    model = rows.tau - material.held.fitted_residual(chosen)
+    parts = [rows.tau[:, j, None], rows.columns(chosen)[:, j], general_columns(rows, model, j)]
+    ends = np.cumsum([p.shape[1] for p in parts])[:-1]
+    white = noise.whiten(np.column_stack(parts)[:, None], rows.runs)[:, 0]
+    y, X, F = np.split(white, ends, axis=1)
+    Q = orthonormal(X)
+    # Twice: what is almost the model's would keep some of it.
+    U = project_out(Q, project_out(Q, unit_columns(F)))
+    vectors, length, _ = np.linalg.svd(U, full_matrices=False)
+    general = vectors[:, length > THIN]
+    k, dof = general.shape[1], len(y) - Q.shape[1] - general.shape[1]
+    if not k or dof < ROWS * k:
+        return []
+    left = float(np.sum((general.T @ y) ** 2))
+    level = (float(np.sum(project_out(Q, y) ** 2)) - left) / dof
+    return [(left / level - k, float(stats.f.sf(left / level / k, k, dof)))]
+
+
+def general_columns(rows: Rows, model: Array, j: int) -> Array:
+    """Return what torque in joint j may depend on in whatever way, (N, k).
+
+    Parameters
+    ----------
+    rows : Rows
+    model : (N, n) [N·m or N]
+        Torque by the model: measured torque would bring its own noise.
+    j : int
+    """
+    q, v, a, load = (_standard(x[:, j]) for x in (rows.q, rows.dq, rows.ddq, model))
+    turns = [np.tanh(rows.dq[:, j] / (_rms(rows.dq[:, j]) * width)) for width in TURNS]
+    time = _standard(rows.t)
+    own = [v, q, a, load, *turns, np.abs(v), q * turns[0], np.abs(load) * turns[0]]
+    drift = [time, time * turns[0], time * v, time**2 * turns[0]]
+    recent = [_average(x, rows.runs, n) for n in PASTS for x in (turns[0], v, load)]
+    change = [_slope(x, rows.runs) for x in (_average(load, rows.runs, PASTS[0]), a)]
+    logs = [x for k in np.unique(rows.log) for x in (rows.log == k, (rows.log == k) * turns[0])]
+    waves = _waves(np.column_stack([v, q, a, load, *turns]))
+    return np.column_stack([*own, *drift, *recent, *change, *logs, waves, _others(rows, model, j)])
+
+
+def _others(rows: Rows, model: Array, j: int) -> Array:
+    """Return what the other joints do, or as many random mixtures of it as may be, (N, k)."""
+    out = [np.empty((len(rows), 0))]
+    for k in range(rows.joints):
+        if k != j:
+            v = rows.dq[:, k]
+            turn = np.tanh(v / (_rms(v) * TURNS[0]))
+            seen = (v, turn, model[:, k], rows.ddq[:, k], rows.q[:, k])
+            out.append(np.column_stack([_standard(x) for x in seen]))
+    A = np.concatenate(out, axis=1)
+    if A.shape[1] <= OTHERS:
+        return A
+    mixed: Array = A @ np.random.default_rng(SEED).standard_normal((A.shape[1], OTHERS))
+    return mixed
+
+
+def _waves(inputs: Array) -> Array:
+    """Return waves of random direction over few of some standardised inputs (N, m), (N, WAVES)."""
+    rng = np.random.default_rng(SEED)
+    count = inputs.shape[1]
+    W = rng.standard_normal((count, WAVES)) * rng.choice([0.5, 1.0], WAVES)
+    for k in range(WAVES):
+        W[rng.permutation(count)[INPUTS:], k] = 0.0
+    waves: Array = np.cos(inputs @ W + rng.uniform(0.0, 2 * np.pi, WAVES))
+    return waves
+
+
+def _average(x: Array, runs: Runs, samples: int) -> Array:
+    """Return the exponential average of the last samples of x (N,), anew in every run."""
+    keep, out = float(np.exp(-1.0 / samples)), np.empty(len(x))
+    for start, stop in runs:
+        out[start:stop] = signal.lfilter([1.0 - keep], [1.0, -keep], x[start:stop])
+    return out
+
+
+def _slope(x: Array, runs: Runs) -> Array:
+    """Return the change of x (N,) from sample to sample, not across the ends of runs."""
+    out = np.zeros(len(x))
+    for start, stop in runs:
+        if stop - start > 1:
+            out[start:stop] = np.gradient(x[start:stop])
+    return out
+
+
+def _standard(x: Array) -> Array:
+    """Return x (N,) about its mean in units of its spread."""
+    spread = float(np.std(x)) or 1.0
+    standard: Array = (x - x.mean()) / spread
+    return standard
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2))) or 1.0
