@@ -33,6 +33,9 @@ from identifiability.workflows.diagnose.known_fit import fit_known
 from identifiability.workflows.diagnose.real_fit import RealRobot
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
+#: Share by which fits that the noise weighs must predict worse to be given up.
+WORSE = 0.02
+
 
 @frozen
 class Gap:
@@ -136,6 +139,14 @@ class Gain:
     error: float
 
 
+def gain_of(before: Array, after: Array) -> Gain:
+    """Return the fall from some errors (N,) to others of the same rows."""
+    level = float(before.mean()) or 1.0
+    parts = [p.mean() / level for p in split_evenly(before - after, DRAWN_STRETCHES)]
+    error = float(np.std(parts, ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.inf
+    return Gain(float(np.mean(before - after)) / level, error)
+
+
 @frozen
 class HeldOut:
     """Fits on some rows, judges on others, verifies on yet others.
@@ -162,6 +173,25 @@ class HeldOut:
     verifying: Rows | None = None
     real: RealRobot | None = None
     noise: ARNoise | None = None
+
+    @staticmethod
+    def weighed(
+        train: Rows,
+        choosing: Rows | None,
+        verifying: Rows | None,
+        real: RealRobot | None,
+        noise: ARNoise,
+    ) -> HeldOut:
+        """Return what weighs its fits by the noise, unless equal weights surely predict better.
+
+        Where the motion is noisy or the model is wrong at low frequencies, whitened rows are worse
+        than they are.
+        """
+        white, equal = (HeldOut(train, choosing, verifying, real, n) for n in (noise, None))
+        left = [np.abs(h._predict(choosing, (), real=False)) for h in (white, equal)]
+        errors = [np.mean(r / equal._scale, axis=1) for r in left]
+        loss = gain_of(*errors)
+        return equal if loss.share > max(loss.error, WORSE) else white
 
     def error(self, chosen: Sequence[Candidate], *, real: bool = False) -> float:
         """Return the mean absolute error while choosing, every joint in units of its own."""
@@ -203,10 +233,7 @@ class HeldOut:
         """Return what some candidates gain over fewer of them while choosing."""
         before = self.errors(rest, real=real, beside=whole)
         after = self.errors(whole, real=real, beside=whole)
-        parts = [p.mean() for p in split_evenly(before - after, DRAWN_STRETCHES)]
-        level = float(before.mean()) or 1.0
-        error = float(np.std(parts, ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.inf
-        return Gain(float(np.mean(before - after)) / level, error / level)
+        return gain_of(before, after)
 
     def improves(self, before: Sequence[Candidate], after: Sequence[Candidate]) -> bool:
         """Whether the error while choosing, of real robots, is less with other candidates."""

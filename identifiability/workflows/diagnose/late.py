@@ -14,10 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import Family, find_families
-from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_evenly
 from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.gates import Chosen, Naming
-from identifiability.workflows.diagnose.held_out import Gain, HeldOut
+from identifiability.workflows.diagnose.held_out import Gain, HeldOut, gain_of
 from identifiability.workflows.diagnose.leftover import is_anything_left
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
 from identifiability.workflows.diagnose.naming import Say, find_same, name_effects
@@ -117,12 +116,7 @@ def predicts_better(
 def gain_over(held: HeldOut, naming: Naming, wider: HeldOut, again: Naming) -> Gain:
     """Return what a second naming gains over the first on the motion that chooses."""
     before, after = held.errors(naming.chosen, real=True), wider.errors(again.chosen, real=True)
-    level = float(before.mean()) or 1.0
-    parts = [p.mean() / level for p in split_evenly(before - after, DRAWN_STRETCHES)]
-    error = np.inf
-    if len(parts) > 1:
-        error = float(np.std(parts, ddof=1) / np.sqrt(len(parts)))
-    return Gain(float(np.mean(before - after)) / level, error)
+    return gain_of(before, after)
 
 
 def merge_springs(naming: Naming, candidates: Sequence[Candidate]) -> Naming:

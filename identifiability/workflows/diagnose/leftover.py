@@ -29,6 +29,8 @@ WAVES, INPUTS, SEED = 24, 3, 0
 PASTS = (2, 5, 15, 40)
 #: Speeds over their rms at which the direction turns.
 TURNS = (0.1, 0.5)
+#: Waves over the range of the position, in periods.
+PERIODS = (1, 2, 3, 4, 6, 8, 12, 16)
 #: Columns of what other joints do, at most.
 OTHERS = 30
 #: Directions of unit columns beside the model that are shorter are the model's.
@@ -154,8 +156,11 @@ def general_columns(rows: Rows, model: Array, j: int) -> Array:
     recent = [_average(x, rows.runs, n) for n in PASTS for x in (turns[0], v, load)]
     change = [_slope(x, rows.runs) for x in (_average(load, rows.runs, PASTS[0]), a)]
     logs = [x for k in np.unique(rows.log) for x in (rows.log == k, (rows.log == k) * turns[0])]
-    waves = _waves(np.column_stack([v, q, a, load, *turns]))
-    return np.column_stack([*own, *drift, *recent, *change, *logs, waves, _others(rows, model, j)])
+    angle = 2 * np.pi * (rows.q[:, j] - rows.q[:, j].min()) / (float(np.ptp(rows.q[:, j])) or 1.0)
+    ripple = [wave(k * angle) for k in PERIODS for wave in (np.sin, np.cos)]
+    several = _waves(np.column_stack([v, q, a, load, *turns]))
+    alone = [*own, *drift, *recent, *change, *logs, *ripple]
+    return np.column_stack([*alone, several, _others(rows, model, j)])
 
 
 def _others(rows: Rows, model: Array, j: int) -> Array:

@@ -166,7 +166,7 @@ def gather(
     candidates = tuple(c for c in listed if c.group not in hidden)
     noise = fit_noise(rows.tau, lambda j: family_blocks(rows, candidates, j), rows.runs)
     bench = Bench.of(rows, noise, draws, rng)
-    held = HeldOut(rows, choosing, verifying, real, noise)
+    held = HeldOut.weighed(rows, choosing, verifying, real, noise)
     return Material(
         setting, rows, held, candidates, tuple(aliases), tuple(refused), bench, bench.whiten()
     )

@@ -49,6 +49,10 @@ class Shown:
 
     @property
     def telling(self) -> bool:
-        """Whether this motion can show a change as large as is expected."""
+        """Whether this motion would confirm a change as large as is expected, 39 times of 40.
+
+        The change that it shows is off by less than half the interval so often, and must be
+        larger than that to be sure.
+        """
         low, high = self.interval
-        return (high - low) / 2 < -self.expected
+        return high - low < -self.expected

@@ -142,8 +142,10 @@ def test_an_effect_large_enough_to_show_that_does_not_show_is_refuted(interval, 
                          joints_interval=(-0.5, 0.5), shown=Shown(0.2, 0.1, interval, expected),
                          )  # fmt: skip
     assert effect.refuted == refuted
-    # What is rare must be confirmed; what harms elsewhere is refuted, whatever its own joints.
-    assert replace(effect, rare=True).refuted == (interval[1] >= 0)
+    # What is rare must be confirmed where its change is known to less than itself, ends included;
+    # what harms elsewhere is refuted, whatever its own joints.
+    tells = interval[1] >= 0 and interval[1] - interval[0] < -expected
+    assert replace(effect, rare=True).refuted == (refuted or tells)
     assert replace(effect, joints_interval=(0.1, 0.2)).refuted
     # What surely helps over all joints is confirmed, unless its own surely suffer.
     assert replace(effect, joints_interval=(-0.5, -0.1)).confirmed
@@ -167,16 +169,32 @@ def test_what_is_expected_of_an_effect_knows_the_error_of_its_size():
 
 @pytest.mark.parametrize(
     ("interval", "unnamed", "refuted"),
-    [((-0.3, 0.1), False, False), ((-0.3, 0.1), True, True), ((-0.15, 0.01), False, True)],
-)
+    [((-0.3, 0.1), False, False), ((-0.3, 0.1), True, True), ((-0.15, 0.01), False, False),
+     ((-0.08, 0.01), False, True)],
+)  # fmt: skip
 def test_what_is_rare_must_be_confirmed_by_motion_that_can(interval, unnamed, refuted):
-    """A fall of 0.1 does not show where the change is known to 0.2; it does where to 0.08."""
+    """A fall of 0.1 is not sure where the change is known to 0.08; it is where to 0.045."""
     effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
                          interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
                          joints_interval=(-0.5, 0.5), shown=Shown(0.2, 0.1, interval, -0.1, 4.0),
                          rare=True, unnamed=unnamed)  # fmt: skip
     assert not effect.confirmed
     assert effect.refuted == refuted
+
+
+@pytest.mark.parametrize(
+    ("after", "news", "confirmed"),
+    [(0.1, (-0.2, -0.1), True), (0.1, (-0.2, 0.1), False), (0.21, (-0.2, -0.1), False)],
+)
+def test_the_news_of_an_error_confirms_where_the_error_does_not_rise(after, news, confirmed):
+    effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
+                         interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
+                         joints_interval=(-0.5, 0.1), unnamed=True,
+                         shown=Shown(0.2, after, (-0.3, 0.1), -0.1, news=news))  # fmt: skip
+    assert effect.confirmed == confirmed
+    assert effect.refuted == (not confirmed)
+    # Harm that is sure is not outweighed.
+    assert replace(effect, joints_interval=(0.1, 0.2)).refuted
 
 
 def test_a_named_effect_speaks_for_all_its_places():

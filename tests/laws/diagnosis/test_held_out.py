@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
 from identifiability.workflows.diagnose.held_out import Gap, HeldOut
 
 
@@ -155,3 +156,56 @@ def test_errors_of_the_raw_torque_hold_what_the_filter_took_away():
     expected = np.sqrt((left**2).sum(0) / (own**2).sum(0))
     np.testing.assert_allclose(gap.joint_error(raw=True)[:, 1], expected)
     assert (gap.joint_error()[:, 1] < 0.3 * expected).all()
+
+
+def slow_noise(rng, n, pacf=0.95):
+    """Noise of two joints that remembers, and its model."""
+    e = rng.standard_normal((n, 2))
+    for k in range(1, n):
+        e[k] += pacf * e[k - 1]
+    joint = JointNoise(theta=np.array([np.arctanh(pacf)]), covariance=np.zeros((1, 1)), sigma=1.0,
+                       dof=1e9, left=1 / (1 - pacf**2))  # fmt: skip
+    return e, ARNoise((joint, joint))
+
+
+def test_fits_weigh_rows_by_the_noise(rng, rows_of, candidate):
+    """Generalised least squares by hand: V⁻¹ of AR(1) noise has three diagonals [Prais 1954]."""
+    n, pacf = 200, 0.95
+    e, noise = slow_noise(rng, n, pacf)
+    rows = data(rng, rows_of, n, noise=(0.0, 0.0))
+    rows, c = replace(rows, tau=rows.tau + e), [candidate("a", "j", 0)]
+    W = np.concatenate([rows.X, rows.D.take([0])], axis=2)
+    P = np.eye(n) - pacf * np.eye(n, k=-1)
+    P[0, 0] = np.sqrt(1 - pacf**2)
+    A, y = (np.concatenate([P @ M[:, j] for j in (0, 1)]) for M in (W, rows.tau[:, :, None]))
+    held = HeldOut(train=rows, choosing=None, noise=noise)
+    np.testing.assert_allclose(held.fit(c), np.linalg.lstsq(A, y[:, 0])[0], rtol=0.02)
+    off, equal = (abs(h.fit(c) - [2.0, 1.0]).max() for h in (held, HeldOut(rows, None)))
+    assert off < 0.6 * equal
+
+
+def test_noise_weighs_unless_equal_weights_surely_predict_better(rng, rows_of):
+    n = 600
+    e, noise = slow_noise(rng, n)
+    rows = data(rng, rows_of, n, noise=(0.0, 0.0))
+    right = replace(rows, tau=rows.X @ [2.0] + e)
+    assert HeldOut.weighed(right, None, None, None, noise).noise is noise
+    # Slow torque, seen through columns that fast noise spoils: whitened rows have little but that.
+    slow = np.sin(np.arange(n)[:, None] / 60 + [0.0, 1.0])
+    spoilt = replace(rows, X=(slow + 0.3 * rng.standard_normal((n, 2)))[:, :, None], tau=30 * slow)
+    quiet = ARNoise(tuple(replace(j, left=1e3) for j in noise.joints))
+    assert HeldOut.weighed(spoilt, None, None, None, quiet).noise is None
+
+
+def test_news_of_white_noise_is_the_error_itself(rng):
+    tau, left = rng.standard_normal((240, 2)), rng.standard_normal((240, 2, 1)) * [1.5, 1.0]
+    gap = Gap(SimpleNamespace(measured=tau, runs=[(0, 240)]), left)
+    joint = JointNoise(theta=np.empty(0), covariance=np.empty((0, 0)), sigma=1.0, dof=1e9, left=9.0)
+    low, high = gap.news(ARNoise((joint, joint)), 0, 1, np.random.default_rng(0))
+    change = [np.sqrt(np.mean(left[:, :, k] ** 2)) for k in (0, 1)]
+    assert low < change[1] - change[0] < high < 0
+    slow, noise = slow_noise(rng, 240)
+    both = slow[:, :, None] + np.stack([rng.standard_normal((240, 2)), 0 * slow], axis=2)
+    hidden = Gap(SimpleNamespace(measured=tau, runs=[(0, 240)]), both)
+    assert hidden.news(noise, 0, 1, np.random.default_rng(0))[1] < 0
+    assert hidden.interval_over_joints(0, 1, np.random.default_rng(0))[1] > -0.2

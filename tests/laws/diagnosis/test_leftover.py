@@ -1,0 +1,124 @@
+"""What a name leaves: planted torque, one joint, white noise of unit variance."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.workflows.diagnose.evidence import Bench
+from identifiability.workflows.diagnose.gates import Naming, Step
+from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.leftover import (
+    Leftover,
+    is_anything_left,
+    keep_complete,
+    measure_leftover,
+)
+
+N = 600
+
+
+@pytest.fixture
+def build(rows_of, white_noise):
+    """Material of a torque that is made from motion, with named columns beside a plain model."""
+
+    def made(torque, columns, seed=0, rows=N):
+        rng = np.random.default_rng(seed)
+        t = 0.01 * np.arange(rows)
+        q = sum(np.sin(w * t + p) for w, p in ((3.1, 0), (7.3, 1), (4.4, 2)))[:, None]
+        dq, ddq = (np.gradient(q, t, axis=0), np.gradient(np.gradient(q, t, axis=0), t, axis=0))
+        tau = torque(q, dq, ddq) + rng.standard_normal((rows, 1))
+        D = np.stack([c(q, dq, ddq) for c in columns], axis=2)
+        made = rows_of(tau, dq[:, :, None], D, q=q, dq=dq, ddq=ddq)
+        noise = white_noise(1.0)
+        bench = Bench(rows=made, noise=noise, simulated=np.zeros((rows, 1, 0)))
+        model = SimpleNamespace(names=())
+        return SimpleNamespace(
+            train=made, held=HeldOut(train=made, choosing=None), noise=noise, white=bench.whiten(),
+            setting=SimpleNamespace(structure=SimpleNamespace(model=model)),
+        )  # fmt: skip
+
+    return made
+
+
+def named(*chosen):
+    steps = tuple(
+        Step(evidence={}, critical=8.0, best=c.group, p_value=0.005, accepted=True) for c in chosen
+    )
+    return Naming(tuple(chosen), {c.group: 0.005 for c in chosen}, steps)
+
+
+def cubic(q, dq, ddq):
+    return q**3 / 4
+
+
+def dry(q, dq, ddq):
+    return np.sign(dq)
+
+
+def like_dry(q, dq, ddq):
+    return np.sign(dq) + 1.5 * np.sign(q)
+
+
+def test_the_right_name_leaves_nothing_and_one_that_resembles_it_leaves_more(build, candidate):
+    right, similar = candidate("dry", "j", 0), candidate("like", "j", 1)
+    m = build(dry, [dry, like_dry])
+    good, bad = (measure_leftover(m, [c], c) for c in (right, similar))
+    # The squared length of what the model does not have of it, within three standard deviations.
+    X, own = m.train.X[:, 0, 0], m.train.D.take([0])[:, 0, 0]
+    square = own @ own - (own @ X) ** 2 / (X @ X)
+    assert good.explained == pytest.approx(square, abs=6 * np.sqrt(square))
+    assert good.p_value > 0.05
+    assert abs(good.left) < 60
+    assert bad.p_value < 1e-6
+    assert bad.left > bad.explained
+    assert keep_complete(m, named(right)).chosen == (right,)
+    kept = keep_complete(m, named(similar))
+    assert kept.chosen == ()
+    assert (kept.steps[0].accepted, kept.steps[0].reason) == (
+        False, "more is left in its joint than it explains",
+    )  # fmt: skip
+
+
+def test_beside_the_right_name_another_true_one_stays(build, candidate):
+    first, second = candidate("dry", "j", 0), candidate("cubic", "j", 1)
+    m = build(lambda *x: dry(*x) + cubic(*x), [dry, cubic])
+    assert keep_complete(m, named(first, second)).chosen == (first, second)
+    # Alone each has what the other one explains left beside it; the smaller one goes.
+    alone = build(lambda *x: dry(*x) + 3 * cubic(*x), [dry, cubic])
+    assert keep_complete(alone, named(first)).chosen == ()
+    assert keep_complete(alone, named(second)).chosen == (second,)
+
+
+def test_what_every_joint_has_goes_for_nothing_that_is_left(build, candidate):
+    basic = candidate("dry", "j", 0, basic=True)
+    m = build(lambda *x: dry(*x) + 3 * cubic(*x), [dry])
+    assert keep_complete(m, named(basic)).chosen == (basic,)
+
+
+def test_few_rows_say_nothing(build, candidate):
+    similar = candidate("like", "j", 0)
+    m = build(lambda *x: 3 * dry(*x), [like_dry], rows=60)
+    assert measure_leftover(m, [similar], similar) is None
+    assert keep_complete(m, named(similar)).chosen == (similar,)
+    assert not is_anything_left(m, [])
+
+
+def test_noise_alone_leaves_something_as_often_as_its_level_says(build):
+    """Five per cent of 200: between 2 and 19 within 1e-3; what is there is found."""
+    found = sum(
+        is_anything_left(build(lambda q, *_: 0 * q, [dry], seed), []) for seed in range(200)
+    )
+    assert 2 <= found <= 19
+    assert is_anything_left(build(cubic, [dry]), [])
+
+
+@pytest.mark.parametrize(
+    ("explained", "left", "p", "outweighs"),
+    [(100.0, 101.0, 0.009, True), (100.0, 99.0, 0.009, False), (100.0, 200.0, 0.011, False),
+     (-1.0, 30.0, 1e-5, True)],
+)  # fmt: skip
+def test_more_must_be_left_than_is_explained_and_surely(explained, left, p, outweighs):
+    assert Leftover(explained, left, p).outweighs == outweighs
+    assert replace(Leftover(explained, left, p), p_value=0.5).outweighs is False
