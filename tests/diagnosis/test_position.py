@@ -150,7 +150,7 @@ def test_ripple_of_a_geared_motor_is_named_with_its_period_and_size(tmp_path):
     assert np.arctan2(*placed.values[::-1]) == pytest.approx(0.7, abs=0.08)
 
 
-def test_a_spring_far_from_its_rest_may_be_an_offset_and_that_is_said():
+def test_a_spring_far_from_its_rest_is_an_offset_that_resembles_it():
     """It hardly differs from one in this motion; it was not listed, as it is asked for later."""
     c = source("two-link")
     q = c.move.q[:, 1]
@@ -161,4 +161,6 @@ def test_a_spring_far_from_its_rest_may_be_an_offset_and_that_is_said():
     )
     (e,) = d.effects
     assert e.joints == ("elbow",)
-    assert {"torque_offset", "free_spring"} <= {e.name, *e.alternatives}
+    assert "torque_offset" in {e.name, *e.alternatives}
+    # A spring as large would turn with the position further than this one does.
+    assert e.name == "free_spring" or e.similar["free_spring"] > 0.99

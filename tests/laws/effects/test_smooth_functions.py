@@ -64,7 +64,7 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
 def test_shapes_are_from_the_motion_and_functions_are_not_in_the_first_pass(polar, pair, move):
     m = move(polar, T)
     unnamed = [f for f in FAMILIES.values() if f.unnamed]
-    assert len(unnamed) == 6
+    assert len(unnamed) == 7
     assert not set(early(find_families(None))) & set(unnamed)
     found, refused = list_candidates(polar, unnamed, (), [m[:200], m[200:]], fixed=False)
     assert not refused
