@@ -115,6 +115,43 @@ ROBOTS = {
 }
 
 
+XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
+LAUGHS = "".join(
+    f'<!ENTITY {b} "{10 * f"&{a};"}">' for a, b in zip("abcdefgh", "bcdefghi", strict=True)
+)
+
+#: Formats that are not read, and what of them would not end if they were.
+NOT_READ = {
+    "SDF": ("sdf", '<sdf version="1.9"><model/></sdf>', "its root element is <sdf>"),
+    "SDF of many models": ("sdf", b"<sdf>" + b"<model/>" * 5_000_000, "more than 20000 elements"),
+    "SDF that includes": (
+        "sdf",
+        "<sdf><include><uri>file:///dev/zero</uri></include></sdf>",
+        "sdf",
+    ),
+    "SDF that laughs": ("sdf", f'<!DOCTYPE x [<!ENTITY a "ha">{LAUGHS}]><sdf>&i;</sdf>', "not XML"),
+    "xacro": ("xacro", XACRO.format('<xacro:include filename="/dev/zero"/>'), "not expanded"),
+    "xacro in a ring": (
+        "urdf",
+        XACRO.format('<xacro:macro name="a"><xacro:a/></xacro:macro><xacro:a/>'),
+        "not expanded",
+    ),
+    "xacro in itself": (
+        "urdf",
+        XACRO.format("<xacro:if>" * 300 + "</xacro:if>" * 300),
+        "deeper than 250 levels",
+    ),
+    "xacro of many": ("urdf", XACRO.format("<xacro:a/>" * 30_000), "more than 20000 elements"),
+    "xacro that computes": ("urdf", XACRO.format('<link name="${9**9**9}"/>'), "not expanded"),
+}
+
+
+@pytest.mark.parametrize("what", NOT_READ)
+def test_limits_of_formats_that_are_not_read(refuses, what):
+    ending, content, sentence = NOT_READ[what]
+    refuses(Robot.load, f"robot.{ending}", content, sentence)
+
+
 @pytest.mark.parametrize("what", ROBOTS)
 def test_limits_of_robot_files(refuses, what):
     content, sentence = ROBOTS[what]

@@ -43,6 +43,37 @@ class Block:
     values: Array
 
 
+@frozen
+class Stacked:
+    """Columns of candidates in rows of all joints, one joint below the other.
+
+    They are held where they act: over all rows those of many joints would fill the memory.
+
+    Attributes
+    ----------
+    blocks : tuple of Block
+        Of each joint, in whatever rows.
+    width : int
+        Number of columns c.
+    known : int
+        Rows below all joints in which no column acts.
+    """
+
+    blocks: tuple[Block, ...]
+    width: int
+    known: int = 0
+
+    def __getitem__(self, key: tuple[slice, int | Sequence[int]]) -> Array:
+        """Return some columns ``[:, columns]`` over all rows, (R, k), or one, (R,)."""
+        at = np.atleast_1d(np.asarray(key[1], int))
+        rows = np.cumsum([0, *(len(b.values) for b in self.blocks)])
+        out = np.zeros((rows[-1] + self.known, len(at)))
+        for start, stop, block in zip(rows[:-1], rows[1:], self.blocks, strict=True):
+            here = np.flatnonzero(np.isin(at, block.columns))
+            out[start:stop, here] = block.values[:, np.searchsorted(block.columns, at[here])]
+        return out if np.ndim(key[1]) else out[:, 0]
+
+
 @dataclass
 class Dictionary:
     """Columns of candidates along some rows.

@@ -16,8 +16,10 @@ import numpy as np
 from scipy.special import chdtrc, gammaln, log_ndtr
 
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
+from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.workflows.diagnose.dictionary import Stacked
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Directions of a candidate below this share of its length are not there.
@@ -41,7 +43,8 @@ class Whitened:
     ----------
     y : (R,)
     X : (R, b)
-    D : (R, c)
+    D : (R, c) or Stacked
+        Columns of candidates.
     scale : (R, B)
         Simulated noise that gives every candidate its unit.
     noise : (R, B)
@@ -50,7 +53,7 @@ class Whitened:
 
     y: Array
     X: Array
-    D: Array
+    D: Array | Stacked
     scale: Array
     noise: Array
 
@@ -89,7 +92,7 @@ class Bench:
     def whiten(self, misfit: Array | None = None) -> Whitened:
         """Return whitened rows; `misfit` (n,) is variance that the model does not explain yet."""
         rows, draws = self.rows, self.simulated.shape[2] // 2
-        columns, others = [], []
+        parts, others = [], []
         for j, own in enumerate(self.noise.joints):
 
             def whiten(x: Array, j: int = j, own: JointNoise = own) -> Array:
@@ -97,17 +100,15 @@ class Bench:
                 return ARNoise((own,)).whiten(x[:, None], rows.runs, left)[:, 0]
 
             part, Z = compress(whiten(rows.joint_columns(j)), self.simulated[:, j], whiten)
-            columns.append(rows.spread(j, part))
+            parts.append(part)
             others.append(Z)
-        edges = [1, 1 + rows.X.shape[2]]
+        known = 0 if rows.root is None else len(rows.root)
+        y, X, D = rows.stack(parts, known)
         if rows.root is not None:
-            known = np.zeros((len(rows.root), columns[0].shape[1]))
-            known[:, 1 : edges[1]] = rows.root
-            columns.append(known)
-            others.append(np.zeros((len(known), 2 * draws)) if self.errors is None else self.errors)
-        y, X, D = np.split(np.concatenate(columns), edges, axis=1)
+            X[len(X) - known :] = rows.root
+            others.append(np.zeros((known, 2 * draws)) if self.errors is None else self.errors)
         simulated = np.concatenate(others)
-        return Whitened(y[:, 0], X, D, simulated[:, :draws], simulated[:, draws:])
+        return Whitened(y, X, D, simulated[:, :draws], simulated[:, draws:])
 
     def misfit(self, residual: Array) -> Array:
         """Return the variance of a residual (N, n) that noise does not explain, (n,)."""
@@ -187,13 +188,27 @@ def score_candidates(
 ) -> Scores:
     """Return the scores of candidates beside the columns of a model (R, m)."""
     Q = orthonormal(model)
-    U = project_out(Q, unit_columns(white.D[:, [k for c in candidates for k in c.columns]]))
-    left = np.linalg.norm(U, axis=0)
     targets = np.column_stack([white.y, white.scale, *([white.noise] if null else [])])
-    z = U.T @ project_out(Q, targets)
+    targets, draws = project_out(Q, targets), white.scale.shape[1]
+    size = sum(len(c.columns) for c in candidates) * white.y.nbytes // max(len(candidates), 1)
+    scores = np.concatenate(
+        [
+            _score(white, Q, targets, draws, candidates[at])
+            for at in few_at_once(len(candidates), size)
+        ]
+    )
+    return Scores(scores[:, 0], scores[:, 1], scores[:, 2:])
+
+
+def _score(
+    white: Whitened, Q: Array, targets: Array, draws: int, candidates: Sequence[Candidate]
+) -> Array:
+    """Return fit, data and null (C, 2 + B) of candidates beside the span of Q."""
+    U = project_out(Q, unit_columns(white.D[:, [k for c in candidates for k in c.columns]]))
+    left, z = np.linalg.norm(U, axis=0), U.T @ targets
     widths = np.array([len(c.columns) for c in candidates], int)
     positive = np.array([c.positive for c in candidates], bool)
-    first, draws = np.cumsum(widths) - widths, white.scale.shape[1]
+    first = np.cumsum(widths) - widths
     seen = np.maximum.reduceat(left, first) > NEGLIGIBLE
     scores = np.full((len(candidates), targets.shape[1] - draws + 1), -np.inf)
     one = np.flatnonzero(seen & (widths == 1))
@@ -202,7 +217,7 @@ def score_candidates(
     for k in np.flatnonzero(seen & (widths > 1)):
         part = slice(first[k], first[k] + widths[k])
         scores[k] = _score_group(U[:, part], z[part], draws, positive=bool(positive[k]))
-    return Scores(scores[:, 0], scores[:, 1], scores[:, 2:])
+    return scores
 
 
 def _in_units(w: Array, draws: int) -> Array:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import (
@@ -76,14 +77,17 @@ def find_aliases(
     none = np.empty((len(rows), 0))
     parts = [
         # Values with known errors hide nothing for ever: a larger effect shows.
-        rows.spread(j, compress(rows.joint_columns(j) * w, none)[0])
+        compress(rows.joint_columns(j) * w, none)[0]
         for j, w in enumerate(weight)
     ]
-    _, X, D = np.split(np.concatenate(parts), [1, 1 + rows.X.shape[2]], axis=1)
-    X = X[:, :b]
-    X, D = unit_columns(X), unit_columns(D)
-    value = np.linalg.lstsq(X, D, rcond=1e-8)[0] if b else np.zeros((0, D.shape[1]))
-    left = np.linalg.norm(D - X @ value, axis=0)
+    _, X, D = rows.stack(parts)
+    X = unit_columns(X[:, :b])
+    inverse = np.linalg.pinv(X, rcond=1e-8)
+    value, left = np.empty((b, D.width)), np.empty(D.width)
+    for few in few_at_once(D.width, X[:, 0].nbytes if b else 0):
+        own = unit_columns(D[:, range(D.width)[few]])
+        value[:, few] = inverse @ own
+        left[few] = np.linalg.norm(own - X @ value[:, few], axis=0)
     seen = np.round(left, DECIMALS)
     out: dict[tuple[str, str], Alias] = {}
     for c in candidates:

@@ -21,7 +21,13 @@ from identifiability.logs.prepare import Samples
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
-from identifiability.workflows.diagnose.dictionary import Dictionary, Entries, compute_entries
+from identifiability.workflows.diagnose.dictionary import (
+    Block,
+    Dictionary,
+    Entries,
+    Stacked,
+    compute_entries,
+)
 from identifiability.workflows.diagnose.known_values import KnownValues
 
 
@@ -139,13 +145,22 @@ class Rows:
         parts = [self.tau[:, j, None], self.X[:, j], self.D.block(j).values]
         return np.concatenate(parts, axis=1)
 
-    def spread(self, j: int, part: Array) -> Array:
-        """Return `joint_columns`, in whatever rows, in the layout (·, 1 + b + c) of all joints."""
+    def stack(self, parts: Sequence[Array], known: int = 0) -> tuple[Array, Array, Stacked]:
+        """Return torque (R,), model (R, b) and dictionary, one joint below the other.
+
+        Parameters
+        ----------
+        parts : sequence of (·, 1 + b + k)
+            `joint_columns` of each joint, in whatever rows.
+        known : int
+            Rows of zeros below them.
+        """
         first = 1 + self.X.shape[2]
-        whole = np.zeros((len(part), first + self.D.width))
-        whole[:, :first] = part[:, :first]
-        whole[:, first + self.D.block(j).columns] = part[:, first:]
-        return whole
+        whole = np.concatenate([*(part[:, :first] for part in parts), np.zeros((known, first))])
+        blocks = tuple(
+            Block(self.D.block(j).columns, part[:, first:]) for j, part in enumerate(parts)
+        )
+        return whole[:, 0], whole[:, 1:], Stacked(blocks, self.D.width, known)
 
     def along(self, j: int) -> dict[str, Array]:
         """Return what the residual of joint j may depend on, each (N,)."""
