@@ -1,0 +1,47 @@
+"""Every verb gives the same bits wherever it works, and when it takes up what it did."""
+
+import joblib
+import pytest
+
+from identifiability import analyze, calibrate, diagnose, excite, prune
+from identifiability.foundation.engines.local import Processes, Resumed, Serial, choose_engine
+
+pytest.importorskip("distributed")
+
+
+@pytest.fixture(scope="module")
+def log(simulated_session):
+    return simulated_session("two-link", "a", 0)
+
+
+VERBS = {
+    "analyze": lambda log, engine: analyze("two-link", log, replicates=50, engine=engine),
+    "prune": lambda log, engine: prune("two-link", log, replicates=10, seed=1, engine=engine),
+    "diagnose": lambda log, engine: diagnose("two-link", log, quick=True, engine=engine),
+    "calibrate": lambda log, engine: calibrate(
+        analyze("two-link", log, replicates=0),
+        noise=(1.0,), rho=(0.9,), replicates=4, refits=10, names=0, sbc=0, engine=engine,
+    ),
+    "excite": lambda _, engine: excite("two-link", samples=40, evaluations=60, engine=engine),
+}  # fmt: skip
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("verb", VERBS)
+def test_engines_workers_and_resumption_change_no_bit(verb, log, tmp_path):
+    def bits(engine):
+        return joblib.hash(VERBS[verb](log, engine).to_dict())
+
+    expected = bits(None)
+    for engine in (Processes(1), Processes(2)):
+        with engine:
+            assert bits(engine) == expected
+    for workers in (1, 2):
+        with choose_engine("dask", workers=workers) as engine:
+            assert bits(engine) == expected
+    kept = tmp_path / "kept"
+    assert bits(Resumed(Serial(), kept)) == expected
+    files = sorted(kept.rglob("*.result"))
+    for path in files[::2]:  # as if it had been stopped half-way
+        path.unlink()
+    assert bits(Resumed(Serial(), kept)) == expected
