@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.excite.candidates import Workspace, survey
 from identifiability.workflows.excite.limits import find_limits
+from identifiability.workflows.excite.workspace import Workspace, survey
 
 
 @pytest.fixture(scope="module")
