@@ -25,6 +25,7 @@ def sizes(monkeypatch):
         if window is not None:
             monkeypatch.setattr(signals, "WINDOW", window)
             monkeypatch.setattr(windows, "EXCERPT", 10 * window)
+            monkeypatch.setattr(windows, "WINDOWS", 10)
             monkeypatch.setattr(windows, "WINDOW", window)
 
     chosen()

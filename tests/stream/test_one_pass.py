@@ -92,4 +92,12 @@ def test_windows_lie_in_their_logs_and_do_not_overlap(counts):
         assert 0 <= edges[0] <= edges[-1] <= count
         assert (np.diff(edges) >= 0).all()
     shown = sum(int(np.diff(own).sum()) for own in windows)
-    assert shown == sum(counts) or 50_000 <= shown <= 100_000
+    assert shown == sum(counts) or 40_000 <= shown <= 60_000
+
+
+def test_windows_meet_a_periodic_motion_at_all_its_phases():
+    for period in (2_000, 20_000, 50_000, 100_000):
+        ((*windows,),) = choose_windows([10**6])
+        phase = np.concatenate([np.arange(a, b) for a, b in windows]) % period
+        most_left_out = np.diff(np.sort([0, *phase, period])).max()
+        assert most_left_out < 0.2 * period
