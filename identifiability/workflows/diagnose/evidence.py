@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import chdtrc, gammaln, log_ndtr
 
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
-from identifiability.foundation.linalg import few_at_once
+from identifiability.foundation.linalg import MOST_BYTES
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.dictionary import Stacked
@@ -190,13 +190,13 @@ def score_candidates(
     Q = orthonormal(model)
     targets = np.column_stack([white.y, white.scale, *([white.noise] if null else [])])
     targets, draws = project_out(Q, targets), white.scale.shape[1]
-    size = sum(len(c.columns) for c in candidates) * white.y.nbytes // max(len(candidates), 1)
-    scores = np.concatenate(
-        [
-            _score(white, Q, targets, draws, candidates[at])
-            for at in few_at_once(len(candidates), size)
-        ]
-    )
+    # Options for all joints have hundreds of columns, others one.
+    before = np.cumsum([0, *(len(c.columns) for c in candidates)])[:-1]
+    together = before * white.y.nbytes // MOST_BYTES
+    edges = np.flatnonzero(np.diff(together)) + 1
+    parts = np.split(np.arange(len(candidates)), edges)
+    found = [_score(white, Q, targets, draws, [candidates[k] for k in part]) for part in parts]
+    scores = np.concatenate(found)
     return Scores(scores[:, 0], scores[:, 1], scores[:, 2:])
 
 
