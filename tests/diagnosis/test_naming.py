@@ -43,10 +43,10 @@ def among(*effects):
     return pytest.mark.parametrize("effects", [effects, every], ids=["few", "all"])
 
 
-@among("stribeck_friction", "position_ripple", "quadratic_friction", "joint_stiffness")
-def test_two_hidden_effects_are_both_named(diagnosis_of, named, effects):
+@pytest.mark.everything
+def test_two_hidden_effects_are_both_named(diagnosis_of, named):
     both = ("stribeck_friction@slider1=0.03", "position_ripple@slider2=0.02")
-    d = diagnosis_of("3-rps", *both, effects=effects)
+    d = diagnosis_of("3-rps", *both)
     assert sorted(named(d)) == [
         ("position_ripple", ("slider2",)),
         ("stribeck_friction", ("slider1",)),

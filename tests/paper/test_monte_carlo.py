@@ -19,6 +19,7 @@ def test_a_trial_repeats_to_the_last_bit():
     assert not np.array_equal(first.error_ra, run_trial(CASE, 8).error_ra)
 
 
+@pytest.mark.everything
 def test_two_processes_give_the_same_trials_as_one(monkeypatch):
     alone = [run_trial(CASE, seed).error_ra for seed in range(6)]
     monkeypatch.setattr("paper_study.monte_carlo._done", {})

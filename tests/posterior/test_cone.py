@@ -64,6 +64,7 @@ def test_one_body_agrees_with_rejection_sampling(posteriors, rng):
     assert (margin(exact[..., :10]) >= 0).all()
 
 
+@pytest.mark.everything
 def test_two_bodies_agree_with_hit_and_run(posteriors, rng):
     target, start = posteriors.body_target(rng, bodies=2, rows=9, variance=1.0)
     exact = sample_exact(target, start, 120, rng, chains=100)

@@ -63,6 +63,7 @@ def test_no_source_of_the_library_makes_a_snooker_move():
         assert not re.search(r"DESnookerMove\s*\(", path.read_text()), path
 
 
+@pytest.mark.everything
 def test_the_snooker_move_is_biased_which_is_why():
     d, walkers, rng = 37, 80, np.random.default_rng(5)
     start = rng.standard_normal((walkers, d))  # already from the target, a standard normal
@@ -134,6 +135,7 @@ def test_sampling_ends_when_it_is_enough_or_when_the_budget_is_used_up(posterior
     assert diagnose_convergence(poor, thresholds=Thresholds(2.0, 1.0, 0.1)).reasons == ()
 
 
+@pytest.mark.everything
 def test_it_is_much_faster_than_the_default_move_of_emcee(posteriors):
     rng = np.random.default_rng(3)
     target, start = posteriors.sign_target(rng, size=37, signs=12, dof=500.0)
