@@ -142,7 +142,7 @@ def state(runs: Sequence[Took]) -> str:
     text = "; ".join(said) + "."
     beside = [r for r in runs if r.who.startswith("FIGAROH")]
     if not beside:
-        return f"{text} FIGAROH was not measured (the extra `bench`)."
+        return f"{text} FIGAROH is not installed here and was not measured."
     largest = max(r.size for r in beside)
     theirs = {r.who: r for r in beside if r.size == largest}
     each = " and ".join(f"{r.cpu:.1f} s, {r.peak:.0f} MB ({who})" for who, r in theirs.items())
