@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["Model", "Regression", "map_parts"]
 
 #: Rows that are looked at one by one are kept up to this size, not computed again [bytes].
-KEEP_BYTES = 300e6
+KEEP_BYTES = 150e6
 
 
 @frozen

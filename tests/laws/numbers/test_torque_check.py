@@ -68,7 +68,11 @@ class Columns:
     def parameters(self, _robot):
         return self.made
 
-    def regressor(self, _robot, motion, out):
+    def widths(self, _robot):
+        return [len(self.made)]
+
+    def regressor(self, _robot, motion, out, widths=None):
+        assert widths in (None, [len(self.made)])
         out = out[: len(motion.W)]
         out[:] = motion.W
         return out
