@@ -33,10 +33,18 @@ MISTAKEN = {"stribeck_friction", "quadratic_friction", "load_dependent_friction"
     ("train", "test", "effects", "shrink"),
     [
         (1, 3, sorted(FOUND | MISTAKEN | {"viscous_friction"}), 0.5),
-        pytest.param(1, 3, None, 0.5, marks=pytest.mark.everything),
+        pytest.param(
+            1, 3, None, 0.5,
+            marks=[
+                pytest.mark.everything,
+                pytest.mark.xfail(
+                    strict=True, reason="among all effects run 3 refutes the offset in joint 0"
+                ),
+            ],
+        ),
         pytest.param(3, 1, None, 0.8, marks=pytest.mark.everything),
     ],
-)
+)  # fmt: skip
 def test_friction_and_offset_are_named_and_the_classic_mistakes_are_not(
     study, data, train, test, effects, shrink
 ):
