@@ -17,7 +17,7 @@ from identifiability.effects import Family, find_families
 from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.gates import Chosen, Naming
 from identifiability.workflows.diagnose.held_out import Gain, HeldOut, gain_of
-from identifiability.workflows.diagnose.leftover import is_anything_left
+from identifiability.workflows.diagnose.leftover import Remains
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
 from identifiability.workflows.diagnose.naming import Say, find_same, name_effects
 from identifiability.workflows.diagnose.residual import find_discrepancies
@@ -102,7 +102,7 @@ def what_is_left(material: Material, naming: Naming) -> bool:
     found = find_discrepancies(material.train, left, joints)
     if any(d.explained[cause] > NOTABLE for d in found for cause in CAUSES):
         return True
-    return is_anything_left(material, naming.chosen)
+    return Remains(material, naming.chosen).anything
 
 
 def predicts_better(

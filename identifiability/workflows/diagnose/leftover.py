@@ -9,7 +9,7 @@ whatever the joint's own columns can say is left to them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from scipy import signal, stats
@@ -80,11 +80,8 @@ def keep_complete(material: Material, naming: Naming) -> Naming:
     """
     why = "more is left in its joint than it explains"
     while naming.chosen:
-        found = [
-            (c, measure_leftover(material, naming.chosen, c))
-            for c in naming.chosen
-            if not c.family.basic
-        ]
+        remains = Remains(material, naming.chosen)
+        found = [(c, remains.beside(c)) for c in naming.chosen if not c.family.basic]
         against = [(one.ratio, c) for c, one in found if one is not None and one.outweighs]
         if not against:
             break
@@ -93,49 +90,73 @@ def keep_complete(material: Material, naming: Naming) -> Naming:
     return naming
 
 
-def measure_leftover(
-    material: Material, chosen: Sequence[Candidate], c: Candidate
-) -> Leftover | None:
-    """Return what is left beside some names in the joint of one of them; None if few rows are.
+@frozen
+class Remains:
+    """What some names leave in every joint, computed where it is asked for.
 
-    Of what acts in several joints it is the one where most is left.
+    Attributes
+    ----------
+    material : Material
+    chosen : tuple of Candidate
     """
-    rest = material.white.columns([o for o in chosen if o is not c])
-    Q = orthonormal(rest)
-    own = orthonormal(project_out(Q, unit_columns(material.white.D[:, list(c.columns)])))
-    explained = float(np.sum((own.T @ material.white.y) ** 2)) - own.shape[1]
-    joints = np.flatnonzero(material.train.D.take(c.columns).any(axis=(0, 2))).tolist()
-    found = [(left, p) for j in joints for left, p in _in_joint(material, chosen, j)]
-    if not found:
-        return None
-    return Leftover(explained, *max(found))
 
+    material: Material
+    chosen: tuple[Candidate, ...]
 
-def is_anything_left(material: Material, chosen: Sequence[Candidate]) -> bool:
-    """Whether some joint's torque depends on anything beside what was named."""
-    joints = range(material.train.joints)
-    return any(p < ASKED for j in joints for _, p in _in_joint(material, chosen, j))
+    @property
+    def anything(self) -> bool:
+        """Whether some joint's torque depends on anything beside what was named."""
+        found = (self._in_joint(j) for j in range(self.material.train.joints))
+        return any(one is not None and one[1] < ASKED for one in found)
 
+    def beside(self, c: Candidate) -> Leftover | None:
+        """Return what one of the names explains, and what is left; None if few rows are there.
 
-def _in_joint(material: Material, chosen: Sequence[Candidate], j: int) -> list[tuple[float, float]]:
-    """Return what is left in a joint and the p-value that nothing is; nothing if few rows are."""
-    rows, noise = material.train, ARNoise((material.noise.joints[j],))
-    model = rows.tau - material.held.fitted_residual(chosen)
-    parts = [rows.tau[:, j, None], rows.columns(chosen)[:, j], general_columns(rows, model, j)]
-    ends = np.cumsum([p.shape[1] for p in parts])[:-1]
-    white = noise.whiten(np.column_stack(parts)[:, None], rows.runs)[:, 0]
-    y, X, F = np.split(white, ends, axis=1)
-    Q = orthonormal(X)
-    # Twice: what is almost the model's would keep some of it.
-    U = project_out(Q, project_out(Q, unit_columns(F)))
-    vectors, length, _ = np.linalg.svd(U, full_matrices=False)
-    general = vectors[:, length > THIN]
-    k, dof = general.shape[1], len(y) - Q.shape[1] - general.shape[1]
-    if not k or dof < ROWS * k:
-        return []
-    left = float(np.sum((general.T @ y) ** 2))
-    level = (float(np.sum(project_out(Q, y) ** 2)) - left) / dof
-    return [(left / level - k, float(stats.f.sf(left / level / k, k, dof)))]
+        Of what acts in several joints it is the one where most is left.
+        """
+        white, rows = self.material.white, self.material.train
+        Q = orthonormal(white.columns([o for o in self.chosen if o is not c]))
+        own = orthonormal(project_out(Q, unit_columns(white.D[:, list(c.columns)])))
+        explained = float(np.sum((own.T @ white.y) ** 2)) - own.shape[1]
+        joints = np.flatnonzero(rows.D.take(c.columns).any(axis=(0, 2))).tolist()
+        found = [one for one in map(self._in_joint, joints) if one is not None]
+        return Leftover(explained, *max(found)) if found else None
+
+    @cached_property
+    def _model(self) -> Array:
+        """Torque by the model with these names, (N, n) [N·m or N]."""
+        left = self.material.held.fitted_residual(self.chosen)
+        torque: Array = self.material.train.tau - left
+        return torque
+
+    @cached_property
+    def _known(self) -> dict[int, tuple[float, float] | None]:
+        return {}
+
+    def _in_joint(self, j: int) -> tuple[float, float] | None:
+        """Return what is left in a joint and the p-value that nothing is; None if few rows are."""
+        if j not in self._known:
+            self._known[j] = self._measure(j)
+        return self._known[j]
+
+    def _measure(self, j: int) -> tuple[float, float] | None:
+        rows, noise = self.material.train, ARNoise((self.material.noise.joints[j],))
+        named = rows.D.take([k for c in self.chosen for k in c.columns])[:, j]
+        parts = [rows.tau[:, j, None], rows.X[:, j], named, general_columns(rows, self._model, j)]
+        white = noise.whiten(np.column_stack(parts)[:, None], rows.runs)[:, 0]
+        columns = 1 + rows.X.shape[2] + named.shape[1]
+        y, X, F = np.split(white, [1, columns], axis=1)
+        Q = orthonormal(X)
+        # Twice: what is almost the model's would keep some of it.
+        U = project_out(Q, project_out(Q, unit_columns(F)))
+        vectors, length, _ = np.linalg.svd(U, full_matrices=False)
+        general = vectors[:, length > THIN]
+        k, dof = general.shape[1], len(y) - Q.shape[1] - general.shape[1]
+        if not k or dof < ROWS * k:
+            return None
+        left = float(np.sum((general.T @ y) ** 2))
+        level = (float(np.sum(project_out(Q, y) ** 2)) - left) / dof
+        return left / level - k, float(stats.f.sf(left / level / k, k, dof))
 
 
 def general_columns(rows: Rows, model: Array, j: int) -> Array:

@@ -9,12 +9,7 @@ import pytest
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.gates import Naming, Step
 from identifiability.workflows.diagnose.held_out import HeldOut
-from identifiability.workflows.diagnose.leftover import (
-    Leftover,
-    is_anything_left,
-    keep_complete,
-    measure_leftover,
-)
+from identifiability.workflows.diagnose.leftover import Leftover, Remains, keep_complete
 
 N = 600
 
@@ -64,7 +59,7 @@ def like_dry(q, dq, ddq):
 def test_the_right_name_leaves_nothing_and_one_that_resembles_it_leaves_more(build, candidate):
     right, similar = candidate("dry", "j", 0), candidate("like", "j", 1)
     m = build(dry, [dry, like_dry])
-    good, bad = (measure_leftover(m, [c], c) for c in (right, similar))
+    good, bad = (Remains(m, (c,)).beside(c) for c in (right, similar))
     # The squared length of what the model does not have of it, within three standard deviations.
     X, own = m.train.X[:, 0, 0], m.train.D.take([0])[:, 0, 0]
     square = own @ own - (own @ X) ** 2 / (X @ X)
@@ -100,18 +95,18 @@ def test_what_every_joint_has_goes_for_nothing_that_is_left(build, candidate):
 def test_few_rows_say_nothing(build, candidate):
     similar = candidate("like", "j", 0)
     m = build(lambda *x: 3 * dry(*x), [like_dry], rows=60)
-    assert measure_leftover(m, [similar], similar) is None
+    assert Remains(m, (similar,)).beside(similar) is None
     assert keep_complete(m, named(similar)).chosen == (similar,)
-    assert not is_anything_left(m, [])
+    assert not Remains(m, ()).anything
 
 
 def test_noise_alone_leaves_something_as_often_as_its_level_says(build):
     """Five per cent of 200: between 2 and 19 within 1e-3; what is there is found."""
     found = sum(
-        is_anything_left(build(lambda q, *_: 0 * q, [dry], seed), []) for seed in range(200)
+        Remains(build(lambda q, *_: 0 * q, [dry], seed), ()).anything for seed in range(200)
     )
     assert 2 <= found <= 19
-    assert is_anything_left(build(cubic, [dry]), [])
+    assert Remains(build(cubic, [dry]), ()).anything
 
 
 @pytest.mark.parametrize(
