@@ -12,11 +12,6 @@ from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose.evidence import (
-    measure_strength,
-    solve_chosen,
-    undetermined,
-)
 from identifiability.workflows.diagnose.findings import (
     Curve,
     NamedEffect,
@@ -36,6 +31,7 @@ from identifiability.workflows.diagnose.residual import (
 )
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.shown import Shown
+from identifiability.workflows.diagnose.values import measure_strength, solve_chosen, undetermined
 
 #: Score that an effect must reach where no step was made that says so.
 CRITICAL = 8.0

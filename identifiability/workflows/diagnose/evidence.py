@@ -10,7 +10,6 @@ and with several compare. A level that physics wants positive counts only if it 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 
 import numpy as np
 from scipy.special import chdtrc, gammaln, log_ndtr
@@ -28,9 +27,6 @@ NEGLIGIBLE = 1e-4
 MANY, TALL = 1500, 4
 #: Simulated series that are whitened together.
 AT_ONCE = 100
-#: Singular values of unit columns below this share of the largest are zero; and the share of a
-#: column in what they leave open from which on it is not determined by itself.
-SINGULAR, SHARED = 1e-8, 1e-6
 #: Values of χ² beyond which its tail is taken from the asymptotic series.
 FAR = 1000.0
 
@@ -275,38 +271,3 @@ def log_tail(x: Array, dof: int) -> Array:
         exact = np.log(chdtrc(dof, x))
     tail: Array = np.where(x > FAR, asymptotic, exact)
     return tail
-
-
-def solve_values(white: Whitened, model: Array) -> tuple[Array, Array]:
-    """Return generalised least-squares values (m,) and their standard errors."""
-    length = np.linalg.norm(model, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    U, s, Vt = np.linalg.svd(model / length, full_matrices=False)
-    inverse = np.where(s > SINGULAR * s.max(initial=0.0), 1 / np.where(s > 0, s, 1.0), 0.0)
-    value = Vt.T @ (inverse * (U.T @ white.y)) / length
-    error = np.sqrt(((Vt.T * inverse) ** 2).sum(1)) / length
-    return value, error
-
-
-def undetermined(model: Array) -> np.ndarray:
-    """Return which columns of a model (R, m) are determined together with others only, (m,)."""
-    length = np.linalg.norm(model, axis=0)
-    _, s, Vt = np.linalg.svd(model / np.where(length > 0, length, 1.0), full_matrices=False)
-    free = Vt[s <= SINGULAR * s.max(initial=0.0)]
-    found: np.ndarray = ((free**2).sum(0) > SHARED) | (length == 0)
-    return found
-
-
-def solve_chosen(white: Whitened, chosen: Sequence[Candidate]) -> list[tuple[Array, Array]]:
-    """Return values and standard errors (k,) of every choice beside the model and the others."""
-    value, error = solve_values(white, white.columns(chosen))
-    ends = white.X.shape[1] + np.cumsum([0, *(len(c.columns) for c in chosen)])
-    return [(value[a:b], error[a:b]) for a, b in pairwise(ends)]
-
-
-def measure_strength(
-    white: Whitened, rest: Sequence[Candidate], c: Candidate, value: Array
-) -> float:
-    """Return the size of an effect of some value (k,) in standard errors, beside the others."""
-    added = white.D[:, list(c.columns)] @ value
-    return float(np.linalg.norm(project_out(orthonormal(white.columns(rest)), added)))

@@ -21,10 +21,10 @@ from identifiability.workflows.diagnose.evidence import (
     orthonormal,
     project_out,
     score_candidates,
-    solve_values,
     unit_columns,
 )
 from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.workflows.diagnose.values import solve_values
 
 #: Logarithm of the likelihood ratio that decides between two similar names: about 50 to 1.
 DECISIVE = 4.0

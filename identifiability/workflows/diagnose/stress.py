@@ -18,11 +18,12 @@ from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.repeats import Recording
-from identifiability.workflows.diagnose.evidence import Bench, score_candidates, solve_chosen
+from identifiability.workflows.diagnose.evidence import Bench, score_candidates
 from identifiability.workflows.diagnose.gates import CLOCK, Naming, Survival, keep_surviving
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.motion import prepare_thin, samples_each
 from identifiability.workflows.diagnose.rows import Candidate, Rows, build_rows, number
+from identifiability.workflows.diagnose.values import solve_chosen
 
 Prepare = Callable[[Recording, float | None, Callable[[Log], Log]], Samples]
 #: Samples anew, from a log and its samples as they were.

@@ -10,11 +10,12 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.workflows.diagnose import evidence
 from identifiability.workflows.diagnose.dictionary import Dictionary
-from identifiability.workflows.diagnose.evidence import Bench, score_candidates, solve_chosen
+from identifiability.workflows.diagnose.evidence import Bench, score_candidates
 from identifiability.workflows.diagnose.lookalikes import find_aliases
 from identifiability.workflows.diagnose.motion import MOST_IN_ALL, MOST_SAMPLES, samples_each
 from identifiability.workflows.diagnose.residual import smooth_share
 from identifiability.workflows.diagnose.rows import build_rows, list_candidates
+from identifiability.workflows.diagnose.values import solve_chosen
 
 
 @pytest.fixture

@@ -6,16 +6,10 @@ from scipy import stats
 from scipy.optimize import nnls
 
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
-from identifiability.workflows.diagnose.evidence import (
-    Bench,
-    Whitened,
-    log_tail,
-    score_candidates,
-    solve_values,
-    undetermined,
-)
+from identifiability.workflows.diagnose.evidence import Bench, Whitened, log_tail, score_candidates
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.known_values import KnownValues
+from identifiability.workflows.diagnose.values import solve_values, undetermined
 
 R, DRAWS = 300, 40
 
