@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from identifiability.effects import FAMILIES
 from identifiability.foundation.names import INERTIAL, Array, Parameter
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared
@@ -52,6 +53,17 @@ class Structure:
     def columns(self) -> tuple[str, ...]:
         """Names of the p standard parameters."""
         return tuple(p.name for p in self.parameters)
+
+    @cached_property
+    def present(self) -> frozenset[tuple[str, str]]:
+        """The model's effects by family and place; where one is, what it supersedes is too."""
+        own = {(p.group, p.owner) for p in self.parameters}
+        return frozenset(own).union(
+            (name, place)
+            for family, place in own
+            if family in FAMILIES
+            for name in FAMILIES[family].effect.supersedes
+        )
 
     @cached_property
     def nonnegative(self) -> np.ndarray:

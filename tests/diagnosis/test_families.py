@@ -22,6 +22,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import shipped_trajectory, simulate
 from identifiability.workflows.diagnose import diagnose
@@ -92,9 +93,10 @@ def test_effects_dissipate_or_conserve_as_their_names_say(robot):
 
 def test_every_joint_of_every_robot_has_candidates_or_a_reason(robot):
     motion = random_motion(robot, np.random.default_rng(0), 50)
+    present = Structure.of(robot, Model.of("rigid_body")).present
     for fixed in (False, True):
         candidates, refused = list_candidates(
-            robot, find_families(None), ("rigid_body",), [motion], fixed=fixed
+            robot, find_families(None), present, [motion], fixed=fixed
         )
         seen = {c.family.name for c in candidates} | {r.family for r in refused}
         assert seen >= set(FAMILIES) - {"rigid_body"}
@@ -108,7 +110,7 @@ def test_every_joint_of_every_robot_has_candidates_or_a_reason(robot):
 def test_a_serial_robot_says_that_it_has_no_passive_joints():
     robot = Robot.load("two-link")
     motion = random_motion(robot, np.random.default_rng(0), 20)
-    present = ("rigid_body",)
+    present = Structure.of(robot, Model.of("rigid_body")).present
     _, refused = list_candidates(robot, find_families(None), present, [motion], fixed=False)
     reasons = {r.family: r.reason for r in refused}
     assert "no place" in reasons["passive_joint_friction"]
@@ -202,7 +204,7 @@ def test_a_shape_that_is_known_is_stated_and_not_searched():
             expected = np.cos(2 * np.pi * away / pitch)
             np.testing.assert_allclose(model.regressor(robot, motion)[:, 1, 0], expected)
         families = find_families(["cogging"])
-        found, _ = list_candidates(robot, families, ("rigid_body",), [motion], fixed=False)
+        found, _ = list_candidates(robot, families, (), [motion], fixed=False)
         assert [c.place for c in found] == list(robot.joints)
         assert np.isnan([c.shape for c in found]).all()
     finally:

@@ -103,14 +103,15 @@ def test_special_names_are_judged_beside_what_every_joint_has(material):
 
 def test_a_shifted_clock_warns_and_another_preparation_refutes(material):
     chosen = tuple(pick(material, "joint_stiffness"))
+    present = material.setting.structure.present
     step = Step({}, 1.0, chosen[0].group, 0.005, 0.1, True, "named")
     naming = Naming(chosen, {}, (step,))
     assert not Survival(CLOCK[0], 0.0, False).refutes
     assert Survival("filter 20 % lower", 0.0, True).refutes
     why = "another preparation of the motion refutes it"
-    left = keep_surviving(naming, chosen[:1], BASE_EFFECTS, why)
+    left = keep_surviving(naming, chosen[:1], present, why)
     assert left.chosen == chosen[1:]
-    gone = keep_surviving(naming, chosen, BASE_EFFECTS, why)
+    gone = keep_surviving(naming, chosen, present, why)
     assert gone.chosen == ()
     assert not gone.steps[0].accepted
     assert gone.steps[0].reason == why
@@ -118,10 +119,11 @@ def test_a_shifted_clock_warns_and_another_preparation_refutes(material):
 
 def test_a_refinement_goes_with_what_it_refines(material):
     """Without the base model's Coulomb friction, Stribeck needs the one that was named."""
+    present = material.setting.structure.present
     bump = pick(material, "stribeck_friction", "elbow")[:1]
     naming = Naming(tuple(bump), {}, ())
-    assert keep_surviving(naming, (), BASE_EFFECTS, "").chosen == tuple(bump)
-    assert keep_surviving(naming, (), ("rigid_body",), "").chosen == ()
+    assert keep_surviving(naming, (), present, "").chosen == tuple(bump)
+    assert keep_surviving(naming, (), (), "").chosen == ()
 
 
 def test_a_shifted_torque_is_the_torque_of_another_sample():

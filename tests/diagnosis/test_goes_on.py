@@ -4,6 +4,8 @@ import pytest
 
 from identifiability import Robot, analyze, excite, prune
 from identifiability.regression.structure import Structure
+from identifiability.workflows.diagnose import diagnose
+from identifiability.workflows.diagnose.goes_on import read_earlier
 from identifiability.workflows.export import export
 
 NAMED = ("stribeck_friction@slider1=0.03", "position_ripple@slider2=0.02")
@@ -34,3 +36,16 @@ def test_the_result_of_a_diagnosis_is_a_model_for_prune_and_excite(diagnosis_of,
     assert pruned.structure.model.texts == d.model.texts
     planned = excite("3-rps", model=d, evaluations=20, samples=50, seed=0)
     assert planned.effects == d.model.names
+
+
+def test_a_spring_in_one_joint_does_not_hide_another_and_stays_where_it_is(logs_of, tmp_path):
+    logs = logs_of("two-link", "joint_stiffness@elbow=0.3")
+    known = ("rigid_body", "viscous_friction", "coulomb_friction", "joint_stiffness@shoulder")
+    few = {"effects": ("joint_stiffness", "free_spring"), "quick": True, "forward": False}
+    d = diagnose("two-link", logs[:4], logs[4:], model=known, **few)
+    assert [(e.name, e.joints) for e in d.effects] == [("joint_stiffness", ("elbow",))]
+    assert [(r.family, r.place) for r in d.refusals] == [("joint_stiffness", "shoulder")]
+    assert d.model.texts == (*known, "joint_stiffness@elbow")
+    # What goes on from it has the model that it had, not a spring in every joint.
+    for before in (d, d.to_json(tmp_path / "d.json")):
+        assert read_earlier(before).model == known

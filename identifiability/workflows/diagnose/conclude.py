@@ -54,7 +54,7 @@ def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis
         refuted.append(worst)
         gone = [c for c in naming.chosen if c.group in {(worst.name, j) for j in worst.joints}]
         why = "the motion that verifies contradicts it"
-        naming = keep_surviving(naming, gone, structure.model.names, why)
+        naming = keep_surviving(naming, gone, structure.present, why)
     chosen, joints = naming.chosen, structure.robot.joints
     before, after = (m.held.fitted_residual(c) for c in ((), chosen))
     rms = np.sqrt(np.mean(after**2, axis=0))

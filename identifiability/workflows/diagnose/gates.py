@@ -6,7 +6,7 @@ leaves a `Naming` with all that only refines it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.material import Rules
-from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.rows import Candidate, Present
 
 Chosen = list[Candidate]
 
@@ -193,15 +193,14 @@ def _take_out(chosen: Chosen, margin: Callable[[Chosen, Chosen], float]) -> Chos
     return chosen
 
 
-def has_place(c: Candidate, beside: Sequence[Candidate], present: Iterable[str]) -> bool:
+def has_place(c: Candidate, beside: Sequence[Candidate], present: Present) -> bool:
     """Whether what a candidate refines, if it refines anything, is beside it or in the model."""
-    needed = c.family.needs
-    groups = {other.group for other in beside}
-    return not needed or needed in present or (needed, c.place) in groups
+    needed = c.family.needs, c.place
+    return not c.family.needs or needed in present or needed in {other.group for other in beside}
 
 
 def keep_surviving(
-    naming: Naming, refuted: Sequence[Candidate], present: Iterable[str], reason: str
+    naming: Naming, refuted: Sequence[Candidate], present: Present, reason: str
 ) -> Naming:
     """Return a naming without candidates that are refuted, and without what only refines them.
 
@@ -209,8 +208,8 @@ def keep_surviving(
     ----------
     naming : Naming
     refuted : sequence of Candidate
-    present : iterable of str
-        Families that the base model has at every place.
+    present : collection of (family, place)
+        What the base model has.
     reason : str
         What refutes them, for the steps that named them.
     """

@@ -215,7 +215,7 @@ def read_earlier(given: Before) -> Earlier:
         return Earlier(
             source="the diagnosis before",
             folder=None,
-            model=given.base,
+            model=given.structure.model.texts,
             told=tuple(t for e in given.effects for t in _tell(e)),
             error=given.held_after,
             fitted=tuple(s.name for s in given.samples),

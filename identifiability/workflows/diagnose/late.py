@@ -71,7 +71,7 @@ def name_late(
     )
     rules = material.setting.rules
     strict = replace(rules, level=max(SHARE * rules.level, 1.0 / (draws + 1)))
-    present = material.setting.structure.model.names
+    present = material.setting.structure.present
     start = [find_same(c, wider.candidates) for c in naming.chosen]
     again = name_effects(wider.bench, wider.candidates, wider.held, strict, present, say, start)
     again = _gather_curves(

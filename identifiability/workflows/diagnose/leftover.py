@@ -86,7 +86,7 @@ def keep_complete(material: Material, naming: Naming) -> Naming:
         if not against:
             break
         gone = [max(against, key=lambda pair: pair[0])[1]]
-        naming = keep_surviving(naming, gone, material.setting.structure.model.names, why)
+        naming = keep_surviving(naming, gone, material.setting.structure.present, why)
     return naming
 
 

@@ -152,15 +152,18 @@ def gather(
         As for `diagnose`.
     """
     structure, fixed, known = setting.structure, setting.fixed, setting.known
-    names, motions = structure.model.names, [s.motion for s in setting.samples]
+    motions = [s.motion for s in setting.samples]
     families = find_families(effects)
-    listed, refused = list_candidates(structure.robot, families, names, motions, fixed=fixed)
+    listed, refused = list_candidates(
+        structure.robot, families, structure.present, motions, fixed=fixed
+    )
     rows = build_rows(structure, listed, setting.samples, fixed, known=known)
     choosing, verifying = (
         build_rows(structure, listed, part, fixed, known=known, later=True) if part else None
         for part in (choose, setting.validation)
     )
-    real = RealRobot.of(structure) if "rigid_body" in names and not fixed else None
+    bodies = "rigid_body" in structure.model.names and not fixed
+    real = RealRobot.of(structure) if bodies else None
     aliases = find_aliases(rows, listed, structure.base.names, setting.rules.alias)
     hidden = {(a.family, a.place) for a in aliases if a.structural}
     candidates = tuple(c for c in listed if c.group not in hidden)

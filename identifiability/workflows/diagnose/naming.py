@@ -25,7 +25,7 @@ from identifiability.workflows.diagnose.gates import (
 )
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.material import Rules
-from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.rows import Candidate, Present
 
 #: Rounds in which shapes are searched again after an addition.
 ROUNDS = 3
@@ -67,7 +67,7 @@ class _Search:
     candidates: Sequence[Candidate]
     held: HeldOut
     rules: Rules
-    present: frozenset[str]
+    present: Present
     white: Whitened = field(init=False)
     chosen: list[Candidate] = field(default_factory=list)
     barred: set[tuple[str, str]] = field(default_factory=set)
@@ -215,7 +215,7 @@ def name_effects(
     candidates: Sequence[Candidate],
     held: HeldOut,
     rules: Rules,
-    present: Iterable[str] = (),
+    present: Present = (),
     say: Say | None = None,
     start: Sequence[Candidate] = (),
 ) -> Naming:
@@ -229,13 +229,13 @@ def name_effects(
     held : HeldOut
         Errors on motion that did not choose.
     rules : Rules
-    present : iterable of str
-        Families that the base model has at every place.
+    present : collection of (family, place)
+        What the base model has.
     say : callable, optional
     start : sequence of Candidate
         What is named already; what is added may make it needless.
     """
-    search = _Search(bench, candidates, held, rules, frozenset(present), chosen=list(start))
+    search = _Search(bench, candidates, held, rules, present, chosen=list(start))
     best, waited = list(search.chosen), 0
     seen = [signature(search.chosen)]
     for k in range(rules.most):

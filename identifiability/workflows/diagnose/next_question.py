@@ -208,7 +208,7 @@ def _sizes(question: Question, d: Findings, columns: Sequence[np.ndarray]) -> li
 def _place_one(d: Findings, name: str, place: str) -> Placed:
     """Return a family at a place, with the shape in the middle of those that are tried."""
     motions, family = [s.motion for s in d.samples], find_family(name)
-    listed, _ = list_candidates(d.robot, [family], d.base, motions, fixed=d.fixed)
+    listed, _ = list_candidates(d.robot, [family], d.structure.present, motions, fixed=d.fixed)
     own = [c for c in listed if c.place == place]
     c = own[len(own) // 2]
     return Placed([c.part], [f"{name}@{place}"])
@@ -223,7 +223,7 @@ def _text(name: str, placement: Placement) -> str:
 def _place_all(d: Findings, name: str, place: str, limits: Limits) -> tuple[Placed, list[float]]:
     """Return a family at a place with all of its shapes, those of a wider motion too."""
     motions, family = [s.motion for s in d.samples], find_family(name)
-    listed, _ = list_candidates(d.robot, [family], d.base, motions, fixed=d.fixed)
+    listed, _ = list_candidates(d.robot, [family], d.structure.present, motions, fixed=d.fixed)
     kinds = list(dict.fromkeys(c.kinds for c in listed if c.place == place))
     span = measure_spans(d.robot, motions).get(place)
     shapes: tuple[float, ...] = (float("nan"),)

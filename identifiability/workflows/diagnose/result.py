@@ -137,7 +137,7 @@ class Diagnosis(Result, Findings, Predicts):
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
-            "model": list(self.base),
+            "model": list(self.structure.model.texts),
             **pick(self, "fixed", "statement", "hints", "seed", "physical"),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],

@@ -6,7 +6,7 @@ columns of the base model, then one or more columns for every candidate (family,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +29,11 @@ from identifiability.workflows.diagnose.dictionary import (
     compute_entries,
 )
 from identifiability.workflows.diagnose.known_values import KnownValues
+
+#: What a model has where: families with their places.
+Present = Collection[tuple[str, str]]
+#: Why a family is not tried where it is.
+HAS = "the model has it already"
 
 
 @frozen
@@ -177,7 +182,7 @@ class Rows:
 def list_candidates(
     robot: Robot,
     families: Sequence[Family],
-    present: Sequence[str],
+    present: Present,
     motions: Sequence[Motion],
     *,
     fixed: bool,
@@ -188,8 +193,8 @@ def list_candidates(
     ----------
     robot : Robot
     families : sequence of Family
-    present : sequence of str
-        Effects that the model has already.
+    present : collection of (family, place)
+        What the model has already.
     motions : sequence of Motion
         Shapes are chosen from the range that was moved through.
     fixed : bool
@@ -203,11 +208,11 @@ def list_candidates(
         if reason:
             refused.append(Refusal(family.name, "", reason))
             continue
-        known = family.name in present
-        # What is added to a level that is there may be of either sign.
-        free = known or bool(family.effect.supersedes)
         for place in family.places(robot):
-            reason = family.refuse(robot, place)
+            known = (family.name, place) in present
+            # What is added to a level that is there may be of either sign.
+            free = known or bool(family.effect.supersedes)
+            reason = HAS if known and not fixed else family.refuse(robot, place)
             if reason:
                 refused.append(Refusal(family.name, place, reason))
             else:
@@ -217,13 +222,16 @@ def list_candidates(
     return out, refused
 
 
-def _refuse(robot: Robot, family: Family, present: Sequence[str], fixed: bool) -> str:
+def _refuse(robot: Robot, family: Family, present: Present, fixed: bool) -> str:
     """Return why a family makes no sense anywhere; empty if it does."""
-    if family.name in present and not fixed:
-        return "the model has it already"
-    if family.fixed_only and not fixed and "rigid_body" in present:
+    places = family.places(robot)
+    if not places:
+        return f"{robot.name} has no place for it"
+    if not fixed and all((family.name, place) in present for place in places):
+        return HAS
+    if family.fixed_only and not fixed and any(name == "rigid_body" for name, _ in present):
         return "every mass is refitted, so it cannot be told from the bodies' own parameters"
-    return "" if family.places(robot) else f"{robot.name} has no place for it"
+    return ""
 
 
 def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool) -> list[Candidate]:

@@ -65,7 +65,7 @@ class Search:
         first = [f.name for f in early(find_families(effects))]
         m = gather(setting, self.choose, streams[0], dict.fromkeys((*first, *told)), self.draws)
         say("naming effects", 0.4)
-        present = setting.structure.model.names
+        present = setting.structure.present
         start = [] if self.earlier is None else self.earlier.start(m)
         groups = {c.group for c in start}
         options = [c for c in m.candidates if c.family.name in first or c.group in groups]

@@ -191,4 +191,4 @@ def stress_named(
     ]
     stress = {c.slot: tuple(each) for c, each in zip(naming.chosen, fares, strict=True)}
     why = "it does not survive another preparation of the motion"
-    return keep_surviving(replace(naming, stress=stress), refuted, structure.model.names, why)
+    return keep_surviving(replace(naming, stress=stress), refuted, structure.present, why)

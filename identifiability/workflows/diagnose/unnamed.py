@@ -61,7 +61,7 @@ def name_unnamed(
     rules = replace(
         setting.rules, level=max(SHARE * setting.rules.level, 1.0 / (draws + 1)), most=MOST
     )
-    present = setting.structure.model.names
+    present = setting.structure.present
     found: tuple[float, Naming] | None = None
     for known in dict.fromkeys(
         (naming.chosen, tuple(c for c in naming.chosen if not c.family.late))

@@ -191,7 +191,7 @@ def test_a_refinement_is_only_tried_where_what_it_refines_is(world, candidate):
     assert named(run(world, torque, columns, [fine, far])) == []
     found = run(world, torque, columns, [base, fine, far])
     assert named(found) == [("coulomb", "j"), ("stribeck", "j")]
-    everywhere = run(world, torque, columns, [fine, far], present=("coulomb",))
+    everywhere = run(world, torque, columns, [fine, far], present={("coulomb", p) for p in "jl"})
     assert sorted(named(everywhere)) == [("stribeck", "j"), ("stribeck", "l")]
 
 
@@ -397,5 +397,7 @@ def test_a_name_that_is_refuted_takes_its_refinements_with_it(candidate):
     assert gone.chosen == ()
     assert [s.accepted for s in gone.steps] == [False, False]
     assert [s.reason for s in gone.steps] == ["the reason"] * 2
-    # Where the base model has it at every place, refinements do not need the named one.
-    assert len(keep_surviving(naming, [base, there], ("coulomb",), "").chosen) == 2
+    # Where the base model has it, refinements do not need the named one.
+    assert (
+        len(keep_surviving(naming, [base, there], {("coulomb", p) for p in "jl"}, "").chosen) == 2
+    )

@@ -11,6 +11,7 @@ from identifiability.logs.prepare import Samples
 from identifiability.logs.signals import Decimation
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
+from identifiability.workflows.diagnose.gates import has_place
 from identifiability.workflows.diagnose.rows import build_rows, list_candidates
 
 T = 0.01 * np.arange(300)
@@ -60,7 +61,8 @@ def test_families_with_parts_are_tried_part_by_part(gear, pair, move):
 
 
 def test_what_the_model_has_is_not_tried_again_unless_its_values_are_the_files(polar, move):
-    m, present = move(polar, T), ("rigid_body", "viscous_friction")
+    m, model = move(polar, T), Model.of("rigid_body", "viscous_friction")
+    present = Structure.of(polar, model).present
     free, refused = listed(polar, m, present=present)
     assert not {c.family.name for c in free} & {"rigid_body", "viscous_friction", "payload"}
     assert any(r.family == "payload" and "every mass is refitted" in r.reason for r in refused)
@@ -71,6 +73,24 @@ def test_what_the_model_has_is_not_tried_again_unless_its_values_are_the_files(p
     assert all(c.positive for c in fixed if c.family.name == "coulomb_friction")
     assert [c.place for c in fixed if c.family.name == "rigid_body"] == ["rail"]
     assert [c.place for c in fixed if c.family.name == "payload"] == ["sled"]
+
+
+def test_what_the_model_has_at_one_joint_is_tried_at_the_others(polar, move):
+    """A spring of unknown rest holds a stiffness, too."""
+    for text in ("joint_stiffness@lift", "free_spring@lift"):
+        structure = Structure.of(polar, Model.of("rigid_body", text))
+        found, refused = listed(polar, move(polar, T), "joint_stiffness", present=structure.present)
+        assert [c.place for c in found] == ["reach"]
+        assert [(r.family, r.place) for r in refused] == [("joint_stiffness", "lift")]
+        assert all(c.positive for c in found)
+
+
+def test_a_refinement_stands_where_the_model_has_what_it_refines(polar, move):
+    structure = Structure.of(polar, Model.of("coulomb_friction@lift"))
+    found, _ = listed(polar, move(polar, T), "stribeck_friction", present=structure.present)
+    assert {c.place for c in found if has_place(c, (), structure.present)} == {"lift"}
+    both = Structure.of(polar, Model.of("coulomb_asymmetry")).present  # has its two levels
+    assert all(has_place(c, (), both) for c in found)
 
 
 def test_without_masses_there_is_no_load(polar, move):
