@@ -20,6 +20,7 @@ from identifiability.workflows.diagnose.findings import (
 )
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
 from identifiability.workflows.diagnose.held_out import Gap
+from identifiability.workflows.diagnose.leftover import Remains
 from identifiability.workflows.diagnose.lookalikes import find_rivals, leave_to_model
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.payload import fit_body, is_body
@@ -27,7 +28,6 @@ from identifiability.workflows.diagnose.residual import (
     Remainder,
     find_discrepancies,
     smallest_sizes,
-    smooth_share,
 )
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.shown import Shown
@@ -60,7 +60,6 @@ def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis
     rms = np.sqrt(np.mean(after**2, axis=0))
     critical = naming.steps[-1].critical if naming.steps else CRITICAL
     sizes = smallest_sizes(m.train, m.white, chosen, m.candidates, critical, rms)
-    smooth = smooth_share(m.train, after, m.noise, chosen, rng)
     robot, parts = structure.robot, []
     for effect in found.effects:
         own = [c.part for c in chosen if c.family.name == effect.name]
@@ -75,7 +74,7 @@ def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis
         aliases=m.aliases,
         refusals=m.refusals,
         steps=naming.steps,
-        remainder=Remainder(rms, sizes, *smooth),
+        remainder=Remainder(rms, sizes, Remains(m, chosen).joints),
         model=Model((*structure.model.effects, *parts)),
     )
 

@@ -44,6 +44,25 @@ ASKED = 0.05
 
 
 @frozen
+class Left:
+    """What functions without a name still explain in a joint.
+
+    Attributes
+    ----------
+    squares : float
+        Of the whitened rows, beyond those that noise gives.
+    share : float
+        Of what is left of the whitened rows, adjusted for the number of functions.
+    p_value : float
+        That they explain no more than noise does.
+    """
+
+    squares: float
+    share: float
+    p_value: float
+
+
+@frozen
 class Leftover:
     """What is left in a joint beside a name.
 
@@ -106,8 +125,12 @@ class Remains:
     @property
     def anything(self) -> bool:
         """Whether some joint's torque depends on anything beside what was named."""
-        found = (self._in_joint(j) for j in range(self.material.train.joints))
-        return any(one is not None and one[1] < ASKED for one in found)
+        return any(one is not None and one.p_value < ASKED for one in self.joints)
+
+    @cached_property
+    def joints(self) -> tuple[Left | None, ...]:
+        """What is left in each joint, (n,); None where too few rows are there to say."""
+        return tuple(self._in_joint(j) for j in range(self.material.train.joints))
 
     def beside(self, c: Candidate) -> Leftover | None:
         """Return what one of the names explains, and what is left; None if few rows are there.
@@ -120,7 +143,8 @@ class Remains:
         explained = float(np.sum((own.T @ white.y) ** 2)) - own.shape[1]
         joints = np.flatnonzero(rows.D.take(c.columns).any(axis=(0, 2))).tolist()
         found = [one for one in map(self._in_joint, joints) if one is not None]
-        return Leftover(explained, *max(found)) if found else None
+        most = max(found, key=lambda one: one.squares, default=None)
+        return None if most is None else Leftover(explained, most.squares, most.p_value)
 
     @cached_property
     def _model(self) -> Array:
@@ -130,16 +154,15 @@ class Remains:
         return torque
 
     @cached_property
-    def _known(self) -> dict[int, tuple[float, float] | None]:
+    def _known(self) -> dict[int, Left | None]:
         return {}
 
-    def _in_joint(self, j: int) -> tuple[float, float] | None:
-        """Return what is left in a joint and the p-value that nothing is; None if few rows are."""
+    def _in_joint(self, j: int) -> Left | None:
         if j not in self._known:
             self._known[j] = self._measure(j)
         return self._known[j]
 
-    def _measure(self, j: int) -> tuple[float, float] | None:
+    def _measure(self, j: int) -> Left | None:
         rows, noise = self.material.train, ARNoise((self.material.noise.joints[j],))
         named = rows.D.take([k for c in self.chosen for k in c.columns])[:, j]
         parts = [rows.tau[:, j, None], rows.X[:, j], named, general_columns(rows, self._model, j)]
@@ -154,9 +177,10 @@ class Remains:
         k, dof = general.shape[1], len(y) - Q.shape[1] - general.shape[1]
         if not k or dof < ROWS * k:
             return None
-        left = float(np.sum((general.T @ y) ** 2))
-        level = (float(np.sum(project_out(Q, y) ** 2)) - left) / dof
-        return left / level - k, float(stats.f.sf(left / level / k, k, dof))
+        left, whole = (float(np.sum(x**2)) for x in (general.T @ y, project_out(Q, y)))
+        level = (whole - left) / dof
+        share = 1 - level / (whole / (dof + k))
+        return Left(left / level - k, max(share, 0.0), float(stats.f.sf(left / level / k, k, dof)))
 
 
 def general_columns(rows: Rows, model: Array, j: int) -> Array:

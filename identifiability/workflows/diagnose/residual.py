@@ -1,7 +1,7 @@
 """The residual: where it sits, and what is left of it after the named effects.
 
 Of a residual it is told at which joint, reversals, position, load, time and log it sits; of the
-last one also the smallest effect that could have been named, and a bound on smooth structure.
+last one also the smallest effect that could have been named.
 """
 
 from __future__ import annotations
@@ -9,20 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.polynomial import legendre
 from scipy import stats
 
-from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
     Whitened,
-    compress,
     orthonormal,
     project_out,
 )
+from identifiability.workflows.diagnose.leftover import Left
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Bins in which the residual is averaged.
@@ -31,8 +29,6 @@ BINS = 12
 NEAR = 0.15
 #: Quantile of the normal distribution for a power of 80 %.
 POWER = 0.8416
-#: Degree of the polynomial in position and velocity.
-DEGREE = 3
 
 
 @frozen
@@ -108,15 +104,14 @@ class Remainder:
     detectable : mapping of family to float
         Smallest effect that is named in four of five logs, its rms as a share of the residual's,
         at the place where it is seen best.
-    smooth, smooth_limit : float
-        Share of the residual's variance that is a smooth function of position and velocity,
-        beyond what noise gives; and its 95 % upper bound.
+    joints : tuple of Left or None, (n,)
+        What functions without a name still explain in each joint; None where too few rows are
+        there to say.
     """
 
     rms: Array
     detectable: dict[str, float]
-    smooth: float
-    smooth_limit: float
+    joints: tuple[Left | None, ...]
 
 
 def smallest_sizes(
@@ -144,55 +139,3 @@ def smallest_sizes(
                 share = float(reach / left[k] * size[joint, k] / rms[joint])
                 out[c.family.name] = min(out.get(c.family.name, np.inf), share)
     return out
-
-
-def smooth_share(
-    rows: Rows,
-    residual: Array,
-    noise: ARNoise,
-    chosen: Sequence[Candidate],
-    rng: np.random.Generator,
-    draws: int = 200,
-) -> tuple[float, float]:
-    """Return the share of the residual that is smooth in (q, q̇), and its 95 % upper bound."""
-    weight = 1.0 / np.sqrt(np.mean(residual**2, axis=0))
-    model = rows.columns(chosen)
-    simulated = noise.simulate(len(rows), draws, rng, rows.runs, np.float32)
-    m, columns, others, length = model.shape[2], [], [], np.zeros(draws)
-    for j in range(rows.joints):
-        S = smooth_basis(rows, j)
-        A = np.column_stack([model[:, j] * weight[j], S, residual[:, j] * weight[j]])
-        part, drawn = compress(A, simulated[:, j])
-        whole = np.zeros((len(part), m + rows.joints * S.shape[1] + 1))
-        whole[:, :m], whole[:, -1] = part[:, :m], part[:, -1]
-        whole[:, m + j * S.shape[1] :][:, : S.shape[1]] = part[:, m:-1]
-        columns.append(whole)
-        others.append(drawn * weight[j])
-        length += weight[j] ** 2 * (simulated[:, j] ** 2).sum(0, dtype=float)
-    whole, drawn = np.concatenate(columns), np.concatenate(others)
-    Q = orthonormal(whole[:, :m])
-    U = orthonormal(project_out(Q, whole[:, m:-1]))
-    # Shares, not sizes: the fitted noise may be larger than what is left here.
-    null = ((U.T @ drawn) ** 2).sum(0) / (length - ((Q.T @ drawn) ** 2).sum(0))
-    y = project_out(Q, whole[:, -1])
-    found = float(((U.T @ y) ** 2).sum()) / (float(y @ y) or 1.0)
-    share, limit = (
-        (found - level) / max(1.0 - level, 1e-12)
-        for level in (float(null.mean()), float(np.quantile(null, 0.05)))
-    )
-    return float(np.clip(share, 0, 1)), float(np.clip(limit, 0, 1))
-
-
-def smooth_basis(rows: Rows, j: int) -> Array:
-    """Return polynomials of position and velocity of a joint, also times sign(q̇), (N, k)."""
-    q, v = rows.q[:, j], rows.dq[:, j]
-    V = legendre.legvander2d(_scaled(q), _scaled(v), [DEGREE, DEGREE])[:, 1:]
-    basis: Array = np.column_stack([V, np.sign(v)[:, None] * V[:, : DEGREE + 1]])
-    return basis
-
-
-def _scaled(x: Array) -> Array:
-    """Return x (N,) mapped onto −1 … 1."""
-    low, high = float(x.min()), float(x.max())
-    scaled: Array = 2 * (x - low) / ((high - low) or 1.0) - 1
-    return scaled

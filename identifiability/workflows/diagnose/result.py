@@ -19,7 +19,8 @@ from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.forward import ForwardGap, compare_forward
 from identifiability.workflows.diagnose.keep import keep_completed
 from identifiability.workflows.diagnose.real_robot import nearest_dict, real_robot
-from identifiability.workflows.diagnose.words import state, state_remainder
+from identifiability.workflows.diagnose.words import state
+from identifiability.workflows.diagnose.words_of_rest import state_remainder
 from identifiability.workflows.predict import Fit, Predicts
 
 #: Similarity from which on another effect is told in JSON.
@@ -132,7 +133,6 @@ class Diagnosis(Result, Findings, Predicts):
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
         left, joints = self.remainder, self.robot.joints
-        smooth = {"smooth_share": "smooth", "smooth_share_limit": "smooth_limit"}
         hidden = {"effect": "family", "joint": "place", "hidden_behind": "behind"}
         return {
             "schema": self.schema,
@@ -161,7 +161,12 @@ class Diagnosis(Result, Findings, Predicts):
             "unexplained": {
                 "statement": self.unexplained,
                 "rms": dict(zip(joints, left.rms.tolist(), strict=True)),
-                **pick(left, "detectable", **smooth),
+                **pick(left, "detectable"),
+                "functions": [
+                    {"joint": joint, **pick(one, "share", "p_value")}
+                    for joint, one in zip(joints, left.joints, strict=True)
+                    if one is not None
+                ],
             },
             "aliases": [pick(a, "remaining", **hidden) for a in self.aliases if a.structural],
             "not_applicable": [vars(r) for r in self.refusals],

@@ -9,20 +9,10 @@ from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.motion import join
-
-#: An error below this share of the torque is rounding.
-ROUNDING = 1e-9
+from identifiability.workflows.diagnose.words_of_rest import percent, state_remainder
 
 #: Similarity from which on a name is said to be hard to tell from another.
 NOTEWORTHY = 0.6
-#: What a residual looks like that depends on one of these; a function of any other.
-LOOKS = {
-    "time": "a drift over time",
-    "log": "a difference between the logs",
-    "load": "something that goes with the load",
-}
-#: Share of the residual from which on its dependence on something is said.
-VISIBLE = 0.05
 #: Effects that the headline states in full, and names and places that it lists of each.
 FULL, LISTED = 2, 3
 #: Similarity from which on two digits after the point would say that it is one, and that it is.
@@ -51,7 +41,7 @@ def headline(d: Findings) -> str:
         why = "No effect can be named" if d.steps else _state_untried(d)
         return (
             f"{why}: {start} predict{'' if d.fixed else 's'} unseen motion "
-            f"({d.verified_on}) with an error of {_percent(d.held_before)}.{_state_refused(d)}"
+            f"({d.verified_on}) with an error of {percent(d.held_before)}.{_state_refused(d)}"
         )
     verb = "falls" if d.held_after < d.held_before else "goes"
     change = (
@@ -118,7 +108,7 @@ def remarks(d: Findings) -> list[Remark]:
     if d.turns:
         good = all(t.outcome in ("decided", "kept") for t in d.turns)
         text = " ".join(t.text for t in d.turns)
-        errors = f"{_percent(d.earlier_error)} of error then, {_percent(d.held_after)} now"
+        errors = f"{percent(d.earlier_error)} of error then, {percent(d.held_after)} now"
         text = f"Since {d.earlier} ({errors}): {text}"
         always.insert(0, Remark("With a log more", text, good))
     if not d.effects:
@@ -194,7 +184,7 @@ def _state_rivals(e: NamedEffect) -> str:
 
 def _state_nearest(e: NamedEffect) -> str:
     """Return the names nearest to a function without one, and why they were refused."""
-    near = join([f"{n.title} ({_percent(n.worse, 2)} more)" for n in e.nearest])
+    near = join([f"{n.title} ({percent(n.worse, 2)} more)" for n in e.nearest])
     if not near:
         return "No effect that has a name can be there."
     return (
@@ -247,48 +237,8 @@ def advice(e: NamedEffect) -> str:
     return f"{known or 'run other speeds, postures and loads in turn'} to separate them"
 
 
-def state_remainder(d: Findings) -> str:
-    """Return what is left in words."""
-    r = d.remainder
-    if max(d.held_after, d.error_after) < ROUNDING:
-        return "What is left is rounding: the logs are explained to their last digits."
-    parts = []
-    if r.detectable:
-        name, size = min(r.detectable.items(), key=lambda x: x[1])
-        parts.append(
-            f"The smallest nameable effect here is {name.replace('_', ' ')} of "
-            f"{_percent(size, 2)} of what is left"
-        )
-    parts.append(
-        f"at most {_percent(r.smooth_limit, 2)} of the remaining variance is a smooth function of "
-        "position and velocity"
-    )
-    text = "; ".join(parts)
-    return f"{text[0].upper()}{text[1:]}. What is left looks like {_looks(d)}."
-
-
-def _looks(d: Findings) -> str:
-    """Return what the residual depends on most, in words."""
-    most = max(d.discrepancies_after, key=lambda x: max(x.explained.values()))
-    where, best = max(most.explained.items(), key=lambda x: x[1])
-    if best < VISIBLE:
-        return "noise: it depends on none of velocity, position, acceleration, load or time"
-    kind = LOOKS.get(where, f"a function of {where}")
-    return f"{kind} in {most.joint} ({_percent(best, 2)} of its variance)"
-
-
-def _percent(x: float, digits: int = 3) -> str:
-    """Return a share in percent with so many digits, never in powers of ten."""
-    if not np.isfinite(x):
-        return "unknown size"
-    if 0 < 100 * x < 1e-3:
-        return "less than 0.001 %"
-    text = f"{100 * x:.{digits}g}"
-    return f"{100 * x:.0f} %" if "e" in text else f"{text} %"
-
-
 def _change(before: float, after: float, interval: tuple[float, ...] = ()) -> str:
     """Return how an error changes, with the 95 % interval of that."""
-    text = f"from {_percent(before)} to {_percent(after)}"
+    text = f"from {percent(before)} to {percent(after)}"
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in interval]
     return f"{text} (95 %: {' … '.join(ends)} points)" if ends else text

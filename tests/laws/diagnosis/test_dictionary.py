@@ -13,7 +13,6 @@ from identifiability.workflows.diagnose.dictionary import Dictionary
 from identifiability.workflows.diagnose.evidence import Bench, score_candidates
 from identifiability.workflows.diagnose.lookalikes import find_aliases
 from identifiability.workflows.diagnose.motion import MOST_IN_ALL, MOST_SAMPLES, samples_each
-from identifiability.workflows.diagnose.residual import smooth_share
 from identifiability.workflows.diagnose.rows import build_rows, list_candidates
 from identifiability.workflows.diagnose.values import solve_chosen
 
@@ -91,10 +90,9 @@ def test_compressed_rows_answer_every_question_alike(
         white = bench.whiten(np.array([0.5, 0.0]))
         scores = score_candidates(white, white.columns(options[:1]), options[1:])
         aliases = find_aliases(rows, options, ["x", "y", "z"], 0.03)
-        smooth = smooth_share(rows, tau, bench.noise, options[:1], np.random.default_rng(1), 9)
         solved = np.concatenate([x for pair in solve_chosen(white, options[1:]) for x in pair])
         left = [a.remaining for a in aliases]
-        answers.append([*scores.fit, *scores.data, *scores.null.ravel(), *left, *smooth, *solved])
+        answers.append([*scores.fit, *scores.data, *scores.null.ravel(), *left, *solved])
     assert len(white.y) == 8 + 8 - 2  # one and three, and what acts of four, in either joint
     np.testing.assert_allclose(*answers, rtol=1e-8, atol=1e-12)
 

@@ -100,6 +100,17 @@ def test_few_rows_say_nothing(build, candidate):
     assert not Remains(m, ()).anything
 
 
+@pytest.mark.parametrize("size", [0.5, 1.0, 2.0])
+def test_what_is_left_is_a_share_of_what_the_model_leaves(build, size):
+    """Beside noise of unit variance; the standard error of ten draws is below .012."""
+    drawn = [build(lambda *x: size * cubic(*x), [dry], seed) for seed in range(10)]
+    X, curve = drawn[0].train.X[:, 0, 0], size * cubic(drawn[0].train.q, None, None)[:, 0]
+    square = (curve @ curve - (curve @ X) ** 2 / (X @ X)) / N
+    left = [Remains(m, ()).joints[0] for m in drawn]
+    assert np.mean([x.share for x in left]) == pytest.approx(square / (1 + square), abs=0.04)
+    assert np.mean([x.squares for x in left]) == pytest.approx(N * square, rel=0.15)
+
+
 def test_noise_alone_leaves_something_as_often_as_its_level_says(build):
     """Five per cent of 200: between 2 and 19 within 1e-3; what is there is found."""
     found = sum(

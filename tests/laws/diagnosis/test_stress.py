@@ -14,7 +14,6 @@ from identifiability.workflows.diagnose.residual import (
     explained_share,
     find_discrepancies,
     smallest_sizes,
-    smooth_share,
 )
 from identifiability.workflows.diagnose.stress import (
     blur_motion,
@@ -276,30 +275,6 @@ def test_the_smallest_effect_reaches_the_limit_with_a_power_of_four_in_five(worl
     # Beside a name that it resembles an effect must be larger: .8 of it is left.
     found = smallest_sizes(rows, white, [options[0]], options, -np.log(p), rms)
     assert found["b"] == pytest.approx(one / 0.8)
-
-
-def test_smooth_structure_is_a_share_beyond_what_noise_gives(rng, rows_of, white_noise):
-    n = 900
-    q, dq = rng.uniform(-1, 2, (n, 1)), rng.uniform(-3, 1, (n, 1))
-    rows = rows_of(np.zeros((n, 1)), np.ones((n, 1, 1)), np.zeros((n, 1, 0)), q=q, dq=dq)
-    noise = rng.standard_normal((n, 1))
-    curve = q**2 * dq - 0.3 * dq**3 + 0.5 * np.sign(dq) * q
-    curve -= curve.mean()
-    curve /= np.std(curve)
-
-    def share(residual):
-        return smooth_share(rows, residual, white_noise(1.0), (), np.random.default_rng(0))
-
-    assert share(curve) == pytest.approx((1.0, 1.0), abs=1e-6)
-    found, limit = share(noise)
-    assert found < 0.02
-    assert found <= limit < 0.06
-    for part in (0.2, 0.5, 0.8):
-        found, limit = share(np.sqrt(part) * curve + np.sqrt(1 - part) * noise)
-        assert found == pytest.approx(part, abs=0.05)
-        assert found < limit < found + 0.05
-    # The size of the residual does not matter, nor what the model takes away.
-    assert share(7 * noise) == pytest.approx(share(noise))
 
 
 def test_averages_over_bins_explain_what_they_explain_adjusted_for_their_number(rng):
