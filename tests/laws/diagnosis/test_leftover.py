@@ -28,10 +28,10 @@ def build(rows_of, white_noise):
         made = rows_of(tau, dq[:, :, None], D, q=q, dq=dq, ddq=ddq)
         noise = white_noise(1.0)
         bench = Bench(rows=made, noise=noise, simulated=np.zeros((rows, 1, 0)))
-        model = SimpleNamespace(names=())
+        structure = SimpleNamespace(present=frozenset())
         return SimpleNamespace(
             train=made, held=HeldOut(train=made, choosing=None), noise=noise, white=bench.whiten(),
-            setting=SimpleNamespace(structure=SimpleNamespace(model=model)),
+            setting=SimpleNamespace(structure=structure),
         )  # fmt: skip
 
     return made
