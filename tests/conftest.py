@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import gc
+import hashlib
 import os
 from contextlib import contextmanager
 from functools import cache, partial
 from importlib import import_module
 
 import joblib
+import mujoco
 import numpy as np
 import pytest
 
@@ -17,8 +19,10 @@ from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 from identifiability.simulation import (
     PAPER_NOISE,
+    MujocoRobot,
     Noise,
     PrescribedMotion,
+    RigidTorque,
     shipped_trajectory,
     simulate,
 )
@@ -69,6 +73,27 @@ def pytest_runtest_makereport(item, call):
 @cache
 def load(name: str) -> Robot:
     return Robot.load(name)
+
+
+_compute = MujocoRobot.inverse_dynamics
+_torques: dict[str, RigidTorque] = {}
+
+
+def _remember(simulator: MujocoRobot, *motion: np.ndarray) -> RigidTorque:
+    """Simulate the same motion of the same robot once: tests add other noise to the same few."""
+    robot, model = simulator.robot, np.empty(mujoco.mj_sizeModel(simulator.model), np.uint8)
+    mujoco.mj_saveModel(simulator.model, None, model)
+    parts = (robot.joints, robot.loops, robot.couplings, robot.cables, robot.locked)
+    known = hashlib.sha256(f"{robot.sha256} {parts} {[len(x) for x in motion]}".encode())
+    for array in (model, robot.home, robot.dependent, *motion):
+        known.update(np.ascontiguousarray(array).tobytes())
+    key = known.hexdigest()
+    if key not in _torques:
+        _torques[key] = _compute(simulator, *motion)
+    return _torques[key]
+
+
+MujocoRobot.inverse_dynamics = _remember
 
 
 @pytest.fixture(

@@ -32,47 +32,45 @@ class PointClosure:
     axes: tuple[int, ...] = (0, 1, 2)
     frame: int = 0
 
-    def _world(self, data: Any, end: int) -> Array:
-        rotation = data.xmat[self.body[end]].reshape(3, 3)
-        at: Array = data.xpos[self.body[end]] + rotation @ self.point[end]
-        return at
+    def points(self, data: Any) -> list[Array]:
+        """Return where both points are, (3,) each [m]."""
+        ends = zip(self.body, self.point, strict=True)
+        return [data.xpos[body] + data.xmat[body].reshape(3, 3) @ point for body, point in ends]
 
     def _turn(self, data: Any) -> Array:
         turn: Array = data.xmat[self.frame].reshape(3, 3).T
         return turn
 
-    def error(self, data: Any) -> Array:
-        """Return how far the points are apart in the demanded directions, (k,) [m]."""
-        apart = self._turn(data) @ (self._world(data, 0) - self._world(data, 1))
-        return np.asarray(apart[[*self.axes]])
-
-    def gradient(self, model: Any, data: Any) -> Array:
-        """Return the derivative of the error, (k, nv)."""
-        apart = self._apart(model, data, mujoco.mj_jac)
+    def apart(self, model: Any, data: Any) -> tuple[Array, Array]:
+        """Return how far the points are apart as demanded (k,) [m], and its derivative (k, nv)."""
+        points = self.points(data)
+        error, change = points[0] - points[1], self._moved(model, data, points, mujoco.mj_jac)
         if self.frame:
-            apart = self._turn(data) @ apart
-        return apart if len(self.axes) == 3 else apart[[*self.axes]]
+            error, change = self._turn(data) @ error, self._turn(data) @ change
+        return error[[*self.axes]], change[[*self.axes]]
 
     def gradient_rate(self, model: Any, data: Any) -> Array:
-        """Return the time derivative of the same, (k, nv)."""
-        turn, seen = self._turn(data), self._apart(model, data, mujoco.mj_jac)
-        rate = turn @ self._apart(model, data, mujoco.mj_jacDot)
+        """Return the time derivative of that derivative, (k, nv)."""
+        points = self.points(data)
+        rate = self._moved(model, data, points, mujoco.mj_jacDot)
         if self.frame:
+            turn, seen = self._turn(data), self._moved(model, data, points, mujoco.mj_jac)
+            rate = turn @ rate
             spin = np.zeros((3, model.nv))
             mujoco.mj_jac(model, data, None, spin, np.zeros(3), self.frame)
             rate += turn @ np.cross(seen @ data.qvel, spin, axisb=0, axisc=0)
             rate += np.cross(spin @ data.qvel, turn) @ seen
         return np.asarray(rate[[*self.axes]])
 
-    def _apart(self, model: Any, data: Any, jacobian: Any) -> Array:
+    def _moved(self, model: Any, data: Any, points: list[Array], jacobian: Any) -> Array:
         """Return by what joints move the points apart, as seen from the frame, (3, nv)."""
         J = np.zeros((2, 3, model.nv))
-        for end in (0, 1):
-            jacobian(model, data, J[end], None, self._world(data, end), self.body[end])
+        for end, at, body in zip(J, points, self.body, strict=True):
+            jacobian(model, data, end, None, at, body)
         total: Array = J[0] - J[1]
         if self.frame:
-            for end in (0, 1):
-                jacobian(model, data, J[end], None, self._world(data, end), self.frame)
+            for end, at in zip(J, points, strict=True):
+                jacobian(model, data, end, None, at, self.frame)
             total -= J[0] - J[1]
         return total
 

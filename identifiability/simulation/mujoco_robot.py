@@ -81,6 +81,7 @@ class MujocoRobot:
         self.passive = np.setdiff1d(np.arange(self.size), [*self.actuated, *self.locked])
         self.closures = find_closures(self.model, robot)
         self.couplings = find_couplings(self.model, robot)
+        self._A = np.zeros((0, self.size))
 
     def _joint(self, name: str) -> Any:
         try:
@@ -111,7 +112,9 @@ class MujocoRobot:
         ClosureError
             If the loops do not close at some sample.
         """
-        single = [(k, self._address(d), self._dof(d)) for k, d in self._named()]
+        named = self._named()
+        columns, dofs = [k for k, _ in named], [self._dof(d) for _, d in named]
+        at, rows = [self._address(d) for _, d in named], np.searchsorted(self.passive, dofs)
         n, m = q.shape[1], len(self.robot.dependent)
         tau, slope = np.zeros_like(q), np.zeros((len(q), m, n))
         passive = np.zeros((3, len(q), m))
@@ -128,9 +131,8 @@ class MujocoRobot:
             mujoco.mj_inverse(self.model, self.data)
             force = np.append(self.data.qfrc_inverse, np.zeros(len(self.cables)))
             tau[k] = force[self.actuated] - X.T @ force[self.passive]
-            for column, qadr, dof in single:
-                passive[:, k, column] = full[qadr], v[dof], a[dof]
-                slope[k, column] = X[np.flatnonzero(self.passive == dof)[0]]
+            passive[:, k, columns] = full[at], v[dofs], a[dofs]
+            slope[k, columns] = X[rows]
         return RigidTorque(tau, passive[0], passive[1], passive[2], slope)
 
     def _named(self) -> list[tuple[int, str]]:
@@ -191,55 +193,53 @@ class MujocoRobot:
             mujoco.mj_comPos(self.model, self.data)
             if not self.closed:
                 return True
-            error = self._error(full)
+            error, self._A = self._apart(full)
             size = float(np.abs(error).max())
             if size < TOLERANCE and size >= 0.5 * before:  # polished until rounding stops it
                 return True
             before = size
             step = np.zeros(self.size)
-            step[self.passive] = -np.linalg.lstsq(
-                self._jacobian()[:, self.passive], error, rcond=None
-            )[0]
+            step[self.passive] = -np.linalg.lstsq(self._A[:, self.passive], error, rcond=None)[0]
             q = np.array(full[: self.model.nq])
             mujoco.mj_integratePos(self.model, q, step[: self.model.nv], 1.0)
             full[: self.model.nq] = q
             full[self.model.nq :] += step[self.model.nv :]
-        return bool(np.abs(self._error(full)).max() < 1e-9)
+        return bool(np.abs(self._apart(full)[0]).max() < 1e-9)
 
-    def _error(self, full: Array) -> Array:
-        points = [c.error(self.data) for c in self.closures]
-        joints = [[c.error(self.data.qpos)] for c in self.couplings]
-        drawn = [c.length(self.data) for c in self.cables]
-        gaps = [[x - length] for x, length in zip(full[self.model.nq :], drawn, strict=True)]
-        every: list[Any] = [*points, *joints, *gaps]
-        return np.concatenate(every) if every else np.empty(0)
+    def _apart(self, full: Array) -> tuple[Array, Array]:
+        """Return the loop errors (k,) and their Jacobian (k, size)."""
+        q, nv = self.data.qpos, self.model.nv
+        closed = [c.apart(self.model, self.data) for c in self.closures]
+        errors: list[Any] = [e for e, _ in closed] + [[c.error(q)] for c in self.couplings]
+        drawn = zip(full[self.model.nq :], self.cables, strict=True)
+        errors += [[x - c.length(self.data)] for x, c in drawn]
+        rows = [A for _, A in closed] + [c.gradient(q, nv) for c in self.couplings]
+        rows += [-c.slope(self.model, self.data, dot=False)[None] for c in self.cables]
+        return np.concatenate(errors), self._beside(rows, np.eye(len(self.cables)))
 
-    def _jacobian(self, *, dot: bool = False) -> Array:
-        """Return the Jacobian of the loop errors, or its time derivative."""
-        q, v = self.data.qpos, self.data.qvel
-        rows = [
-            c.gradient_rate(self.model, self.data) if dot else c.gradient(self.model, self.data)
-            for c in self.closures
-        ]
-        rows += [c.gradient_rate(q, v) if dot else c.gradient(q, len(v)) for c in self.couplings]
-        rows += [-c.slope(self.model, self.data, dot=dot)[None] for c in self.cables]
-        nv, first = self.model.nv, sum(len(row) for row in rows) - len(self.cables)
-        out = np.zeros((first + len(self.cables), self.size))
-        if rows:
-            out[:, :nv] = np.concatenate(rows)
-        out[first:, nv:] = 0.0 if dot else np.eye(len(self.cables))
+    def _beside(self, rows: list[Array], lengths: Array) -> Array:
+        """Return rows over the joints with what the lengths of cables add to the last of them."""
+        joints = np.concatenate(rows)
+        out = np.zeros((len(joints), self.size))
+        out[:, : self.model.nv] = joints
+        if len(lengths):
+            out[-len(lengths) :, self.model.nv :] = lengths
         return out
 
     def slope(self) -> Array:
-        """Return X with ``q̇_passive = -X q̇_actuated`` at the present configuration."""
-        A = self._jacobian()
+        """Return X with ``q̇_passive = -X q̇_actuated`` where the loops were closed last."""
+        A = self._A
         return np.linalg.lstsq(A[:, self.passive], A[:, self.actuated], rcond=None)[0]
 
     def _passive_acceleration(self, v: Array) -> Array:
         """Return the passive accelerations that the loops demand at zero actuated acceleration."""
+        if not self.closed:
+            return np.zeros(len(self.passive))
         self.data.qvel[:] = v[: self.model.nv]
         mujoco.mj_comVel(self.model, self.data)
-        bias = self._jacobian(dot=True) @ v
-        A = self._jacobian()
-        a: Array = np.linalg.lstsq(A[:, self.passive], -bias, rcond=None)[0]
+        rows = [c.gradient_rate(self.model, self.data) for c in self.closures]
+        rows += [c.gradient_rate(self.data.qpos, self.data.qvel) for c in self.couplings]
+        rows += [-c.slope(self.model, self.data, dot=True)[None] for c in self.cables]
+        bias = self._beside(rows, np.zeros((0, 0))) @ v
+        a: Array = np.linalg.lstsq(self._A[:, self.passive], -bias, rcond=None)[0]
         return a
