@@ -124,7 +124,7 @@ def sigma_of(robot, logs, name):
 def test_what_to_measure_next_shrinks_sigma_more_than_measuring_again(measured, find):
     robot, motion, measure = measured
     log = measure(motion, 0)
-    result = find(robot, start_from=log, parameters=["link_6.mz"], samples=400)
+    result = find(robot, start_from=log, parameters=["link_6.mz"], samples=400, evaluations=800)
     assert result.criterion.name == "information"
     assert result.after.figure > result.before.figure + 0.5
     promised = result.gain[result.names.index("link_6.mz")]
@@ -140,7 +140,7 @@ def test_what_to_measure_next_shrinks_sigma_more_than_measuring_again(measured, 
 
 def test_the_log_counts_as_measured_twice_in_the_comparison(measured, find):
     robot, motion, measure = measured
-    result = find(robot, start_from=measure(motion, 0), samples=400, iterations=1, model=FULL)
+    result = find(robot, start_from=measure(motion, 0), samples=400, evaluations=100, model=FULL)
     base = find_base_parameters(robot, Model.of(*FULL))
     assert result.names == base.names
     assert result.logs
@@ -183,16 +183,16 @@ def test_effects_that_nothing_separates_are_said_to_stay_alike(two_link, find):
 
 
 def test_effects_that_the_model_contains_cannot_be_seen(two_link, find):
-    result = find(two_link, separate=["payload", "joint_stiffness"], iterations=2)
+    result = find(two_link, separate=["payload", "joint_stiffness"], evaluations=500)
     assert result.after.visible[0] < 0.01
     assert "No motion was found that separates payload" in result.statement
 
 
 def test_a_point_stays_in_its_box(find):
     robot = Robot.load("two-link")
-    free = find(robot, iterations=3)
+    free = find(robot, evaluations=500)
     box = {"workspace": {"link2": {"z": [-0.1, 2.0]}}}
-    result = find(robot, iterations=3, limits=box)
+    result = find(robot, evaluations=500, limits=box)
     heights = []
     for path in (free.trajectory, result.trajectory):
         t = path.times()
@@ -216,7 +216,7 @@ def test_a_bound_on_the_closure_is_kept_or_refused(find):
         for j, m in (("left_shoulder", 2.1), ("right_shoulder", 1.04))
     }
     limits = find_limits(robot, wide)
-    short = {"iterations": 2, "harmonics": 2, "samples": 60}
+    short = {"evaluations": 300, "harmonics": 2, "samples": 40}
     free = find(robot, limits=limits, **short)
     strict = type(limits)(**{**vars(limits), "closure_bound": 2.6})
     result = find(robot, limits=strict, **short)
