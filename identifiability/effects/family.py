@@ -127,6 +127,8 @@ class Family:
         Whether it is a function without an equation, for what no name explains.
     flexible : bool
         Whether its shape is how many columns it has: motion that was not fitted chooses it.
+    continuous : bool
+        Whether what lies between two shapes is one, too: tried where data tell these apart.
     reached : callable(Effect, Robot, Span) -> kinds, optional
         Of which of its parameters a motion says anything; of all by default.
     origin : callable(Effect, Robot) -> int, optional
@@ -157,6 +159,7 @@ class Family:
     late: bool = False
     unnamed: bool = False
     flexible: bool = False
+    continuous: bool = False
     reached: Callable[[Effect, Robot, Span], tuple[str, ...]] | None = None
     origin: Callable[[Effect, Robot], int] | None = None
     law: Law | None = None

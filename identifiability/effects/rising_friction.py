@@ -12,6 +12,7 @@ from identifiability.foundation.names import Array
     shapes=stribeck_velocities,
     needs="viscous_friction",
     dry=True,
+    continuous=True,
     told_by=SPEEDS,
     rank=6.1,
 )

@@ -21,6 +21,7 @@ def _speeds(span: Span) -> tuple[float, ...]:
     shapes=_speeds,
     needs="viscous_friction",
     dry=True,
+    continuous=True,
     told_by=SPEEDS,
     rank=6.2,
 )

@@ -28,6 +28,7 @@ def stribeck_velocities(span: Span) -> tuple[float, ...]:
     shapes=stribeck_velocities,
     needs="coulomb_friction",
     dry=True,
+    continuous=True,
     told_by=SPEEDS,
     rank=6,
 )

@@ -1,6 +1,7 @@
 """What a diagnosis is asked, its `Setting`; rows, candidates and noise to name from: `Material`."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -19,6 +20,7 @@ from identifiability.workflows.diagnose.lookalikes import Alias, find_aliases
 from identifiability.workflows.diagnose.real_fit import RealRobot
 from identifiability.workflows.diagnose.rows import (
     Candidate,
+    Finer,
     Refusal,
     Rows,
     build_rows,
@@ -84,6 +86,8 @@ class Setting:
         How logs were turned into motion, with one cut-off.
     left_out : tuple of str
         Logs that disagree with the fitted ones and were left out.
+    finer : mapping of (family, place) to tuple of float
+        More shapes that are tried.
     """
 
     structure: Structure
@@ -97,6 +101,7 @@ class Setting:
     verified_on: str = ""
     preparation: Preparation = Preparation()
     left_out: tuple[str, ...] = ()
+    finer: Finer = field(default_factory=dict)
 
 
 @frozen
@@ -155,7 +160,12 @@ def gather(
     motions = [s.motion for s in setting.samples]
     families = find_families(effects)
     listed, refused = list_candidates(
-        structure.robot, families, structure.present, motions, fixed=fixed
+        structure.robot,
+        families,
+        structure.present,
+        motions,
+        fixed=fixed,
+        finer=setting.finer,
     )
     rows = build_rows(structure, listed, setting.samples, fixed, known=known)
     choosing, verifying = (

@@ -6,7 +6,7 @@ columns of the base model, then one or more columns for every candidate (family,
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -34,6 +34,8 @@ from identifiability.workflows.diagnose.known_values import KnownValues
 Present = Collection[tuple[str, str]]
 #: Why a family is not tried where it is.
 HAS = "the model has it already"
+#: More shapes of some families at some places, beside those of their grids.
+Finer = Mapping[tuple[str, str], tuple[float, ...]]
 
 
 @frozen
@@ -186,6 +188,7 @@ def list_candidates(
     motions: Sequence[Motion],
     *,
     fixed: bool,
+    finer: Finer | None = None,
 ) -> tuple[list[Candidate], list[Refusal]]:
     """Return every candidate, and the families that make no sense somewhere.
 
@@ -199,6 +202,7 @@ def list_candidates(
         Shapes are chosen from the range that was moved through.
     fixed : bool
         Whether the model keeps the values of the robot file; then what it has may be wrong too.
+    finer : mapping of (family, place) to shapes, optional
     """
     spans = measure_spans(robot, motions)
     out: list[Candidate] = []
@@ -218,7 +222,8 @@ def list_candidates(
             else:
                 start = out[-1].columns[-1] + 1 if out else 0
                 span = spans.get(place, Span(place, 1.0, 1.0, robot=robot))
-                out += _at_place(robot, family, span, start, free)
+                more = (finer or {}).get((family.name, place), ())
+                out += _at_place(robot, family, span, start, free, more)
     return out, refused
 
 
@@ -234,9 +239,11 @@ def _refuse(robot: Robot, family: Family, present: Present, fixed: bool) -> str:
     return ""
 
 
-def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool) -> list[Candidate]:
+def _at_place(
+    robot: Robot, family: Family, span: Span, column: int, free: bool, more: Sequence[float]
+) -> list[Candidate]:
     place, out = span.joint, []
-    for shape in family.grid(span):
+    for shape in (*family.grid(span), *more):
         effect = family.at(shape, place)
         there = {p.kind: p.nonnegative for p in effect.parameters(robot) if p.owner == place}
         reached = there if family.reached is None else family.reached(effect, robot, span)

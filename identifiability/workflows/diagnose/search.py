@@ -13,10 +13,12 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.repeats import Recording
 from identifiability.workflows.diagnose.conclude import conclude
+from identifiability.workflows.diagnose.finer import find_finer
+from identifiability.workflows.diagnose.gates import Naming
 from identifiability.workflows.diagnose.goes_on import Earlier
 from identifiability.workflows.diagnose.late import early, name_late
 from identifiability.workflows.diagnose.leftover import keep_complete
-from identifiability.workflows.diagnose.material import Setting, gather
+from identifiability.workflows.diagnose.material import Material, Setting, gather
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.odd_log import OddLog, still_odd
 from identifiability.workflows.diagnose.result import Diagnosis
@@ -63,13 +65,10 @@ class Search:
         told = () if self.earlier is None else self.earlier.families
         effects = None if self.effects is None else list(dict.fromkeys((*self.effects, *told)))
         first = [f.name for f in early(find_families(effects))]
-        m = gather(setting, self.choose, streams[0], dict.fromkeys((*first, *told)), self.draws)
-        say("naming effects", 0.4)
-        present = setting.structure.present
-        start = [] if self.earlier is None else self.earlier.start(m)
-        groups = {c.group for c in start}
-        options = [c for c in m.candidates if c.family.name in first or c.group in groups]
-        naming = name_effects(m.bench, options, m.held, setting.rules, present, say, start)
+        m, naming = self._name_first(setting, first, told)
+        finer = find_finer(m, naming.chosen)
+        if finer:
+            m, naming = self._name_first(replace(setting, finer=finer), first, told)
         if self.earlier is not None:
             naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
         # What resembles the missing effect makes room for it before the next pass.
@@ -88,6 +87,20 @@ class Search:
             return found
         turns, error = self.earlier.turns(found), self.earlier.error
         return replace(found, earlier=self.earlier.source, earlier_error=error, turns=turns)
+
+    def _name_first(
+        self, setting: Setting, first: Sequence[str], told: Sequence[str]
+    ) -> tuple[Material, Naming]:
+        """Return what the first pass names, families of an earlier diagnosis beside its own."""
+        say = self.say
+        names = dict.fromkeys((*first, *told))
+        m = gather(setting, self.choose, self.streams[0], names, self.draws)
+        say("naming effects", 0.4)
+        present = setting.structure.present
+        start = [] if self.earlier is None else self.earlier.start(m)
+        groups = {c.group for c in start}
+        options = [c for c in m.candidates if c.family.name in first or c.group in groups]
+        return m, name_effects(m.bench, options, m.held, setting.rules, present, say, start)
 
     def run_doubted(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
         """Name effects without a log that disagrees, unless what is named with it explains it.
