@@ -12,6 +12,7 @@ from identifiability.cli import app
 from identifiability.simulation import Campaign, Noise, random_trajectory
 from identifiability.workflows.diagnose import diagnose, find_next
 from identifiability.workflows.diagnose.decision_chance import aim_at, decision_chance
+from identifiability.workflows.diagnose.next_question import halve_steps
 from identifiability.workflows.excite.criteria import Ask, Discrimination, Reveal
 
 
@@ -101,6 +102,15 @@ def test_shapes_of_an_effect_may_have_different_numbers_of_columns():
     found = aim_at(known, [np.array([1])], [rival], 0, np.ones(1))
     assert [own.tolist() for own in found.asks[0].others] == [[2], [3, 4]]
     assert found._model(known[None]).tolist() == [0]
+
+
+def test_a_rival_may_lie_half_way_between_shapes_that_are_searched():
+    np.testing.assert_allclose(halve_steps((1.0, 4.0, 16.0)), [1, 2, 4, 8, 16])
+    wider = (1.0, 4.0, 16.0, 6.0, 24.0, 96.0)
+    found = np.array(halve_steps(wider))
+    assert (found[0], found[-1]) == pytest.approx((1.0, 96.0))
+    assert np.all(np.diff(found) > 0)
+    assert np.diff(np.log(found)).max() == pytest.approx(np.log(2), rel=0.2)
 
 
 def test_nothing_is_asked_for_where_nothing_is_undecided_or_hidden(diagnosis_of):

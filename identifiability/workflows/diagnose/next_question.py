@@ -239,9 +239,21 @@ def _place_all(d: Findings, name: str, place: str, limits: Limits) -> tuple[Plac
                 largest_speed=speed,
             )
             shapes = tuple(dict.fromkeys((*shapes, *family.grid(wider))))
+        if family.continuous:
+            shapes = halve_steps(shapes)
     every = [(shape, own) for shape in shapes for own in kinds]
     parts = [Part(family.at(shape, place), place, own) for shape, own in every]
     return Placed(parts, [f"{name}@{place}"]), [shape for shape, _ in every]
+
+
+def halve_steps(shapes: Sequence[float]) -> tuple[float, ...]:
+    """Return shapes of the same range, neighbours half as far apart as the first two are.
+
+    What only the truth explains would else be what lies between two shapes of its rival.
+    """
+    low, high = min(shapes), max(shapes)
+    steps = 2 * np.log(high / low) / np.log(shapes[1] / shapes[0])
+    return tuple(np.geomspace(low, high, 1 + round(steps)).tolist())
 
 
 def _find_part(d: Findings, placement: Placement, effect: Placed, shapes: list[float]) -> int:
