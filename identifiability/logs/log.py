@@ -304,5 +304,5 @@ def build_log(name: str, naming: Naming, values: Mapping[str, Array], digest: st
     channels: dict[str, Any] = dict.fromkeys(CHANNELS)
     joints, notes = naming.joints, naming.notes
     for kind in find_channels(joints, values):
-        channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints], 1)
+        channels[kind] = np.stack([values[f"{j}.{kind}"] for j in joints]).T
     return Log(name=name, joints=joints, t=values["t"], sha256=digest, notes=notes, **channels)

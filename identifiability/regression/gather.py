@@ -9,6 +9,7 @@ from operator import add, attrgetter
 from typing import Annotated
 
 import numpy as np
+from scipy.linalg.blas import dtrmm
 
 from identifiability.foundation.engines.mapping import Engine, Steps
 from identifiability.foundation.linalg import triangular_factor
@@ -152,8 +153,13 @@ def _gather_part(
         for chunk in part.chunks():
             W, tau, start = chunk.wide, chunk.tau, chunk.start
             if not seen.all():
-                missed[~seen] += np.square(W[:, ~seen]).sum(0)
-            Z = [np.column_stack([W[:, a, c], tau[:, a]]) @ inv for a, (c, inv) in enumerate(into)]
+                missed[~seen] += np.einsum("nak,nak->ak", W, W)[~seen]
+            rows = [np.column_stack([W[:, a, c], tau[:, a]]) for a, (c, _) in enumerate(into)]
+            # A triangular factor takes half of a product's time.
+            Z = [
+                dtrmm(1.0, inv, x, side=1, overwrite_b=1)
+                for x, (_, inv) in zip(rows, into, strict=True)
+            ]
             at, own_edges = 0, edges[chunk.log]
             while at < len(tau):
                 block = int(np.searchsorted(own_edges, start + at, "right")) - 1

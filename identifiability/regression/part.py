@@ -196,7 +196,7 @@ class Part:
         if self.columns is None:
             return piece.down(W)
         if most_rows(W.shape[1:]) >= CHUNK:
-            return piece.down(W[:, :, self.columns])
+            return piece.down(np.take(W, self.columns, axis=2))
         # Of many joints these would be hundreds of megabytes before they are decimated.
         return np.stack([piece.down(own[:, self.columns]) for own in W.swapaxes(0, 1)], axis=1)
 

@@ -273,7 +273,9 @@ class Description:
     def along(self, axis: Axis, x: Array) -> Array:
         """Return velocities or accelerations (N, nv) of the tree along an axis, (N,)."""
         if axis.row is not None:
-            return np.asarray(x[:, self.actuated] @ axis.row)
+            row = np.zeros(x.shape[1])
+            row[self.actuated] = axis.row
+            return np.asarray(x @ row)
         if axis.weights is None:
             return np.asarray(x[:, axis.dof])
         return np.asarray(x[:, [*map(self.dof_index, axis.weights)]] @ [*axis.weights.values()])

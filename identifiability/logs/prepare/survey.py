@@ -74,7 +74,7 @@ class Survey:
         inside = slice(None) if own is None else slice(*np.searchsorted(motion.kept, own))
         dropped, near = _inside(motion.dropped, own), _inside(motion.near_singular, own)
         t = motion.t[inside]
-        parts = np.stack([motion.actuated_q, motion.actuated_v, motion.actuated_a])[:, inside]
+        parts = [x[inside] for x in (motion.actuated_q, motion.actuated_v, motion.actuated_a)]
         return Survey(
             kept=len(t),
             outputs=outputs,
@@ -85,8 +85,8 @@ class Survey:
             condition=motion.condition,
             start=float(t[0]) if len(t) else np.nan,
             stop=float(t[-1]) if len(t) else np.nan,
-            low=parts.min(1, initial=np.inf),
-            high=parts.max(1, initial=-np.inf),
+            low=np.stack([x.min(0, initial=np.inf) for x in parts]),
+            high=np.stack([x.max(0, initial=-np.inf) for x in parts]),
             torque=torque,
             torque_range=span,
         )
