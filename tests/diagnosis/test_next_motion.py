@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,10 +10,12 @@ from typer.testing import CliRunner
 
 from identifiability import IdentifiabilityError, Robot, excite
 from identifiability.cli import app
+from identifiability.robot import complete_motion
 from identifiability.simulation import Campaign, Noise, random_trajectory
 from identifiability.workflows.diagnose import diagnose, find_next
 from identifiability.workflows.diagnose.decision_chance import aim_at, decision_chance
-from identifiability.workflows.diagnose.next_question import halve_steps
+from identifiability.workflows.diagnose.next_question import halve_steps, place_all
+from identifiability.workflows.excite import find_limits
 from identifiability.workflows.excite.criteria import Ask, Discrimination, Reveal
 
 
@@ -111,6 +114,19 @@ def test_a_rival_may_lie_half_way_between_shapes_that_are_searched():
     assert (found[0], found[-1]) == pytest.approx((1.0, 96.0))
     assert np.all(np.diff(found) > 0)
     assert np.diff(np.log(found)).max() == pytest.approx(np.log(2), rel=0.2)
+
+
+def test_a_rival_of_many_pieces_has_those_that_each_of_its_shapes_has():
+    robot, t = Robot.load("six-dof-arm"), np.linspace(0, 1, 50)
+    q = 0.4 + 0.3 * np.sin(2 * np.pi * t)[:, None] * np.ones(6)  # from 0.1 to 0.7 rad
+    motion = complete_motion(robot, t, q, np.gradient(q, t, axis=0), 0 * q)
+    structure = SimpleNamespace(present=())
+    d = SimpleNamespace(
+        robot=robot, samples=[SimpleNamespace(motion=motion)], structure=structure, fixed=False
+    )
+    placed, shapes = place_all(d, "position_friction", "joint_4", find_limits(robot, None))
+    assert len(placed.parameters(robot)) == sum(len(p.kinds) for p in placed.parts)
+    assert len(shapes) == len(placed.parts) > 1
 
 
 def test_nothing_is_asked_for_where_nothing_is_undecided_or_hidden(diagnosis_of):

@@ -76,7 +76,7 @@ def ask_open(d: Findings, series: Series, seed: int) -> Asked | None:
     _, name, placement = max(found, key=lambda one: one[:2])
     rivals = [r for r in placement.rivals if r.undecided and r.family != name]
     (named, shapes), *others = (
-        _place_all(d, family, place, series.limits)
+        place_all(d, family, place, series.limits)
         for family, place in (
             (name, placement.place),
             *dict.fromkeys((r.family, r.place) for r in rivals),
@@ -220,11 +220,12 @@ def _text(name: str, placement: Placement) -> str:
     return f"{name}@{place}" if np.isnan(shape) else f"{name}@{place}:{float(shape)!r}"
 
 
-def _place_all(d: Findings, name: str, place: str, limits: Limits) -> tuple[Placed, list[float]]:
+def place_all(d: Findings, name: str, place: str, limits: Limits) -> tuple[Placed, list[float]]:
     """Return a family at a place with all of its shapes, those of a wider motion too."""
     motions, family = [s.motion for s in d.samples], find_family(name)
     listed, _ = list_candidates(d.robot, [family], d.structure.present, motions, fixed=d.fixed)
-    kinds = list(dict.fromkeys(c.kinds for c in listed if c.place == place))
+    listed = [c for c in listed if c.place == place]
+    kinds = list(dict.fromkeys(c.kinds for c in listed))
     span = measure_spans(d.robot, motions).get(place)
     shapes: tuple[float, ...] = (float("nan"),)
     if span is not None:
@@ -242,6 +243,8 @@ def _place_all(d: Findings, name: str, place: str, limits: Limits) -> tuple[Plac
         if family.continuous:
             shapes = halve_steps(shapes)
     every = [(shape, own) for shape in shapes for own in kinds]
+    if family.flexible:  # which parameters there are hangs on the shape
+        every = [(c.shape, c.kinds) for c in listed]
     parts = [Part(family.at(shape, place), place, own) for shape, own in every]
     return Placed(parts, [f"{name}@{place}"]), [shape for shape, _ in every]
 
