@@ -19,7 +19,7 @@ from identifiability.regression.reduction.file import DEFAULT_EFFECTS as FULL
 from identifiability.regression.reduction.file import USUAL_EFFECTS as USUAL
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.simulation import shipped_trajectory
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.diagnose.workflow import usual_effects as diagnose_model
 from identifiability.workflows.excite.question import EFFECTS
 
@@ -44,7 +44,8 @@ def test_a_seed_from_python_is_the_seed_of_the_command(robot, tmp_path):
 
 
 def test_quick_is_a_tenth_unless_somebody_says_how_many(robot, monkeypatch):
-    log = simulate(robot, shipped_trajectory(robot, "a"), noise="torque=0.02")
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 200)
+    log = simulate(robot, motion, noise="torque=0.02")
     assert analyze(robot, log, quick=True).settings["replicates"] == 200
     assert analyze(robot, log, quick=True, replicates=2).settings["replicates"] == 2
     assert prune(robot, log, quick=True).settings["replicates"] == 20

@@ -112,10 +112,6 @@ class Prediction:
         squares: Array = self.sums.torque_squares.sum(0)
         return np.sqrt(squares / max(self.samples, 1))
 
-    def first(self, models: int) -> Prediction:
-        """Return the prediction of the first few models."""
-        return self.select(range(models))
-
     def select(self, models: Sequence[int]) -> Prediction:
         """Return the prediction of some models."""
         at = list(models)

@@ -75,7 +75,6 @@ class Log:
     motion_alone: bool = False
 
     def __len__(self) -> int:
-        """Return the number of samples."""
         return len(self.t)
 
     @staticmethod
@@ -85,7 +84,6 @@ class Log:
 
         Parameters
         ----------
-        path : str or Path
         conventions : Conventions, optional
             What is known of logs of its robot, ``Conventions.of(robot)``; by default it is read
             as it is.
@@ -109,15 +107,10 @@ class Log:
 
         Parameters
         ----------
-        frame : DataFrame
         name : str
             What reports call it.
         conventions : Conventions, optional
             As in `read`.
-
-        Raises
-        ------
-        LogError
         """
         import pandas as pd  # noqa: PLC0415 - heavy, and files do not need it
 
@@ -227,7 +220,6 @@ class Log:
         return dt, f" (time stamps jitter by {100 * jitter:.0f} % of a step; taken as even)"
 
     def __repr__(self) -> str:
-        """Return what it is, in one line."""
         span = f"{len(self)} samples over {np.ptp(self.t):.4g} s"
         return f"<Log {self.name}: {span}, {len(self.joints)} joints>"
 

@@ -20,15 +20,12 @@ from identifiability.robot.locking import LockOption, read_locks
 from identifiability.robot.weights import Moments, Point
 
 RobotSource = Annotated[str | Path, Expected("the path of a robot file or a shipped robot's name")]
-
-
 DhSource = Annotated[
     str | Path | Mapping[str, Any], Expected("the path of a DH table, or its content")
 ]
 
 _VALUES = Expected("a mapping from standard parameters, such as 'joint1.Fv', to numbers")
 
-#: Unit of the angles in logs.
 AnglesOption = Literal["rad", "deg"]
 
 
@@ -135,7 +132,6 @@ class Robot(Description):
             ``"prismatic"``), ``axis`` (default z), ``range``, ``passive``, ``equals``, ``mass``
             [kg], ``centre`` of mass [m], ``inertia`` about it (``xx``, ``yy``, ``zz``, ``xy`` …
             [kg·m²]), all in the frame of the link.
-        name : str
         out : str or Path, optional
             The MJCF to write (``.xml``). Without it the file is gone when the program ends, unless
             the robot is saved.
@@ -193,7 +189,6 @@ class Robot(Description):
 
         Parameters
         ----------
-        body : str
         mass : float [kg], optional
         centre : (3,) [m], optional
             Centre of mass in the frame of the body's joint.

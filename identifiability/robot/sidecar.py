@@ -173,9 +173,7 @@ class LoopEntry(_Strict):
     frame: str | None = None
 
 
-class CouplingEntry(_Strict):
-    """A joint coupling."""
-
+class _CouplingEntry(_Strict):
     name: str = ""
     joint: str
     of: str | None = None
@@ -183,15 +181,13 @@ class CouplingEntry(_Strict):
     terms: dict[str, Annotated[list[float], Field(min_length=1, max_length=DEGREE)]] = {}
 
     @model_validator(mode="after")
-    def _two_joints(self) -> CouplingEntry:
+    def _two_joints(self) -> _CouplingEntry:
         if self.joint == self.of or self.joint in self.terms:
             raise ValueError("a joint cannot be coupled to itself; name another")
         return self
 
 
-class TransmissionEntry(_Strict):
-    """Motors that mix joints."""
-
+class _TransmissionEntry(_Strict):
     motors: Names
     coupling: list[list[float]]
     ratio: list[float] | None = None
@@ -206,9 +202,7 @@ class AxisEntry(_Strict):
     rest: float | None = None
 
 
-class BaseParametersEntry(_Strict):
-    """Preference of the grouping."""
-
+class _BaseParametersEntry(_Strict):
     bodies: Names = []
 
 
@@ -222,24 +216,18 @@ class LimitEntry(_Strict):
     power: float | None = Field(default=None, gt=0)
 
 
-class TimeEntry(_Strict):
-    """How times are written in logs."""
-
+class _TimeEntry(_Strict):
     unit: Literal["s", "ms", "us", "ns"] | None = None
 
 
-class TorqueEntry(_Strict):
-    """How torque was measured."""
-
+class _TorqueEntry(_Strict):
     side: Side = "joint"
     gain: Factor | dict[str, Factor] | None = None
     ratio: Factor | dict[str, Factor] | None = None
     sign: Literal[1, -1] | dict[str, Literal[1, -1]] | None = None
 
 
-class KnownTorqueEntry(_Strict):
-    """Torque that is known as a function of a position."""
-
+class _KnownTorqueEntry(_Strict):
     along: str
     table: list[tuple[float, float]] = []
     interpolation: Interpolation | None = None
@@ -247,7 +235,7 @@ class KnownTorqueEntry(_Strict):
     range: Span | None = None
 
     @model_validator(mode="after")
-    def _one_of_both(self) -> KnownTorqueEntry:
+    def _one_of_both(self) -> _KnownTorqueEntry:
         if bool(self.table) == bool(self.polynomial):
             raise ValueError("give either a table or a polynomial")
         if self.table:
@@ -261,16 +249,12 @@ class KnownTorqueEntry(_Strict):
         return self
 
 
-class SymmetryEntry(_Strict):
-    """Columns that a symmetry lets us add."""
-
+class _SymmetryEntry(_Strict):
     name: str = ""
     tie: dict[str, list[str]]
 
 
-class EllipsoidEntry(_Strict):
-    """An ellipsoid along the axes of a body's frame [m]."""
-
+class _EllipsoidEntry(_Strict):
     centre: Triple = (0.0, 0.0, 0.0)
     radii: tuple[Length, Length, Length]
 
@@ -280,7 +264,7 @@ class BodyBoundsEntry(_Strict):
 
     mass: Masses | None = None
     box: tuple[Span, Span, Span] | None = None
-    ellipsoid: EllipsoidEntry | None = None
+    ellipsoid: _EllipsoidEntry | None = None
 
 
 class BoundsEntry(_Strict):
@@ -290,9 +274,7 @@ class BoundsEntry(_Strict):
     bodies: dict[str, BodyBoundsEntry] = {}
 
 
-class PriorEntry(_Strict):
-    """What is known of a parameter beforehand: a normal distribution."""
-
+class _PriorEntry(_Strict):
     mean: float
     sd: float = Field(gt=0)
 
@@ -310,23 +292,23 @@ class Sidecar(_Strict):
     inertia_parts: Names = Field(default=["Ia"], min_length=1)
     home: dict[str, float] = {}
     loops: list[LoopEntry] | None = None
-    couplings: list[CouplingEntry] = []
-    transmission: TransmissionEntry | None = None
+    couplings: list[_CouplingEntry] = []
+    transmission: _TransmissionEntry | None = None
     axes: list[AxisEntry] = []
     symbols: dict[str, str] = {}
-    base_parameters: BaseParametersEntry = BaseParametersEntry()
+    base_parameters: _BaseParametersEntry = _BaseParametersEntry()
     nominal: dict[str, Held] = {}
     rest: dict[str, float] = {}
     shapes: dict[str, Annotated[float, Field(gt=0)]] = {}
     reference: dict[str, float] = {}
     limits: dict[str, LimitEntry] = {}
     columns: Annotated[dict[str, str], AfterValidator(_renaming)] = {}
-    time: TimeEntry = TimeEntry()
-    torque: TorqueEntry = TorqueEntry()
-    known_torque: list[KnownTorqueEntry] = []
-    symmetry: list[SymmetryEntry] = []
+    time: _TimeEntry = _TimeEntry()
+    torque: _TorqueEntry = _TorqueEntry()
+    known_torque: list[_KnownTorqueEntry] = []
+    symmetry: list[_SymmetryEntry] = []
     prior_relative: float = Field(default=1.0, gt=0)
-    prior: dict[str, PriorEntry] = {}
+    prior: dict[str, _PriorEntry] = {}
     bounds: BoundsEntry = BoundsEntry()
 
 

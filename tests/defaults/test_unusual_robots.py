@@ -20,13 +20,15 @@ from identifiability.cli import app
 from identifiability.simulation import shipped_trajectory
 
 NOISE = 0.01
-#: What takes long is asked of two, and of all where there is time.
-TWO = pytest.mark.parametrize(
+#: What takes long is asked of the one with the most in it, and of all where there is time.
+ONE = pytest.mark.parametrize(
     "case",
     [
         "mixed-motors",
-        "continuous",
-        *(pytest.param(k, marks=pytest.mark.everything) for k in ("ceiling", "own-gravity")),
+        *(
+            pytest.param(k, marks=pytest.mark.everything)
+            for k in ("continuous", "ceiling", "own-gravity")
+        ),
     ],
     indirect=True,
     scope="module",
@@ -114,7 +116,7 @@ def test_noisy_logs_leave_a_model_that_predicts(case, fitted):
     assert fitted.chosen.error_ra_validation < 2 * NOISE
 
 
-@TWO
+@ONE
 def test_pruning_keeps_a_model_that_predicts(case, logs):
     out = prune(case.path, logs[0], validate=logs[1], replicates=20)
     model = next(m for m in out.to_dict()["models"] if m["name"] == out.to_dict()["selected"])
@@ -122,13 +124,13 @@ def test_pruning_keeps_a_model_that_predicts(case, logs):
     assert 8 <= model["parameters"] < 20
 
 
-@TWO
+@ONE
 def test_nothing_is_missing_where_nothing_was_left_out(case, logs):
     found = diagnose(case.path, logs[:2], validate=logs[2], quick=True)
     assert found.effects == (), found.statement
 
 
-@TWO
+@ONE
 def test_rounding_is_not_something_that_is_left(case):
     found = diagnose(case.path, [case.log(0), case.log(1)], validate=case.log(5), quick=True)
     assert found.effects == ()
@@ -138,7 +140,7 @@ def test_rounding_is_not_something_that_is_left(case):
     )
 
 
-@TWO
+@ONE
 def test_coulomb_friction_that_was_left_out_is_named(case):
     logs = [case.log(seed, NOISE) for seed in (5, 6, 7)]
     model = ("rigid_body", "viscous_friction", "actuator_inertia")
@@ -146,7 +148,7 @@ def test_coulomb_friction_that_was_left_out_is_named(case):
     assert "coulomb_friction" in {e["effect"] for e in found.to_dict()["effects"]}, found.statement
 
 
-@TWO
+@ONE
 def test_intervals_hold_the_truth(fitted):
     first = calibrate(fitted, replicates=4, refits=50, sbc=0, names=0).cells[0]
     assert first.coverage_robust > 0.95 - 4 * first.coverage_se - 0.05

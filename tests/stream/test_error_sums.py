@@ -35,7 +35,7 @@ def test_errors_are_those_of_all_samples(case):
     one, x = log == 1, tau[log == 1]
     assert p.relative_error(1) == pytest.approx(error[one].sum((0, 1)) / np.abs(x - x.mean()).sum())
     assert p.whole
-    assert p.first(2).relative_error() == pytest.approx(p.relative_error()[:2])
+    assert p.select([0, 1]).relative_error() == pytest.approx(p.relative_error()[:2])
 
 
 def test_parts_of_logs_add_up(case):

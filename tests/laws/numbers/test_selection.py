@@ -151,7 +151,7 @@ def ladder():
     made = [
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
-    made[1] = made[1].first(4)
+    made[1] = made[1].select(range(4))
     results = assess_ladder(
         models, [Physics(0.1), Physics(-0.1)], *made, Thresholds(), np.random.default_rng(0), 50
     )
