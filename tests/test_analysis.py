@@ -118,7 +118,7 @@ def test_the_same_inputs_give_the_same_result_and_a_data_frame_is_a_log(simulate
 def test_other_robots_are_analysed_without_special_cases(simulated, robot):
     noise = Noise(torque=0.02)
     name = "601" if robot.name == "3-rps" else "a"
-    out = analyze(robot, simulated(robot.name, name, 0, noise), replicates=50)
+    out = analyze(robot, simulated(robot.name, name, 0, noise, 400), replicates=20)
     assert np.isfinite(out.full.error_ra)
     assert out.full.error_ra < 0.05
     assert out.chosen.count(Class.IDENTIFIABLE) > 0

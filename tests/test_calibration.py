@@ -39,7 +39,7 @@ def analysis(simulated_session):
 def red(analysis):
     """Model 1, AR(1) noise with ρ = 0.9 of the size of the residual."""
     return calibrate(
-        analysis, noise=(1.0,), rho=(0.9,), replicates=8, refits=150, sbc=0, names=0
+        analysis, noise=(1.0,), rho=(0.9,), replicates=8, refits=80, sbc=0, names=0
     ).cells[0]
 
 
@@ -74,7 +74,7 @@ def test_what_is_called_identifiable_is_seldom_wrong_by_half(red):
 
 def test_at_low_noise_as_many_are_found_as_by_the_10x_rule(analysis):
     cell = calibrate(
-        analysis, noise=(0.3,), rho=(0.0,), replicates=3, refits=100, sbc=0, names=0
+        analysis, noise=(0.3,), rho=(0.0,), replicates=3, refits=50, sbc=0, names=0
     ).cells[0]
     assert cell.called >= cell.paper_called
     assert cell.wrong < 0.02

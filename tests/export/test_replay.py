@@ -28,9 +28,7 @@ SAMPLE = {
     ("two-link", "full"), ("two-link", "zeroed"), ("two-link", "pruned"), ("five-bar", "zeroed"),
     ("two-link", "load_dependent_friction"), ("two-link", "payload"), ("five-bar", "time_delay"),
     ("two-link", "joint_stiffness"), ("five-bar", "passive_joint_friction"),
-    ("two-link", "gravity_tilt"), ("six-dof-arm", "position_ripple"),
-    ("six-dof-arm", "coulomb_asymmetry"), ("3-rps", "stribeck_friction"),
-    ("3-rps", "joint_stiffness"),
+    ("two-link", "gravity_tilt"), ("six-dof-arm", "position_ripple"), ("3-rps", "joint_stiffness"),
 }  # fmt: skip
 #: Errors are stated with less than this of themselves between engines: rounding, not 1 %.
 ROUNDING = 1e-9

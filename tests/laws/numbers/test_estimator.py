@@ -224,5 +224,5 @@ def test_analysis_and_pruning_follow_the_estimator(ridge, simulated):
     assert b.error_ra > 1.5 * a.error_ra
     assert b.error_ra_validation > 1.5 * a.error_ra_validation
     assert b.error_ra_real > 1.2 * a.error_ra_real
-    ladder = prune("two-link", log, method="ridge", **how)
+    ladder = prune("two-link", log, method="ridge", **how | {"replicates": 2})
     assert ladder.to_dict()["method"] == "ridge"

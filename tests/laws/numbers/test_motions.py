@@ -44,7 +44,7 @@ def shifted(logs, odd, change):
     return values
 
 
-@pytest.mark.parametrize("logs", [2, 3])
+@pytest.mark.parametrize("logs", [2, pytest.param(3, marks=pytest.mark.everything)])
 def test_logs_of_one_robot_are_seldom_said_to_differ_and_then_add_nothing(logs):
     trials = 100
     found = [compare(np.tile(VALUES, (logs, 1)), [logs, seed])[0] for seed in range(trials)]
