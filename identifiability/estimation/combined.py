@@ -10,6 +10,8 @@ noise, or a command, which the robot did not follow to the letter, errs by what 
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from scipy.linalg import solve_triangular
 
@@ -91,6 +93,16 @@ def combine(
     information: Information, weights: Array, record: Record, plain: Array | None = None
 ) -> Combined:
     """Return the instruments of independent columns and their values (of `plain`, if given)."""
+    make = partial(_combine, information, weights, record, plain)
+    if plain is not None:
+        return make()
+    found: Combined = information.remember((record, weights.tobytes()), make)
+    return found
+
+
+def _combine(
+    information: Information, weights: Array, record: Record, plain: Array | None
+) -> Combined:
     k, N = information.size, max(information.samples, 1)
     R = information.joint.factor(weights)
     V, (Q, root) = R[:, :k], np.linalg.qr(R[:, k : 2 * k])

@@ -135,7 +135,7 @@ class InstrumentalVariables:
         return seen
 
     def moments(
-        self, information: Information, fit: Estimate, R: Array, counts: Array | None = None
+        self, information: Information, fit: Estimate, R: Array, *, anew: bool = False
     ) -> Array:
         """Return the normal equations of each block, for refits without some, (B, k + 1, k + 1).
 
@@ -147,26 +147,25 @@ class InstrumentalVariables:
         R : (k + 1, k + 1)
             The loss; equations are in ``R x``, less those of the fit, in units of ``R[k, k]``.
             They are made symmetric, as their sum is.
-        counts : (B,), optional
-            How often each block is drawn, once each without. Instruments are combined anew: those
-            of all blocks would leave weak directions of a resampled log less than no information.
+        anew : bool
+            Whether the blocks are those of a resampled log, for which instruments are combined
+            anew: those of the log would leave its weak directions less than no information.
         """
         k = information.size
         own, root = fit.value[list(fit.kept)], R[:k, :k]
-        if counts is None:
-            found = replace(combine(information, fit.weights, self.record), value=own)
+        found = combine(information, fit.weights, self.record)
+        if anew:
+            rss = information.squares(found.residual()[k:])
+            root = found.root(noise_scale(information, fit.weights, fit.times, rss))
         else:
-            drawn = information.weigh(counts)
-            found = combine(drawn, fit.weights, self.record)
-            rss = drawn.squares(found.residual()[k:])
-            root = found.root(noise_scale(drawn, fit.weights, fit.times, rss))
+            found = replace(found, value=own)
         A, c = found.moments(information, fit.weights)
         to_y = root @ found.B  # of directions into coordinates of the loss
         turned = to_y @ A @ np.linalg.inv(to_y)
         out = np.zeros((len(A), k + 1, k + 1))
         out[:, :k, :k] = 0.5 * (turned + turned.swapaxes(1, 2))
         out[:, :k, k] = c @ to_y.T
-        if counts is not None:  # from its own coordinates and values to those of all blocks
+        if anew:  # from its own coordinates and values to those of all blocks
             change = root @ np.linalg.inv(R[:k, :k])
             out[:, :k] = change.T @ out[:, :k]
             out[:, :k, :k] = out[:, :k, :k] @ change

@@ -26,12 +26,16 @@ from identifiability.estimation.torque_errors import (
     standard_error_over_joints,
 )
 from identifiability.foundation.engines.mapping import Engine, Steps
+from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.survey import find_signal
 from identifiability.logs.signals import is_constant
 from identifiability.regression.part import Part
 from identifiability.regression.regression import Regression, map_parts
+
+#: Arrays of the size of the errors of some samples that summing them takes.
+COPIES = 4
 
 
 @frozen
@@ -283,11 +287,15 @@ def _predict_part(
         log = np.full(len(chunk.t), chunk.log)
         series = np.full(len(chunk.t), layout.series(chunk.log, chunk.start))
         for k, task in enumerate(tasks):
-            predicted = task.predict(chunk.W, before + chunk.start)
-            for which, tau in enumerate((chunk.tau, chunk.raw)):
-                sums[k][which] += ErrorSums.of(layout, chunk.log, chunk.start, tau, predicted)
-            if task.held:
-                held[k].append((chunk.t, chunk.tau, predicted, chunk.velocity, log, series))
+            # Of many joints and models the errors of a chunk would be hundreds of megabytes.
+            for at in few_at_once(len(log), COPIES * 8 * n * task.values.shape[2]):
+                start = chunk.start + at.start
+                predicted = task.predict(chunk.W[at], before + start)
+                for which, tau in enumerate((chunk.tau[at], chunk.raw[at])):
+                    sums[k][which] += ErrorSums.of(layout, chunk.log, start, tau, predicted)
+                if task.held:
+                    some = chunk.t[at], chunk.tau[at], predicted, chunk.velocity[at]
+                    held[k].append((*some, log[at], series[at]))
     return [((low, raw), some) for (low, raw), some in zip(sums, held, strict=True)]
 
 

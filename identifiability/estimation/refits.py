@@ -129,7 +129,7 @@ class AskedRefits:
 
 @frozen
 class Equations:
-    """Each block's normal equations for `UpdatedRefits`.
+    """Normal equations for `UpdatedRefits`.
 
     Attributes
     ----------
@@ -139,37 +139,51 @@ class Equations:
         By instruments, or by least squares.
     R : (k + 1, k + 1)
         Its loss; equations are in ``R x``.
-    blocks : (B, k + 1, k + 1)
-        Those of all blocks, each once.
+    grams : (B, k + 1, k + 1), or without any blocks (0, k + 1, k + 1)
+        Those of each block by least squares; instruments are combined anew for each resampled log.
     """
 
     information: Information
     full: Estimate
     R: Array
-    blocks: Array
+    grams: Array
 
     @staticmethod
-    def of(information: Information, full: Estimate, R: Array, grams: Array) -> Equations | None:
+    def of(information: Information, full: Estimate, R: Array, inverse: Array) -> Equations | None:
         """Return them; None for an estimator that has refits of its own.
 
         Parameters
         ----------
         information, full, R
             As the attributes.
-        grams : (B, k + 1, k + 1)
-            Gram matrices of ``[W τ] R⁻¹``, which are those of least squares.
+        inverse : (k + 1, k + 1)
+            Of R: Gram matrices of ``[W τ] R⁻¹`` are the equations of least squares.
         """
         estimator = full.estimator
         if isinstance(estimator, InstrumentalVariables):
-            blocks = estimator.moments(information, full, R)
-            return Equations(information, full, R, blocks)
+            return Equations(information, full, R, np.empty((0, *R.shape)))
         own = getattr(type(estimator), "refit", None)
-        least_squares = own is OrdinaryLeastSquares.refit
-        return Equations(information, full, R, grams) if least_squares else None
+        if own is not OrdinaryLeastSquares.refit:
+            return None
+        grams = information.products(full.weights, inverse, inverse)
+        return Equations(information, full, R, grams)
 
-    def drawn(self, counts: Array) -> Array:
-        """Return those of blocks that are drawn so often (B,), each still once."""
+    def of_folds(self, fold: np.ndarray, counts: Array | None = None) -> Array:
+        """Return the sums over the blocks of each fold, (F, k + 1, k + 1).
+
+        Parameters
+        ----------
+        fold : (B,) int
+            Ascending from 0.
+        counts : (B,), optional
+            How often each block is drawn, once each without.
+        """
         estimator = self.full.estimator
         if isinstance(estimator, InstrumentalVariables):
-            return estimator.moments(self.information, self.full, self.R, counts)
-        return self.blocks
+            drawn = self.information if counts is None else self.information.weigh(counts)
+            merged = drawn.merge(np.flatnonzero(np.diff(fold, prepend=-1)))
+            return estimator.moments(merged, self.full, self.R, anew=counts is not None)
+        weights = np.ones(len(fold)) if counts is None else counts
+        member = (np.arange(fold.max() + 1)[:, None] == fold) * weights
+        held: Array = np.tensordot(member, self.grams, 1)
+        return held

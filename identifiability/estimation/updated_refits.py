@@ -5,9 +5,11 @@ Coordinates are ``y = R x`` in which the information of everything is the unit m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -18,6 +20,9 @@ RIDGE = 1e-9
 #: Updated fits are solved anew once so large a share of the parameters is gone, and where so
 #: small a share is left of an inverse, or of a constraint beside those that hold: digits go too.
 FEWER, LOST = 0.25, 1e-3
+
+#: What there is one of for each fit.
+EACH = ("grams", "right", "delta", "inverses", "largest")
 
 
 @frozen
@@ -89,6 +94,51 @@ class UpdatedRefits:
         """Inverse information of everything, (k, k)."""
         whole: Array = self.inverses[0]
         return whole
+
+    @property
+    def alone(self) -> UpdatedRefits:
+        """The fit to everything without the others."""
+        own = {name: getattr(self, name)[:1] for name in EACH}
+        return replace(self, **own)
+
+    def along(self, held: Array, counts: Sequence[int]) -> Array:
+        """Return ``y - centre`` of each fit under the first few of constraints, (M, F + 1, k).
+
+        The free directions of nested models are leading ones of a common basis, so the leading
+        parts of one triangular factor solve them all, where each fit has one.
+
+        Parameters
+        ----------
+        held : (r, k)
+            All constraints ``held y = 0``, those so far first.
+        counts : sequence of int
+            How many of them hold in each of M models.
+        """
+        k = len(self.centre)
+        turn = np.ascontiguousarray(np.linalg.qr(held.T, mode="complete")[0][:, ::-1])
+        free = np.arange(k)[:, None] < k - np.asarray(counts, int)
+        c, out = turn.T @ self.centre, np.empty((len(counts), len(self.grams), k))
+        for f, (gram, right) in enumerate(zip(self.grams, self.right, strict=True)):
+            A, b = turn.T @ gram @ turn, turn.T @ right
+            try:
+                root = np.linalg.cholesky(A + RIDGE * np.eye(k))
+            except np.linalg.LinAlgError:
+                return self._one_by_one(held, counts)
+            half = solve_triangular(root, np.eye(k), lower=True)
+            moved = np.where(free, 0.0, -c[:, None])
+            for _ in range(2):  # the second time takes away what the ridge did to the first
+                left = np.where(free, b[:, None] - A @ moved, 0.0)
+                moved += half.T @ np.where(free, half @ left, 0.0)
+            out[:, f] = (turn @ moved).T
+        return out
+
+    def _one_by_one(self, held: Array, counts: Sequence[int]) -> Array:
+        out, refits = np.empty((len(counts), *self.delta.shape)), self
+        for place, count in zip(out, counts, strict=True):
+            more = held[len(refits.held) : count]
+            refits = refits.constrain(more, more) if len(more) else refits
+            place[:] = refits.delta
+        return out
 
     def constrain(self, L: Array, _model: Array) -> UpdatedRefits:
         """Return the fits under more constraints ``L y = 0``, L (r, k) of full rank."""

@@ -108,7 +108,10 @@ class ActuatorBlocks:
         out = allot((len(self.blocks), m if few else q, q))
         for at in batches(self.blocks):
             out[at] = self.blocks[at] @ Q if few else self.grams(Q, at)
-        return ActuatorBlocks(columns, basis, out, self.sums @ Q)
+        turned = ActuatorBlocks(columns, basis, out, self.sums @ Q)
+        if "root" in vars(self):  # that of all rows anew would cost a pass over them
+            vars(turned)["root"] = triangular_factor(self.root @ Q)
+        return turned
 
     def take(self, kept: np.ndarray) -> ActuatorBlocks:
         """Return some of the blocks."""
@@ -129,10 +132,13 @@ class ActuatorBlocks:
         """Return blocks that each hold those from one of `at` up to the next."""
         r, sums = self.blocks.shape[2], np.add.reduceat(self.sums, at, axis=0)
         if self.squared:
-            out = np.add.reduceat(self.blocks, at, axis=0, out=allot((len(at), r, r)))
-            return replace(self, blocks=out, sums=sums)
-        blocks = hold_blocks(self.blocks.reshape(-1, r), at * self.blocks.shape[1])
-        return replace(self, blocks=blocks, sums=sums)
+            blocks = np.add.reduceat(self.blocks, at, axis=0, out=allot((len(at), r, r)))
+        else:
+            blocks = hold_blocks(self.blocks.reshape(-1, r), at * self.blocks.shape[1])
+        merged = replace(self, blocks=blocks, sums=sums)
+        if "root" in vars(self):
+            vars(merged)["root"] = self.root
+        return merged
 
     def merge_weighted(self, group: np.ndarray, counts: Array) -> Array:
         """Return ``Zᵀ Z`` of groups of blocks, each of them counted so often, (G, r, r).

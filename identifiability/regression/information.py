@@ -13,28 +13,27 @@ for folds and resampling, ``+`` for logs and workers, `joint` for instruments.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from identifiability.foundation.linalg import triangular_factor
+from identifiability.foundation.linalg import few_at_once, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.actuator_blocks import (
     ActuatorBlocks,
     allot,
-    batches,
     choose_basis,
     hold_blocks,
     invert_basis,
 )
 
-#: Weights whose factors are kept.
-REMEMBERED = 3
+#: How much of what is made of the sums over all blocks is kept.
+REMEMBERED = 4
 
 
 @frozen
@@ -129,9 +128,16 @@ class Information:
         return sum(p.blocks.nbytes + p.basis.nbytes for p in self.parts)
 
     @cached_property
-    def _factors(self) -> dict[bytes, Array]:
-        """Factors by their weights: a fit asks for the same ones many times."""
+    def _made(self) -> dict[Any, Any]:
         return {}
+
+    def remember(self, key: Any, make: Callable[[], Any]) -> Any:
+        """Return what is made of the sums over all blocks: a fit asks for the same many times."""
+        if key not in self._made:
+            self._made[key] = make()
+            if len(self._made) > REMEMBERED:
+                del self._made[next(iter(self._made))]
+        return self._made[key]
 
     @property
     def _width(self) -> int:
@@ -187,7 +193,7 @@ class Information:
         out = allot((len(self.counts), left.shape[1], right.shape[1]), 1)
         both = zip(weights, self.of_actuators(left), self.of_actuators(right), strict=True)
         for weight, (part, one), (_, other) in both:
-            for at in batches(part.blocks):
+            for at in few_at_once(len(out), out[:1].nbytes + part.blocks[:1].nbytes):
                 out[at] += part.products(weight * one, other, at)
         return out
 
@@ -197,28 +203,27 @@ class Information:
         Actuators that see few columns come first, and what they say goes into those that see these
         columns too: in a tree that is a fraction of the work of all rows over all columns.
         """
-        weights = np.ones(self.actuators) if weights is None else np.asarray(weights, float)
-        if weights.tobytes() not in self._factors:
-            pairs = zip(np.sqrt(weights), self.parts, strict=True)
-            found: list[tuple[np.ndarray, Array]] = []
-            for root, part in sorted(pairs, key=lambda pair: len(pair[1].columns)):
-                own, columns = self._own(part)
-                inside = [np.isin(c, columns).all() for c, _ in found]
-                rows = [root * (part.root @ own)]
-                rows += [
-                    _spread(F, c, columns) for (c, F), i in zip(found, inside, strict=True) if i
-                ]
-                found = [pair for pair, i in zip(found, inside, strict=True) if not i]
-                found.append((columns, triangular_factor(np.vstack(rows))))
-            every = np.arange(self.size)
-            whole = np.vstack([_spread(F, c, every) for c, F in found])
-            if len(found) > 1 or len(whole) < self.size + 1:
-                short = max(0, self.size + 1 - len(whole))
-                whole = triangular_factor(np.pad(whole, ((0, short), (0, 0))))
-            while len(self._factors) >= REMEMBERED:
-                self._factors.pop(next(iter(self._factors)))
-            self._factors[weights.tobytes()] = whole
-        return self._factors[weights.tobytes()].copy()
+        w = np.ones(self.actuators) if weights is None else np.asarray(weights, float)
+        found: Array = self.remember(w.tobytes(), partial(self._factor, w)).copy()
+        return found
+
+    def _factor(self, weights: Array) -> Array:
+        pairs = zip(np.sqrt(weights), self.parts, strict=True)
+        found: list[tuple[np.ndarray, Array]] = []
+        for root, part in sorted(pairs, key=lambda pair: len(pair[1].columns)):
+            own, columns = self._own(part)
+            seen = np.zeros(self.size, bool)
+            seen[columns] = True
+            inside = [seen[c].all() for c, _ in found]
+            rows = [_spread(F, c, columns) for (c, F), i in zip(found, inside, strict=True) if i]
+            found = [pair for pair, i in zip(found, inside, strict=True) if not i]
+            R = triangular_factor(np.vstack([root * (part.root @ own), *rows]))
+            found.append((columns, R))
+        whole = np.vstack([_spread(F, c, np.arange(self.size)) for c, F in found])
+        if len(found) == 1 and len(whole) == self.size + 1:
+            return whole
+        short = max(0, self.size + 1 - len(whole))
+        return triangular_factor(np.pad(whole, ((0, short), (0, 0))))
 
     def _own(self, part: ActuatorBlocks) -> tuple[Array, np.ndarray]:
         """Return an actuator's basis of the columns W that it can see, and which these are."""
@@ -269,7 +274,11 @@ class Information:
         """Return blocks that each hold those from one of `at` up to the next."""
         parts = tuple(part.merge(at) for part in self.parts)
         counts = np.add.reduceat(self.counts, at)
-        return replace(self, parts=parts, counts=counts, log=self.log[at])
+        merged = replace(self, parts=parts, counts=counts, log=self.log[at])
+        vars(merged)["_made"] = self._made  # the sums over all blocks are the same
+        if self.instrumented:
+            vars(merged.joint)["_made"] = self.joint._made
+        return merged
 
     def __add__(self, other: Information) -> Information:
         """Return the information of both; blocks and logs stay apart."""

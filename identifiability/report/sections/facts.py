@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,7 @@ from identifiability.report.tables import Cell, Column, badge_cell, measured_cel
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
-
-if TYPE_CHECKING:
-    from identifiability.workflows.prune.rung import PrunedRung
+from identifiability.workflows.prune.rung import PrunedRung
 
 
 def unseen_samples(analysis: Analysis) -> tuple[Prepared, ...]:

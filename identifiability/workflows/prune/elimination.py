@@ -18,17 +18,16 @@ from dataclasses import field
 import numpy as np
 from scipy.stats import f as f_distribution
 
+from identifiability.estimation.updated_refits import UpdatedRefits
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.workflows.prune.descent import descend, find_cheapest, find_either
 from identifiability.workflows.prune.errors import Errors
 from identifiability.workflows.prune.folds import Fit
 from identifiability.workflows.prune.moves import Kind, Move, Partition
 
 #: A suggested move is refused only if the data deny it at this level.
 LEVEL = 0.01
-
-#: Estimates correlated beyond this are one quantity to these logs: "either".
-EITHER = 0.95
 
 
 @frozen
@@ -176,8 +175,7 @@ def walk(fit: Fit, plan: Plan) -> Path:
         walker.make(move)
     for kind in (Kind.MERGE, Kind.ZERO, Kind.TIE):
         walker.suggest([m for m in plan.suggested if m.kind is kind])
-    while (cheapest := walker.cheapest()) is not None:
-        walker.make(cheapest)
+    walker.descend()
     return Path(tuple(walker.steps), tuple(walker.refused))
 
 
@@ -223,48 +221,35 @@ class _Walker:
             return
         self.refused.append(Refusal(move, evidence, reason))
 
+    def descend(self) -> None:
+        """Make the cheapest moves until nothing is left that may go."""
+        plan, fit = self.plan, self.fit
+        if not isinstance(fit.refits, UpdatedRefits):
+            while (move := find_cheapest(self.fit, plan.pairs, plan.kept)) is not None:
+                self.make(move)
+            return
+        made = list(descend(fit, plan.pairs, plan.kept))
+        held = made[-1].held if made else fit.refits.held
+        for d, after in zip(
+            made, fit.along(held, [(d.after, len(d.held)) for d in made]), strict=True
+        ):
+            self._step(after, d.move, self._weigh(d.move, after, d.cost, d.either))
+
     def _evidence(self, move: Move, after: Fit) -> Evidence:
+        fit = self.fit
+        return self._weigh(move, after, fit.cost(move), find_either(fit, move))
+
+    def _weigh(self, move: Move, after: Fit, cost: float, either: str) -> Evidence:
         rise, spread = after.errors().above(self.fit.errors())
         p_value, percent = _significance(*self.fit.jackknife(move), self.fit.folds.count)
         return Evidence(
-            cost=self.fit.cost(move) / self.base,
+            cost=cost / self.base,
             p_value=p_value,
             sigma_percent=percent,
             rise=rise / self.unit,
             rise_se=spread / self.unit,
-            either=self._either(move),
+            either=either,
         )
-
-    def _either(self, move: Move) -> str:
-        """Return the parameter that a dropped one can hardly be told from."""
-        if move.kind is not Kind.DROP:
-            return ""
-        partition = self.fit.partition
-        gone = partition.alive(move.zero)
-        others = [g for g in partition.leaders if g not in gone]
-        if len(gone) != 1 or not others:
-            return ""
-        X = self.fit.folds.inverse[[*gone, *others]]
-        C = X @ self.fit.refits.C @ X.T
-        size = np.sqrt(np.maximum(np.diag(C), 1e-300))
-        rho = np.abs(C[0, 1:]) / (size[0] * size[1:])
-        best = int(np.argmax(rho))
-        return partition.columns[others[best]] if rho[best] > EITHER else ""
-
-    def cheapest(self) -> Move | None:
-        """Return the move whose loss raises the sum of squares least per parameter."""
-        p = self.fit.partition
-        paired: set[int] = set()
-        moves = []
-        for pair in self.plan.pairs:
-            leaders = p.alive(pair.columns)
-            if len(leaders) == 2:
-                paired.update(leaders)
-                moves.append(pair)
-                moves.append(Move(Kind.DROP, tuple(p.columns[g] for g in leaders)))
-        singles = [Move(Kind.DROP, p.members(g)) for g in p.leaders if g not in paired]
-        moves = [m for m in [*singles, *moves] if not self.plan.kept.intersection(m.zero)]
-        return moves[int(np.argmin(self.fit.costs(moves)))] if moves else None
 
 
 def _significance(denied: Array, covariance: Array, folds: int) -> tuple[float, float]:

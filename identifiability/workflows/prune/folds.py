@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,12 +24,17 @@ from identifiability.estimation.layout import divide_blocks
 from identifiability.estimation.refits import Asked, Equations, Refits
 from identifiability.estimation.torque_errors import joint_weights
 from identifiability.estimation.updated_refits import UpdatedRefits
-from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.regression.actuator_blocks import ActuatorBlocks
 from identifiability.regression.information import Information
-from identifiability.workflows.prune.errors import Errors
+from identifiability.workflows.prune.errors import (
+    Errors,
+    Scored,
+    Unseen,
+    factor_unseen,
+    measure_errors,
+    score_joints,
+)
 from identifiability.workflows.prune.moves import Move, Partition
 
 #: A constraint whose share of its first variance is below this holds already.
@@ -48,33 +54,33 @@ class Folds:
         y of the full fit.
     scale : float
         Root of its residual sum of squares.
-    scored : tuple of (ActuatorBlocks, (r, k + 1))
-        Blocks of each joint, and what gives their coordinates of ``(centre - y, scale)``, on the
-        joint's own scale: fits weigh joints by their noise, but that says nothing of how much an
-        error matters.
+    scored : tuple of (ActuatorBlocks, (r, v), (r,))
+        Blocks of each joint without instruments, and their coordinates of the v columns that it
+        can see and of the full fit's residual, on the joint's own scale: fits weigh joints by
+        their noise, but that says nothing of how much an error matters.
     stretch : (B,) int
         Stretch that a block belongs to.
     fold : (S,) int
         Fold that a stretch belongs to.
-    unseen : (n, r, k)
+    unseen : tuple of ((r, v), (v,) int)
         Factor of the Gram matrix of as many states drawn from the ranges of the log, each joint on
-        its own scale; without any r = 0.
+        its own scale, and the columns that act on it there; without any r = 0.
     nonnegative : (k,) bool
     samples : int
         Of the logs.
     refitter : Equations or Asked
-        What refits: updates of normal equations by block, those of least squares being the Gram
-        matrix of ``Z`` where the residual is ``Z (centre - y, scale)``; or the estimator.
+        What refits: updates of normal equations, those of least squares being the Gram matrix of
+        ``Z`` where the residual is ``Z (centre - y, scale)``; or the estimator.
     """
 
     columns: tuple[str, ...]
     inverse: Array
     centre: Array
     scale: float
-    scored: tuple[tuple[ActuatorBlocks, Array], ...]
+    scored: Scored
     stretch: np.ndarray
     fold: np.ndarray
-    unseen: Array
+    unseen: Unseen
     nonnegative: np.ndarray
     samples: int
     refitter: Equations | Asked
@@ -88,6 +94,11 @@ class Folds:
     def count(self) -> int:
         """Number of folds F."""
         return int(self.fold.max()) + 1
+
+    def errors(self, grams: Sequence[Array], delta: Array) -> list[Errors]:
+        """Return the held-out errors of M models, ``y - centre`` (M, F + 1, k) of their fits."""
+        moved = delta[:, 1:] @ self.inverse.T
+        return measure_errors(self.scored, self.unseen, grams, self.fold, moved)
 
     def whiten(self, rows: Array) -> Array:
         """Return constraints ``L x = 0`` (r, k) in the coordinates y, rows of unit length."""
@@ -104,18 +115,14 @@ class Folds:
             How often each block counts, for a bootstrap replicate.
         """
         weights = np.ones(len(self.stretch)) if counts is None else counts
-        S, F = len(self.fold), self.count
-        member = np.zeros((S, len(self.stretch)))
-        member[self.stretch, np.arange(len(self.stretch))] = weights
-        of_joint = [part.merge_weighted(self.stretch, weights) for part, _ in self.scored]
-        of_fold = (np.arange(F)[:, None] == self.fold).astype(float)
+        of_joint = [part.merge_weighted(self.stretch, weights) for part, *_ in self.scored]
+        fold = self.fold[self.stretch]
         refits: Refits
         if isinstance(self.refitter, Equations):
-            every = self.refitter.blocks if counts is None else self.refitter.drawn(counts)
-            held = np.tensordot(of_fold @ member, every, 1)
+            held = self.refitter.of_folds(fold, counts)
             refits = UpdatedRefits.of(held, self.centre, self.scale)
         else:
-            left_out = np.vstack([np.zeros(S), of_fold])[:, self.stretch]
+            left_out = np.vstack([np.zeros(len(fold)), np.arange(self.count)[:, None] == fold])
             refits = self.refitter.start(weights, 1.0 - left_out)
         return Fit(self, Partition.of(self.columns), tuple(of_joint), refits)
 
@@ -144,11 +151,17 @@ class Fit:
         """Parameters of each fit in the coordinates of the folds, (F + 1, k)."""
         return self.folds.centre + self.refits.delta
 
-    @property
+    @cached_property
     def values(self) -> Array:
         """Parameters of each fit, (F + 1, k)."""
         x: Array = self.y @ self.folds.inverse.T
         return x
+
+    @property
+    def alone(self) -> Fit:
+        """The fit to everything without the others."""
+        assert isinstance(self.refits, UpdatedRefits)
+        return replace(self, refits=self.refits.alone)
 
     def rows(self, move: Move) -> Array:
         """Return what a move denies, ``L y = 0`` with L (r, k); none if it is void."""
@@ -169,7 +182,7 @@ class Fit:
             return np.empty(0)
         L = self.folds.whiten(np.concatenate(rows))
         d = L @ self.y[0]
-        variance = np.einsum("ci,ij,cj->c", L, self.refits.C, L)
+        variance = ((L @ self.refits.C) * L).sum(1)
         free = variance > HELD
         single = np.where(free, d**2 / np.where(free, variance, 1.0), 0.0)
         costs, at = [], 0
@@ -202,14 +215,33 @@ class Fit:
 
     def errors(self) -> Errors:
         """Return the held-out errors."""
-        f, delta = self.folds, self.refits.delta[1:]
-        F = len(delta)
-        z = np.column_stack([-delta, np.full(F, f.scale)])[f.fold]
-        own = [z @ turn.T for _, turn in f.scored]
-        pairs = zip(own, self.scored, strict=True)
-        held = [((gram @ u[..., None])[..., 0] * u).sum(1) for u, gram in pairs]
-        moved = f.unseen @ (delta - delta.mean(0)).T
-        return Errors(np.stack(held, 1), (F - 1) / F * (moved**2).sum(1).T)
+        return self._errors
+
+    @cached_property
+    def _errors(self) -> Errors:
+        return self.folds.errors(self.scored, self.refits.delta[None])[0]
+
+    def along(self, held: Array, models: Sequence[tuple[Partition, int]]) -> list[Fit]:
+        """Return the fits of nested models, for what they say and not for more moves.
+
+        Parameters
+        ----------
+        held : (r, k)
+            All constraints ``held y = 0``, those of this fit first.
+        models : sequence of (Partition, int)
+            And how many of the constraints hold in each.
+        """
+        refits = self.refits
+        assert isinstance(refits, UpdatedRefits)
+        delta = refits.along(held, [count for _, count in models])
+        fits = [
+            replace(self, partition=p, refits=replace(refits, held=held[:r], delta=d))
+            for (p, r), d in zip(models, delta, strict=True)
+        ]
+        measured = self.folds.errors(self.scored, delta)
+        for fit, errors in zip(fits, measured, strict=True):
+            vars(fit)["_errors"] = errors  # those of all models at once are a tenth of the work
+        return fits
 
     def violations(self) -> int:
         """Return how many free parameters have a sign that physics forbids."""
@@ -246,30 +278,19 @@ def gather_folds(
     length = float(np.linalg.norm(R[:, k]))
     R[k, k] = max(abs(R[k, k]), 1e-9 * length, 1e-300)
     inverse = np.linalg.inv(R)
-    seen = zip(information.of_actuators(inverse), np.sqrt(scale), strict=True)
     stretch, fold = divide_blocks(information.log, information.counts)
     centre, turned = R[:k, k].copy(), inverse[:k, :k]
-    blocks = information.products(full.weights, inverse, inverse)
-    equations = Equations.of(information, full, R, blocks)
+    equations = Equations.of(information, full, R, inverse)
     return Folds(
         columns=information.columns,
         inverse=turned,
         centre=centre,
         scale=float(R[k, k]),
-        scored=tuple((part, root * own) for (part, own), root in seen),
+        scored=score_joints(information, np.sqrt(scale), inverse[:, k] * R[k, k]),
         stretch=stretch,
         fold=fold,
-        unseen=_unseen_factor(unseen, turned, scale, information.samples),
+        unseen=factor_unseen(unseen, scale, information.samples),
         nonnegative=np.asarray(nonnegative, bool),
         samples=information.samples,
         refitter=equations or Asked(full.estimator, information, turned, centre),
     )
-
-
-def _unseen_factor(unseen: Array | None, inverse: Array, weights: Array, samples: int) -> Array:
-    k, n = len(inverse), len(weights)
-    if unseen is None or not len(unseen):
-        return np.zeros((n, 0, k))
-    scale = np.sqrt(weights * (samples / len(unseen)))[:, None, None]
-    Z = (unseen @ inverse).transpose(1, 0, 2) * scale
-    return np.stack([triangular_factor(one) for one in Z])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from enum import StrEnum
+from functools import cached_property
 from itertools import takewhile
 
 import numpy as np
@@ -85,15 +86,20 @@ class Partition:
     @property
     def leaders(self) -> list[int]:
         """The free columns, one of each set of equal ones."""
-        return [k for k in range(len(self.columns)) if self.group[k] == k]
+        own: list[int] = np.flatnonzero(self.group == np.arange(len(self.columns))).tolist()
+        return own
 
     def __len__(self) -> int:
         """Return the number of free parameters."""
         return len(self.leaders)
 
+    @cached_property
+    def _positions(self) -> dict[str, int]:
+        return {c: k for k, c in enumerate(self.columns)}
+
     def index(self, column: str) -> int:
         """Return the position of a column."""
-        return self.columns.index(column)
+        return self._positions[column]
 
     def members(self, leader: int) -> tuple[str, ...]:
         """Return the columns that equal a leader, itself first."""
@@ -106,13 +112,16 @@ class Partition:
 
     def rows(self, move: Move) -> Array:
         """Return the constraints ``L x = 0`` that a move adds, (r, k); none if it is void."""
-        k = len(self.columns)
-        unit = np.eye(k)
-        rows = [unit[g] for g in self.alive(move.zero)]
+        pairs: list[tuple[int, int | None]] = [(g, None) for g in self.alive(move.zero)]
         for members in move.tie:
             first, *rest = self.alive(members) or [0]
-            rows += [unit[first] - unit[g] for g in rest]
-        return np.array(rows).reshape(-1, k)
+            pairs += [(first, g) for g in rest]
+        rows = np.zeros((len(pairs), len(self.columns)))
+        for row, (one, other) in zip(rows, pairs, strict=True):
+            row[one] = 1.0
+            if other is not None:
+                row[other] = -1.0
+        return rows
 
     def apply(self, move: Move) -> Partition:
         """Return the partition after a move."""

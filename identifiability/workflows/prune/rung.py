@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cached_property
+from itertools import starmap
 from typing import Any
 
 import numpy as np
@@ -141,6 +142,11 @@ class Question:
             rung = step.partition.rung(rung, name, text)
         return FittedModel.of(self.opening.structure, rung, self.information, self.estimator)
 
+    def recall(self, rung: Rung, estimate: Estimate) -> FittedModel:
+        """Return a model that was fitted before; all of them at once would fill the memory."""
+        part = rung.reduce(self.information)
+        return FittedModel(self.opening.structure, rung, self.information, part, estimate)
+
 
 @frozen(kw_only=True)
 class Measured:
@@ -192,8 +198,8 @@ def measure_rungs(
     progress : callable(int, int)
     """
     opening, steps = question.opening, search.path.steps
-    models = [question.fit(s) for s in steps]
-    values = np.stack([m.rung.expand(m.estimate.value) for m in models], 1)
+    fits = [(model.rung, model.estimate) for model in map(question.fit, steps)]
+    values = np.stack([rung.expand(fit.value) for rung, fit in fits], 1)
     robots = [p.base for p in physical] + [p.in_file for p in physical]
     own_values = np.stack([values[:, chosen], *robots], 1)
     every, two = Task(values[None], held=False), Task(own_values[None])
@@ -208,14 +214,15 @@ def measure_rungs(
         outside, own_held = predict_all(held, [every, two], engine=engine)
         error_held, joints_held = outside.relative_error(), outside.error_over_joints()
     robot, (own, own_held) = settle_robots([physical], own_held, (own, own_held))
-    (result,) = assess_ladder([models[chosen]], robot, own, own_held, Thresholds(), rng, replicates)
+    best = [question.recall(*fits[chosen])]
+    (result,) = assess_ladder(best, robot, own, own_held, Thresholds(), rng, replicates)
     spread = result.uncertainty
     error, error_unseen = fitted.relative_error(), unseen.relative_error()
     joints, joints_unseen = fitted.error_over_joints(), unseen.error_over_joints()
     memory = float(spread.times.mean())
     error_se = standard_error(unseen.sums, memory, chosen)
     joints_se = standard_error_over_joints(unseen.sums, memory, chosen)
-    best, unit = steps[least_error(steps)], max(steps[0].errors.total, 1e-300)
+    least, unit = steps[least_error(steps)].errors, max(steps[0].errors.total, 1e-300)
     rungs = tuple(
         PrunedRung(
             step=step,
@@ -231,10 +238,10 @@ def measure_rungs(
             error_joints_se=float(joints_se[k]),
             error_joints_validation=float(joints_held[k]),
             error_squares=step.errors.total / unit,
-            error_squares_se=step.errors.above(best.errors)[1] / unit,
+            error_squares_se=step.errors.above(least)[1] / unit,
             infeasible=forbidden_signs(model.rung, model.information, model.estimate),
         )
-        for k, (step, model) in enumerate(zip(steps, models, strict=True))
+        for k, (step, model) in enumerate(zip(steps, starmap(question.recall, fits), strict=True))
     )
     if not opening.validation:
         own_rung = rungs[chosen]

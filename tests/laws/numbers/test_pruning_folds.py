@@ -22,8 +22,9 @@ WEIGHTS = np.array([4.0, 0.25])
 def rows():
     rng = np.random.default_rng(0)
     W = rng.normal(size=(320, 2, 3))
-    tau = W @ [1.0, -2.0, 0.1] + rng.normal(size=(320, 2)) * [0.5, 2.0]
     unseen = 3 * rng.normal(size=(50, 2, 3))
+    W[:, 0, 0] = unseen[:, 0, 0] = 0.0  # in a tree a joint does not feel every column
+    tau = W @ [1.0, -2.0, 0.1] + rng.normal(size=(320, 2)) * [0.5, 2.0]
     return W, tau, unseen
 
 
@@ -130,6 +131,7 @@ def test_a_replicate_by_instruments_combines_them_anew():
     information = Information.of_rows(names, W, tau, log, 4, V)
     full = estimator.fit(information)
     folds = gather_folds(information, full, np.zeros(20, bool))
+    of_log = estimator.moments(information, full, folds.refitter.R)
     lowest = []
     for counts in rng.multinomial(50, np.full(50, 0.02), 5).astype(float):
         at = np.repeat(np.arange(200), np.repeat(counts.astype(int), 4))
@@ -137,7 +139,7 @@ def test_a_replicate_by_instruments_combines_them_anew():
         fit = folds.fit(counts)
         np.testing.assert_allclose(fit.values[0], direct.value, rtol=1e-6)
         assert np.linalg.eigvalsh(fit.refits.C).min() > 0
-        old = np.tensordot(counts, folds.refitter.blocks, 1)[:-1, :-1]
+        old = np.tensordot(counts, of_log, 1)[:-1, :-1]
         lowest.append(np.linalg.eigvalsh(old).min())
         dropped = fit.after(Move(Kind.DROP, ("p0",)))
         np.testing.assert_allclose(dropped.values[0][0], 0.0, atol=1e-9)
@@ -249,6 +251,32 @@ def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
                 np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
             compared += 1
     assert compared > 200
+
+
+def test_nested_models_are_fitted_together_as_they_are_one_by_one():
+    """Down from a tie, two columns at once among them; 12 columns alike in fours."""
+    rng = np.random.default_rng(5)
+    W = rng.normal(size=(160, 2, 12)) + 30 * np.repeat(rng.normal(size=(160, 2, 3)), 4, 2)
+    unseen = rng.normal(size=(40, 2, 12))
+    W[:, 0, :4] = unseen[:, 0, :4] = 0.0  # what the first joint does not move
+    tau = W @ np.linspace(0.0, 2.0, 12) + rng.normal(size=(160, 2))
+    information = gather(W, tau, size=2)
+    folds = gather_folds(information, estimate(information, "ols"), np.zeros(12, bool), unseen)
+    start = folds.fit().after(Move(Kind.TIE, tie=(("p0", "p1"),)))
+    drops = (("p3",), ("p0", "p1"), ("p7", "p8"), *((f"p{j}",) for j in (2, 4, 5, 6, 9, 10, 11)))
+    fits = [start]
+    for names in drops:
+        fits.append(fits[-1].after(Move(Kind.DROP, names)))
+    models = [(fit.partition, len(fit.refits.held)) for fit in fits]
+    together = start.along(fits[-1].refits.held, models)
+    alone = start.refits._one_by_one(fits[-1].refits.held, [count for _, count in models])
+    np.testing.assert_array_equal(alone, [fit.refits.delta for fit in fits])
+    for found, one in zip(together, fits, strict=True):
+        size = np.abs(one.values).max() + np.abs(start.values).max()
+        np.testing.assert_allclose(found.values, one.values, rtol=0, atol=1e-9 * size)
+        np.testing.assert_allclose(found.errors().held, one.errors().held, rtol=1e-7)
+        scatter = found.errors().scatter, one.errors().scatter
+        np.testing.assert_allclose(*scatter, rtol=1e-6, atol=1e-12)
 
 
 def test_a_joint_that_surely_rises_is_seen_beside_one_that_scatters():
