@@ -31,6 +31,8 @@ ONE = {
     "sbc": 0,
     "names": 0,
 }
+#: What is wrong shows in fewer.
+FEW = ONE | {"replicates": 8, "refits": 40}
 
 
 @pytest.fixture
@@ -53,7 +55,7 @@ def test_yes_where_intervals_hold(log):
 
 def test_no_where_the_motion_errs_and_instruments_mend_it(log):
     noisy = log(Noise(motion=0.1, torque=0.02))
-    found = calibrate(analyze("two-link", noisy, estimator="ls", replicates=60), **ONE)
+    found = calibrate(analyze("two-link", noisy, estimator="ls", replicates=60), **FEW)
     assert found.answer.word == "no"
     harm = [e.cause for e in found.effects if e.harmful]
     assert Cause.MOTION in harm
@@ -62,7 +64,7 @@ def test_no_where_the_motion_errs_and_instruments_mend_it(log):
     assert found.lines[2].endswith("Use instrumental variables (--estimator auto).")
     assert len(found.lines[2]) < LONGEST
     cell = found.cells[0]
-    mended = calibrate(analyze("two-link", noisy, replicates=60), **ONE).cells[0]
+    mended = calibrate(analyze("two-link", noisy, replicates=60), **FEW).cells[0]
     error = np.hypot(cell.coverage_se, mended.coverage_se)
     assert mended.coverage_robust - cell.coverage_robust > 3 * error
 
@@ -75,7 +77,7 @@ def test_no_where_the_model_leaves_out_what_no_file_states(log):
     robot = Robot.load("two-link")
     silent = replace(robot, nominal={k: v for k, v in robot.nominal.items() if "Fc" not in k})
     analysis = analyze(silent, log(Noise(torque=0.02)), ladder=ladder, replicates=60)
-    found = calibrate(analysis, model="blind", **ONE)
+    found = calibrate(analysis, model="blind", **FEW)
     assert found.answer.word == "no"
     assert [e.cause for e in found.effects if e.harmful] == [Cause.LEFT_OUT]
     assert found.lines[2].startswith("Why: left-out parameters; without it ")
@@ -93,7 +95,7 @@ def test_no_where_noise_remembers_longer_than_the_log(log):
     exact = log(Noise())
     slow = ar1(np.random.default_rng(1), 0.99, *exact.tau.shape)
     noisy = replace(exact, tau=exact.tau + 0.05 * exact.tau.std() * slow)
-    found = calibrate(analyze("two-link", noisy, replicates=60), **ONE)
+    found = calibrate(analyze("two-link", noisy, replicates=60), **FEW)
     assert found.answer.word == "no"
     assert [e.cause for e in found.effects if e.harmful] == [Cause.NOISE_MEMORY]
     assert found.cells[0].not_judged > 0.5

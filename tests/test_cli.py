@@ -76,10 +76,13 @@ def test_help_is_quick_and_names_the_commands():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_an_analysis_without_a_report_neither_draws_nor_simulates():
+def test_an_analysis_without_a_report_neither_draws_nor_simulates_and_none_loads_other_commands():
     code = (
         "import sys; import identifiability.workflows.analyze.next_steps; "
         "heavy = {'matplotlib', 'mujoco', 'scipy.stats', 'scipy.signal'} & set(sys.modules); "
+        "import identifiability.report.analysis_report; "
+        "others = [f'identifiability.workflows.{name}' for name in ('prune', 'diagnose')]; "
+        "heavy |= {'scipy.stats', 'scipy.signal', *others} & set(sys.modules); "
         "sys.exit(f'heavy imports of an analysis: {heavy}' if heavy else 0)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -64,7 +64,7 @@ def test_pruning_makes_levels_equal_that_are_equal(mixed, noisy):
 
 def test_default_calibration_runs(mixed, noisy):
     analysis = analyze(mixed, noisy, replicates=0)
-    found = calibrate(analysis, replicates=4, refits=50, sbc=0, names=0)
+    found = calibrate(analysis, replicates=2, refits=20, sbc=0, names=0)
     assert found.model == analysis.chosen.name == "symmetric friction"
     full = len(find_base_parameters(mixed, Model.of(*DEFAULT_EFFECTS)))
     assert found.parameters == full - len(mixed.joints)  # one Coulomb level a joint instead of two

@@ -182,9 +182,9 @@ def test_a_torque_that_never_changes_beside_others_that_do_is_said_everywhere(ca
     analysis = analyze("two-link", log, replicates=20)
     results = [
         analysis,
-        prune("two-link", log, replicates=10),
+        prune("two-link", log, replicates=2),
         diagnose("two-link", log, replicates=20, effects=["torque_offset", "joint_stiffness"]),
-        calibrate(analysis, replicates=4, refits=20, noise=(1.0,), rho=(0.0,), sbc=0, names=0),
+        calibrate(analysis, replicates=2, refits=20, noise=(1.0,), rho=(0.0,), sbc=0, names=0),
     ]
     for out in results:
         content = out.to_dict()
@@ -206,7 +206,7 @@ def test_a_body_that_cannot_exist_is_said_and_no_error_is_made_up(arm, tmp_path,
     said = "link2: mass -2.5 kg must be positive."
     with few_draws():
         analysis = analyze(robot, arm("noisy"), replicates=20, posterior=True)
-    for out in (analysis, prune(robot, arm("noisy"), replicates=10)):
+    for out in (analysis, prune(robot, arm("noisy"), replicates=2)):
         assert said in out.statement
         assert any(said in h for h in out.to_dict()["hints"])
         page = words(out, tmp_path / "out.html")

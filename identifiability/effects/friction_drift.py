@@ -11,6 +11,7 @@ from identifiability.foundation.names import Array
     "friction that changes with time",
     needs="viscous_friction",
     against="time",
+    separate=True,
     late=True,
     told_by="repeat the motion later",
     rank=22,

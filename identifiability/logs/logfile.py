@@ -184,7 +184,7 @@ class LogFile:
             while end < high:
                 parts.append(next(arrays))
                 end += len(parts[-1])
-            held, origin = np.concatenate(parts), low
+            held, origin = np.concatenate(parts) if len(parts) > 1 else parts[0], low
             yield first, last, origin, self._log(held[: high - low], low)
 
     def column(self, name: str, start: int, stop: int) -> Iterator[Array]:

@@ -14,6 +14,8 @@ Example
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -26,11 +28,13 @@ from identifiability.report.figures.models import draw_errors, draw_ladder
 from identifiability.report.figures.motion import draw_torque
 from identifiability.report.figures.parameters import draw_precision
 from identifiability.report.sections.facts import sigma_percents
-from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.diagnose import Diagnosis
-from identifiability.workflows.predict import TorquePrediction
-from identifiability.workflows.predict.frames import Covaries
-from identifiability.workflows.prune import Ladder
+
+if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
+    from identifiability.workflows.analyze import Analysis
+    from identifiability.workflows.diagnose import Diagnosis
+    from identifiability.workflows.predict import TorquePrediction
+    from identifiability.workflows.predict.frames import Covaries
+    from identifiability.workflows.prune import Ladder
 
 __all__ = ["confused", "missing", "models", "precision", "torque", "way_down"]
 

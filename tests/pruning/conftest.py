@@ -42,4 +42,4 @@ def chosen_set(search, criterion="identifiable") -> set[str]:
 def pruned(simulated_session):
     """The 3-RPS with the paper's noise, pruned on one trajectory and validated on another."""
     logs = (simulated_session("3-rps", t, k) for k, t in enumerate(("601", "595")))
-    return prune("3-rps", *logs, replicates=50)
+    return prune("3-rps", *logs, replicates=25)

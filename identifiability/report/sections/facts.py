@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from identifiability.report.tables import Cell, Column, badge_cell, measured_cel
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.assessment import RungResult
-from identifiability.workflows.prune.rung import PrunedRung
+
+if TYPE_CHECKING:
+    from identifiability.workflows.prune.rung import PrunedRung
 
 
 def unseen_samples(analysis: Analysis) -> tuple[Prepared, ...]:

@@ -123,6 +123,11 @@ class Naming:
     )
     nearest: Mapping[tuple[str, str], tuple[Nearest, ...]] = field(default_factory=dict)
 
+    def then(self, later: Naming) -> Naming:
+        """Return what a search that went on from here named, with the steps of both."""
+        p_values = {**self.p_values, **later.p_values}
+        return replace(later, p_values=p_values, steps=(*self.steps, *later.steps))
+
 
 def list_units(chosen: Sequence[Candidate]) -> list[Chosen]:
     """Return what can be taken out: each candidate, and each family."""

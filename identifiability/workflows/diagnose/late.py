@@ -1,9 +1,9 @@
 """Springs, curves, memory and drifts: asked for where all else has said what it can.
 
 They are many columns, and whatever is smooth looks a little like them. So they are searched in a
-second pass, with a stricter level and noise that is fitted beside them, and only where something
-is left to say: the first pass named an effect of the position, or what it leaves depends on one
-of what they depend on.
+second pass, with noise that is fitted beside them, and only where something is left to say: the
+first pass named an effect of the position, or what it leaves depends on one of what they depend
+on. Its level is that of the first; what it names must surely predict better, too.
 """
 
 from __future__ import annotations
@@ -23,9 +23,6 @@ from identifiability.workflows.diagnose.naming import Say, find_same, name_effec
 from identifiability.workflows.diagnose.residual import find_discrepancies
 from identifiability.workflows.diagnose.rows import Candidate
 
-#: The second pass has this share of the level of the first: together they keep to the level but
-#: for a fifth.
-SHARE = 0.2
 #: Share of a joint's residual by one of these from which on there is something to ask for.
 NOTABLE = 0.03
 CAUSES = ("position", "velocity", "load", "time")
@@ -47,6 +44,7 @@ def name_late(
     effects: Iterable[str] | None = None,
     draws: int = DRAWS,
     say: Say | None = None,
+    refused: Sequence[Candidate] = (),
 ) -> tuple[Material, Naming]:
     """Return what is named once late families may be, else what was named.
 
@@ -58,6 +56,9 @@ def name_late(
         As for `gather`.
     rng : numpy.random.Generator
     say : callable, optional
+    refused : sequence of Candidate
+        Names that left more than they explain: in their joints what resembles the missing effect
+        would be named first again, for it has fewer columns. It may come back beside a late one.
     """
     families = [f for f in find_families(effects) if not f.unnamed]
     first = early(families)
@@ -70,10 +71,16 @@ def name_late(
         material.setting, choose, rng, [f.name for f in (*first, *_late(families))], draws
     )
     rules = material.setting.rules
-    strict = replace(rules, level=max(SHARE * rules.level, 1.0 / (draws + 1)))
     present = material.setting.structure.present
     start = [find_same(c, wider.candidates) for c in naming.chosen]
-    again = name_effects(wider.bench, wider.candidates, wider.held, strict, present, say, start)
+    doubtful, taken = {c.place for c in refused}, {c.group for c in start}
+    options = [
+        c for c in wider.candidates if c.family.late or c.place not in doubtful or c.group in taken
+    ]
+    again = name_effects(wider.bench, options, wider.held, rules, present, say, start)
+    if refused and any(c.family.late for c in again.chosen):
+        every, start = wider.candidates, list(again.chosen)
+        again = again.then(name_effects(wider.bench, every, wider.held, rules, present, say, start))
     again = _gather_curves(
         wider.held, merge_springs(again, wider.candidates), wider.candidates, rules.gain
     )
@@ -108,9 +115,15 @@ def what_is_left(material: Material, naming: Naming) -> bool:
 def predicts_better(
     held: HeldOut, naming: Naming, wider: HeldOut, again: Naming, least: float
 ) -> bool:
-    """Whether the second naming surely predicts better than the first, as real robots."""
-    gain = gain_over(held, naming, wider, again)
-    return gain.share > max(least, gain.error)
+    """Whether the second naming surely predicts better than what it keeps, as real robots.
+
+    What takes the place of a name must also predict better than that, if not surely: it is there
+    because it stands out beside the name, and the name beside it does not.
+    """
+    groups = {c.group for c in again.chosen}
+    rest = replace(naming, chosen=tuple(c for c in naming.chosen if c.group in groups))
+    gain = gain_over(held, rest, wider, again)
+    return gain.share > max(least, gain.error) and gain_over(held, naming, wider, again).share > 0
 
 
 def gain_over(held: HeldOut, naming: Naming, wider: HeldOut, again: Naming) -> Gain:

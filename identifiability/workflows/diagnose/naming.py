@@ -24,6 +24,7 @@ from identifiability.workflows.diagnose.gates import (
     keep_where,
 )
 from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.rows import Candidate, Present
 
@@ -100,8 +101,10 @@ class _Search:
             return False
         p = float((1 + np.count_nonzero(highest >= top)) / (1 + len(highest)))
         critical = float(np.quantile(highest, 1 - self.rules.level))
-        # Of what stands out from the noise, the best fit for its columns at a place has the name.
-        fit = scores.fit / np.array([price(o) for o in options])
+        # Of what stands out from the noise, the best fit for its columns at a place has the name;
+        # a family is everywhere where that explains decisively more than it does at one place.
+        everywhere = np.array([bool(o.members) for o in options])
+        fit = (scores.fit - DECISIVE * everywhere) / np.array([price(o) for o in options])
         best = options[int(np.argmax(np.where(scores.data >= min(critical, top), fit, -np.inf)))]
         step = Step(
             evidence=best_by_group(options, scores.data),

@@ -72,8 +72,11 @@ class Search:
         if self.earlier is not None:
             naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
         # What resembles the missing effect makes room for it before the next pass.
-        naming = keep_complete(m, naming)
-        m, naming = name_late(m, naming, self.choose, streams[4], effects, self.draws, say)
+        complete = keep_complete(m, naming)
+        refused = [c for c in naming.chosen if c not in complete.chosen]
+        m, naming = name_late(
+            m, complete, self.choose, streams[4], effects, self.draws, say, refused
+        )
         naming = keep_complete(m, naming)
         functions = () if self.earlier is None else self.earlier.functions
         m, naming = name_unnamed(

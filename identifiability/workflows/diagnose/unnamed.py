@@ -19,13 +19,15 @@ from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.evidence import score_candidates
 from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, keep_surviving
 from identifiability.workflows.diagnose.held_out import HeldOut
-from identifiability.workflows.diagnose.late import SHARE, gain_over, what_is_left
+from identifiability.workflows.diagnose.late import gain_over, what_is_left
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
 from identifiability.workflows.diagnose.naming import Say, find_same, name_effects, signature
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Steps of the search, and names that are said beside a function.
 MOST, NEAREST = 4, 3
+#: Share of the level of names at which functions are searched.
+SHARE = 0.2
 
 
 def name_unnamed(

@@ -8,6 +8,7 @@ from scipy import stats
 
 from identifiability.workflows.diagnose.gates import Naming, Step, Survival, keep_surviving
 from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.naming import (
     best_by_group,
@@ -177,6 +178,12 @@ def test_an_effect_in_every_joint_is_named_in_one_step_with_all_its_places(world
     assert found.steps[0].best == ("a", "all joints")
     assert named(found) == [("a", "j"), ("a", "l"), ("a", "m")]
     assert found.steps[0].accepted
+    # Where all of them explain hardly more than one, it is at this one.
+    few = [6.0, 3.0, 1.5]
+    gain = stats.chi2.logsf(few[0] ** 2, 1) - stats.chi2.logsf(np.square(few).sum(), 3)
+    assert 1.0 < gain < DECISIVE
+    found = run(world, quiet(world, *few), list(e[:, :3].T), options)
+    assert found.steps[0].best == ("a", "j")
     # A place where nothing of it stands out does not get it.
     found = run(world, quiet(world, 12.0, 11.0, 0.2), list(e[:, :3].T), options)
     assert named(found) == [("a", "j"), ("a", "l")]
