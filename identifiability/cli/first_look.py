@@ -108,7 +108,7 @@ def look(
     results = [path for path in sides if path.lower().endswith(".json")]
     logs += [path for path in sides if path not in results]
     with sentences():
-        read = [*(() if machine is None else machine.files), *logs, *results]
+        read = [*(() if machine is None else (machine.robot, machine.sidecar)), *logs, *results]
         marked = list(_marked(flat, marks))
         read += [value for mark, value in marked if isinstance(mark, Reads)]
         written = [(mark, Path(value)) for mark, value in marked if isinstance(mark, Writes)]

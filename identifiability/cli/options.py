@@ -6,12 +6,12 @@ A command names a group as one parameter, ``place: Place``, and is made by `comm
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import asdict, astuple, dataclass
 from functools import partial
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from typer import Argument, Option
@@ -23,21 +23,12 @@ from identifiability.cli.grouping import estimators
 
 if TYPE_CHECKING:
     from identifiability.foundation.engines.local import Engine
+    from identifiability.foundation.result import Result
     from identifiability.logs.prepare import Preparation
     from identifiability.robot import Robot
 
 _derived = partial(Option, rich_help_panel="Velocity and acceleration")
 _placed = partial(Option, rich_help_panel="Where it runs")
-
-
-class Result(Protocol):
-    """What every command's result can do."""
-
-    def to_json(self, path: str | Path) -> Path:
-        """Write the result as JSON."""
-
-    def write_report(self, path: str | Path) -> Path:
-        """Write the result as HTML."""
 
 
 def _robots(typed: str) -> list[str]:
@@ -102,17 +93,12 @@ class Machine:
     lock: Annotated[list[str] | None, Option(metavar="NAME[=VALUE]")] = None
     plugin: Annotated[list[Path] | None, Option(callback=_load_plugins, is_eager=True)] = None
 
-    @property
-    def files(self) -> tuple[str | None, ...]:
-        """What it is read from, which no result may be written over."""
-        return self.robot, self.sidecar
-
     def load(self, recorded: Recorded | None = None) -> Robot:
         """Return the robot, with what was said of its logs."""
         from identifiability.robot import Robot  # noqa: PLC0415
 
-        said = (recorded.columns, recorded.time_unit, recorded.angles) if recorded else (None,) * 3
-        columns, unit, angles = said
+        said = recorded or Recorded()
+        columns, unit, angles = said.columns, said.time_unit, said.angles
         return Robot.load(self.robot, self.sidecar, columns, self.lock, unit, angles)
 
 
@@ -231,8 +217,7 @@ class Fitting:
 
     def arguments(self) -> dict[str, Any]:
         """Return what the library calls them."""
-        method, estimator, cad_prior = astuple(self)
-        return {"method": method, "estimator": estimator, "cad_prior": cad_prior}
+        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -299,7 +284,6 @@ class Place:
 
 #: Makes a function a command: groups become their options, and files are looked at first.
 command = partial(grouping.command, first=look)
-
 #: The same for one that takes logs without torque.
 command_along_motion = partial(grouping.command, first=partial(look, motion_alone=True))
 

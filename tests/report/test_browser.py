@@ -1,4 +1,4 @@
-"""The report in a real browser: nothing overflows, sorting and filters work, no errors."""
+"""The report in a real browser: sorting and filters work; tests/browser has what every page can."""
 
 import json
 import re
@@ -44,33 +44,12 @@ def measure(html: str, script: str, width: int, folder: Path):
 
 
 @pytest.fixture(scope="module")
-def pages(paper_analysis, believed_analysis, chain_analysis, tmp_path_factory) -> dict[str, Path]:
+def pages(paper_analysis, believed_analysis, tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
-    long = ("a_joint_whose_name_is_" + "very_" * 12 + "long", "<script>alert(1)</script>", "c")
     return {
         "paper": write_analysis_report(paper_analysis, folder / "paper.html"),
         "belief": write_analysis_report(believed_analysis, folder / "belief.html"),
-        "odd": write_analysis_report(chain_analysis(long), folder / "odd.html"),
     }
-
-
-OVERFLOW = """
-for (const fold of page.querySelectorAll("details")) fold.open = true;
-const width = page.documentElement.clientWidth;
-const out = [...page.querySelectorAll("main *")].filter((e) =>
-  !e.closest(".table-box, .plot-box") && e.getBoundingClientRect().right > width + 1);
-return [width, page.documentElement.scrollWidth, out.map((e) => e.outerHTML.slice(0, 90))];
-"""
-
-
-@pytest.mark.parametrize("width", [400, 1280])
-@pytest.mark.parametrize("name", ["paper", "belief", "odd"])
-def test_the_page_is_never_wider_than_its_window(pages, name, width, tmp_path):
-    html = pages[name].read_text(encoding="utf-8")
-    inner, scrolled, out = measure(html, OVERFLOW, width, tmp_path)
-    assert inner <= width
-    assert scrolled <= inner
-    assert out == []
 
 
 @pytest.mark.parametrize("name", ["paper", "belief"])
@@ -136,13 +115,6 @@ def test_chips_show_only_the_rows_with_their_verdict(pages, tmp_path):
     assert said == f"{len(some)} of {total} shown"
     assert pressed == "true"
     assert back == total
-
-
-@pytest.mark.parametrize("name", ["paper", "belief", "odd"])
-def test_the_console_stays_silent(pages, name, tmp_path):
-    found = browse(pages[name], tmp_path, "--enable-logging=stderr", "--dump-dom")
-    assert "CONSOLE" not in found.stderr
-    assert 'role="cell"' in found.stdout  # the page's own script has run under its policy
 
 
 @pytest.mark.parametrize("name", ["paper", "belief"])
