@@ -106,11 +106,23 @@ def change_interval(
     rng : numpy.random.Generator
     draws : int
     """
-    parts = split_evenly(error.sum(1), DRAWN_STRETCHES)
-    size = np.array([p.sum() for p in split_evenly(deviation.sum(1), DRAWN_STRETCHES)])
-    change = np.array([float(np.sum(p[:, 1] - p[:, 0])) for p in parts])
+    change = (error[:, :, 1] - error[:, :, 0]).sum(1)
+    return ratio_interval(change, deviation.sum(1), rng, draws)
+
+
+def ratio_interval(
+    part: Array, whole: Array, rng: np.random.Generator, draws: int = 2000
+) -> tuple[float, float]:
+    """Return the 95 % interval of the sum of some numbers (N,) over that of others (N,) [1].
+
+    Whole stretches of time are drawn again and again [Künsch 1989].
+    """
+    parts, wholes = (
+        np.array([p.sum() for p in split_evenly(x, DRAWN_STRETCHES)]) for x in (part, whole)
+    )
     counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), size=draws)
-    low, high = np.quantile((counts @ change) / (counts @ size), ENDS)
+    size = counts @ wholes
+    low, high = np.quantile((counts @ parts) / np.where(size > 0, size, 1.0), ENDS)
     return float(low), float(high)
 
 

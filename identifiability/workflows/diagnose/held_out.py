@@ -22,6 +22,7 @@ from identifiability.estimation.torque_errors import (
     change_interval_over_joints,
     error_over_joints,
     joint_errors,
+    ratio_interval,
     relative_error,
     split_evenly,
 )
@@ -96,11 +97,16 @@ class Gap:
     def news(
         self, noise: ARNoise, first: int, second: int, rng: np.random.Generator, draws: int = 2000
     ) -> tuple[float, float]:
-        """Return the 95 % interval of the change of what the memory of the noise leaves of it."""
+        """Return the 95 % interval of how much of what the second model adds is there.
+
+        It is one if all is and zero if nothing is; rows are whitened by the noise, which finds a
+        torque of known course that slow noise hides in the error itself.
+        """
         left = self.residual[:, :, second]
         both = self.residual[:, :, [first, second]]
         white = noise.whiten(both, self.rows.runs, noise.misfit(left))
-        return change_interval_over_joints(white**2, np.ones_like(left), rng, draws)
+        before, added = white[:, :, 0], white[:, :, 0] - white[:, :, 1]
+        return ratio_interval((before * added).sum(1), (added**2).sum(1), rng, draws)
 
     def expected_change(self, first: int, second: int) -> float:
         """Return how the error over joints would change, were what the second model adds there.

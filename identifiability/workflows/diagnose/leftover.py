@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy import signal, stats
 
+from identifiability.effects.path_memory import follow_with_play
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.estimation.noise.autoregression import Runs
 from identifiability.foundation.names import Array
@@ -31,6 +32,8 @@ PASTS = (2, 5, 15, 40)
 TURNS = (0.1, 0.5)
 #: Waves over the range of the position, in periods.
 PERIODS = (1, 2, 3, 4, 6, 8, 12, 16)
+#: Ways after a turn over which something builds up, as shares of the range.
+WAYS = (0.005, 0.02, 0.08)
 #: Columns of what other joints do, at most.
 OTHERS = 30
 #: Directions of unit columns beside the model that are shorter are the model's.
@@ -97,6 +100,7 @@ def keep_complete(material: Material, naming: Naming) -> Naming:
     They are taken out one after the other, the one that leaves most over what it explains first.
     What every joint has, friction and offsets, is there whatever else is missing.
     """
+    naming = keep_one_way(material, naming)
     why = "more is left in its joint than it explains"
     while naming.chosen:
         remains = Remains(material, naming.chosen)
@@ -107,6 +111,21 @@ def keep_complete(material: Material, naming: Naming) -> Naming:
         gone = [max(against, key=lambda pair: pair[0])[1]]
         naming = keep_surviving(naming, gone, material.setting.structure.present, why)
     return naming
+
+
+def keep_one_way(material: Material, naming: Naming) -> Naming:
+    """Return a naming without joints of a closed chain that drag one another by their speeds.
+
+    In one drive that may be a hose or a voltage; in several of them it is friction between bodies
+    that no motor drives, and no leak.
+    """
+    drags = [c for c in naming.chosen if c.family.origin and c.family.against == "velocity"]
+    drags = [c for c in drags if not c.family.unnamed]
+    structure = material.setting.structure if len({c.place for c in drags}) > 1 else None
+    if structure is None or not structure.robot.passive:
+        return naming
+    why = "joints of a closed chain that drag one another have friction between them"
+    return keep_surviving(naming, drags, structure.present, why)
 
 
 @frozen
@@ -201,10 +220,12 @@ def general_columns(rows: Rows, model: Array, j: int) -> Array:
     recent = [_average(x, rows.runs, n) for n in PASTS for x in (turns[0], v, load)]
     change = [_slope(x, rows.runs) for x in (_average(load, rows.runs, PASTS[0]), a)]
     logs = [x for k in np.unique(rows.log) for x in (rows.log == k, (rows.log == k) * turns[0])]
-    angle = 2 * np.pi * (rows.q[:, j] - rows.q[:, j].min()) / (float(np.ptp(rows.q[:, j])) or 1.0)
+    way = float(np.ptp(rows.q[:, j]))
+    stuck = [_stuck(rows.q[:, j], rows.runs, share * way) for share in WAYS]
+    angle = 2 * np.pi * (rows.q[:, j] - rows.q[:, j].min()) / (way or 1.0)
     ripple = [wave(k * angle) for k in PERIODS for wave in (np.sin, np.cos)]
     several = _waves(np.column_stack([v, q, a, load, *turns]))
-    alone = [*own, *drift, *recent, *change, *logs, *ripple]
+    alone = [*own, *drift, *recent, *stuck, *change, *logs, *ripple]
     return np.column_stack([*alone, several, _others(rows, model, j)])
 
 
@@ -240,6 +261,17 @@ def _average(x: Array, runs: Runs, samples: int) -> Array:
     keep, out = float(np.exp(-1.0 / samples)), np.empty(len(x))
     for start, stop in runs:
         out[start:stop] = signal.lfilter([1.0 - keep], [1.0, -keep], x[start:stop])
+    return out
+
+
+def _stuck(x: Array, runs: Runs, width: float) -> Array:
+    """Return how far x (N,) has come since it turned, over a width where that is more."""
+    out = np.zeros(len(x))
+    for start, stop in runs if width > 0 else ():
+        own = x[start:stop]
+        out[start:stop] = (
+            own - follow_with_play(own, width, np.sign(own[min(1, len(own) - 1)] - own[0]))
+        ) / width
     return out
 
 

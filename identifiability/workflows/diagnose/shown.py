@@ -19,8 +19,8 @@ class Shown:
     strength : float
         That size in standard errors of the fit.
     news : (float, float)
-        95 % of the change of the error that the memory of the noise does not foretell: slow noise
-        hides a small change in the error itself.
+        95 % of how much of the effect of the fitted size is there, one being all of it, in what
+        the memory of the noise does not foretell: slow noise hides a small change in the error.
     """
 
     before: float
@@ -32,8 +32,8 @@ class Shown:
 
     @property
     def better(self) -> bool:
-        """Whether the error surely falls, or its news does and the error does not rise."""
-        return self.interval[1] < 0 or (self.news[1] < 0 and self.after <= self.before)
+        """Whether the error surely falls, or the effect is surely there and it does not rise."""
+        return self.interval[1] < 0 or (self.news[0] > 0 and self.after <= self.before)
 
     @property
     def least(self) -> float:

@@ -65,9 +65,9 @@ def name_unnamed(
     )
     present = setting.structure.present
     found: tuple[float, Naming] | None = None
-    for known in dict.fromkeys(
-        (naming.chosen, tuple(c for c in naming.chosen if not c.family.late))
-    ):
+    before, curves = naming.chosen, several_curves(naming.chosen)
+    early = tuple(c for c in before if not c.family.late)
+    for known in dict.fromkeys((before, early, tuple(c for c in before if c not in curves))):
         start = [find_same(c, wider.candidates) for c in known]
         start += _begin(wider, start, told)
         taken = signature(start)
@@ -83,8 +83,8 @@ def name_unnamed(
         least = max(setting.rules.gain, gain.error)
         if not signature(known) <= signature(again.chosen):
             least = -gain.error
-        if known != naming.chosen:
-            least = max(least, 0.0)
+        if known != before:
+            least = max(least, 0.0) if known == early else -gain.error
         if gain.share > max(least, -np.inf if found is None else found[0]):
             found = gain.share, again
     if found is None:
@@ -94,14 +94,25 @@ def name_unnamed(
     chosen = tuple(find_same(c, whole.candidates) for c in again.chosen)
     groups = {c.group for c in chosen}
     gone = [c for c in naming.chosen if c.group not in groups]
-    before = keep_surviving(naming, gone, present, "a function without a name explains it better")
+    left = keep_surviving(naming, gone, present, "a function without a name explains it better")
     final = Naming(
         chosen=chosen,
         p_values={**again.p_values, **naming.p_values},
-        steps=(*before.steps, *again.steps),
+        steps=(*left.steps, *again.steps),
         nearest={c.group: _nearest(whole, chosen, c) for c in chosen if c.family.unnamed},
     )
     return whole, final
+
+
+def several_curves(named: Sequence[Candidate]) -> Chosen:
+    """Return what refines the friction of a joint by its speed where several names do.
+
+    What is two functions of one speed is rather one without an equation.
+    """
+    own = [c for c in named if c.family.needs and c.family.against == "velocity"]
+    own = [c for c in own if not (c.family.late or c.family.origin)]
+    places = [c.place for c in own]
+    return [c for c in own if places.count(c.place) > 1]
 
 
 def _begin(

@@ -184,9 +184,11 @@ def test_what_is_rare_must_be_confirmed_by_motion_that_can(interval, unnamed, re
 
 @pytest.mark.parametrize(
     ("after", "news", "confirmed"),
-    [(0.1, (-0.2, -0.1), True), (0.1, (-0.2, 0.1), False), (0.21, (-0.2, -0.1), False)],
+    [(0.1, (0.1, 0.9), True), (0.1, (-0.1, 0.9), False), (0.21, (0.1, 0.9), False)],
 )
-def test_the_news_of_an_error_confirms_where_the_error_does_not_rise(after, news, confirmed):
+def test_an_effect_that_is_surely_there_is_confirmed_where_the_error_does_not_rise(
+    after, news, confirmed
+):
     effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
                          interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
                          joints_interval=(-0.5, 0.1), unnamed=True,

@@ -197,15 +197,17 @@ def test_noise_weighs_unless_equal_weights_surely_predict_better(rng, rows_of):
     assert HeldOut.weighed(spoilt, None, None, None, quiet).noise is None
 
 
-def test_news_of_white_noise_is_the_error_itself(rng):
-    tau, left = rng.standard_normal((240, 2)), rng.standard_normal((240, 2, 1)) * [1.5, 1.0]
-    gap = Gap(SimpleNamespace(measured=tau, runs=[(0, 240)]), left)
-    joint = JointNoise(theta=np.empty(0), covariance=np.empty((0, 0)), sigma=1.0, dof=1e9, left=9.0)
-    low, high = gap.news(ARNoise((joint, joint)), 0, 1, np.random.default_rng(0))
-    change = [np.sqrt(np.mean(left[:, :, k] ** 2)) for k in (0, 1)]
-    assert low < change[1] - change[0] < high < 0
-    slow, noise = slow_noise(rng, 240)
-    both = slow[:, :, None] + np.stack([rng.standard_normal((240, 2)), 0 * slow], axis=2)
-    hidden = Gap(SimpleNamespace(measured=tau, runs=[(0, 240)]), both)
-    assert hidden.news(noise, 0, 1, np.random.default_rng(0))[1] < 0
-    assert hidden.interval_over_joints(0, 1, np.random.default_rng(0))[1] > -0.2
+def test_news_is_how_much_of_an_effect_is_there(rng):
+    """Also where slow noise hides it in the error itself."""
+    n, rows = 480, SimpleNamespace(measured=rng.standard_normal((480, 2)), runs=[(0, 480)])
+    slow, noise = slow_noise(rng, n)
+    added = 2.0 * rng.standard_normal((n, 2))
+    for there in (1.0, 0.5, 0.0):
+        before = slow + there * added
+        gap = Gap(rows, np.stack([before, before - added], axis=2))
+        low, high = gap.news(noise, 0, 1, np.random.default_rng(0))
+        assert low < there < high < low + 0.2
+        assert (low > 0) == (there > 0)
+    faint = np.stack([slow + 0.1 * added, slow], axis=2)
+    assert Gap(rows, faint).news(noise, 0, 1, np.random.default_rng(0))[0] > 0
+    assert Gap(rows, faint).interval_over_joints(0, 1, np.random.default_rng(0))[1] > -0.02

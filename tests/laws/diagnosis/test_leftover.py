@@ -6,10 +6,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability.effects.path_memory import follow_with_play
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.gates import Naming, Step
 from identifiability.workflows.diagnose.held_out import HeldOut
-from identifiability.workflows.diagnose.leftover import Leftover, Remains, keep_complete
+from identifiability.workflows.diagnose.leftover import (
+    Leftover,
+    Remains,
+    general_columns,
+    keep_complete,
+    keep_one_way,
+)
 
 N = 600
 
@@ -90,6 +97,36 @@ def test_what_every_joint_has_goes_for_nothing_that_is_left(build, candidate):
     basic = candidate("dry", "j", 0, basic=True)
     m = build(lambda *x: dry(*x) + 3 * cubic(*x), [dry])
     assert keep_complete(m, named(basic)).chosen == (basic,)
+
+
+def test_what_builds_up_over_a_way_after_each_turn_is_asked_for(build):
+    """A spring that slips hangs on the way alone; nothing of the motion now says what it does."""
+    rows = build(dry, [dry]).train
+    q, F = rows.q[:, 0], general_columns(rows, rows.tau, 0)
+    F = np.column_stack([F, rows.D.take([0])[:, 0]])
+    for share in (0.02, 0.08):
+        slips = q - follow_with_play(q, share * np.ptp(q), np.sign(q[1] - q[0]))
+        left = slips - F @ np.linalg.lstsq(F, slips)[0]
+        assert left.std() < 1e-9 * slips.std()
+
+
+def test_joints_of_a_closed_chain_that_drag_one_another_do_not_leak(candidate):
+    def leak(place, **flags):
+        flags = {"origin": lambda effect, robot: 0, **flags}
+        return candidate("leak", place, 0, **flags)
+
+    def kept(*chosen, passive=("hinge",)):
+        structure = SimpleNamespace(robot=SimpleNamespace(passive=passive), present=())
+        m = SimpleNamespace(setting=SimpleNamespace(structure=structure))
+        return keep_one_way(m, named(*chosen)).chosen
+
+    both, other = (leak("i"), leak("j")), candidate("dry", "j", 1)
+    assert kept(*both, other) == (other,)
+    assert kept(*both, passive=()) == both
+    assert kept(both[0], other) == (both[0], other)
+    for flags in ({"against": "load"}, {"unnamed": True}):
+        alike = (leak("i", **flags), leak("j", **flags))
+        assert kept(*alike) == alike
 
 
 def test_few_rows_say_nothing(build, candidate):

@@ -17,6 +17,7 @@ from identifiability.workflows.diagnose.naming import (
     price,
     signature,
 )
+from identifiability.workflows.diagnose.unnamed import several_curves
 
 
 def run(world, torque, columns, candidates, draws=199, present=(), **rules):
@@ -408,3 +409,17 @@ def test_a_name_that_is_refuted_takes_its_refinements_with_it(candidate):
     assert (
         len(keep_surviving(naming, [base, there], {("coulomb", p) for p in "jl"}, "").chosen) == 2
     )
+
+
+def test_friction_by_one_speed_under_several_names_is_several_curves(candidate):
+    def curve(name, place, k, **flags):
+        return candidate(name, place, k, **{"needs": "viscous", **flags})
+
+    bump, smooth = curve("bump", "j", 0), curve("smooth", "j", 1)
+    alone = curve("bump", "l", 2)
+    others = [
+        curve("play", "l", 3, late=True), curve("leak", "l", 4, origin=lambda e, r: 0),
+        curve("drift", "l", 5, against="time"), candidate("viscous", "l", 6, basic=True),
+    ]  # fmt: skip
+    assert several_curves([bump, alone, smooth, *others]) == [bump, smooth]
+    assert several_curves([alone, *others]) == []
