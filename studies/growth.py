@@ -1,4 +1,4 @@
-"""How do time and memory of `analyze` grow with samples, joints, logs and replicates?
+"""How do time and memory grow with samples, joints, logs and replicates?
 
 A six-axis arm in Parquet (samples, logs, replicates) and a humanoid on a stand (joints), each
 command alone in a process with one thread, as a user would run it. FIGAROH stands beside it where
@@ -50,9 +50,9 @@ SAMPLES = 2_000
 FIGAROH_MOST = 1_000_000
 
 
-def analyze(who: str, what: str, size: int, *words: str) -> Took | None:
-    """Run ``identifiability analyze`` in one process."""
-    argv = ("-m", "identifiability", "analyze", "--engine", "serial", *words)
+def analyze(who: str, what: str, size: int, *words: str, verb: str = "analyze") -> Took | None:
+    """Run ``identifiability analyze``, or another verb, in one process."""
+    argv = ("-m", "identifiability", verb, "--engine", "serial", *words)
     return run(who, what, size, argv)
 
 
@@ -86,6 +86,9 @@ def grow_joints(folder: Path, sizes: Sequence[int]) -> Iterator[Took | None]:
         for kind in ESTIMATORS:
             words = ("--estimator", kind, str(path), str(log))
             yield analyze(f"analyze, {kind}", "joints", size, *words)
+        for verb in ("prune", "calibrate"):
+            words = ("--quick", str(path), str(log))
+            yield analyze(f"{verb} --quick", "joints", size, *words, verb=verb)
 
 
 def grow_logs(folder: Path, sizes: Sequence[int]) -> Iterator[Took | None]:

@@ -86,13 +86,13 @@ class Information:
             Samples a block; none crosses a log.
         instruments : (N, n, k), optional
         """
-        wide = W if instruments is None else np.concatenate([instruments, W], axis=2)
+        wide = (W,) if instruments is None else (instruments, W)
         first = np.unique(log, return_index=True)[1]
         ends = [*first[1:], len(log)]
         at = np.array([s for a, b in zip(first, ends, strict=True) for s in range(a, b, size)])
         parts = []
         for a in range(tau.shape[1]):
-            rows = np.column_stack([wide[:, a], tau[:, a]])
+            rows = np.column_stack([*(x[:, a] for x in wide), tau[:, a]])
             seen = np.flatnonzero(rows[:, :-1].any(0))
             basis = choose_basis(rows, seen)
             Z = rows[:, [*seen, -1]] @ invert_basis(basis)

@@ -187,8 +187,13 @@ def _without_pretence(
 
 def _columns(regression: Regression) -> tuple[Array, Array | None]:
     """Return the columns of a regression in memory, (N, n, b), and instruments if it has any."""
-    wide = [c.wide.copy() for part in regression.parts(whole=True) for c in part.chunks()]
-    both = np.concatenate(wide)
+    both, at = np.empty(0), 0
+    for chunk in (c for part in regression.parts(whole=True) for c in part.chunks()):
+        wide = chunk.wide
+        if not at:  # of many joints these are hundreds of megabytes: they are held once
+            both = np.empty((regression.outputs, *wide.shape[1:]))
+        both[at : at + len(wide)] = wide
+        at += len(wide)
     if regression.instruments is None:
         return both, None
     V, W = np.split(both, 2, axis=2)
