@@ -56,11 +56,11 @@ def analyze(who: str, what: str, size: int, *words: str, verb: str = "analyze") 
     return run(who, what, size, argv)
 
 
-def arm_log(folder: Path, samples: int, seed: int) -> str:
+def arm_log(folder: Path, samples: int, seed: int, *, derivatives: bool = False) -> str:
     """Write a log of the arm and return where."""
-    path = folder / f"arm-{samples}-{seed}.parquet"
+    path = folder / f"arm-{samples}-{seed}{'-full' * derivatives}.parquet"
     if not path.exists():
-        long_logs.write_log(path, samples, seed, derivatives=False)
+        long_logs.write_log(path, samples, seed, derivatives=derivatives)
     return str(path)
 
 
@@ -69,6 +69,8 @@ def grow_samples(folder: Path, sizes: Sequence[int]) -> Iterator[Took | None]:
         log = arm_log(folder, size, 0)
         for kind in ESTIMATORS:
             yield analyze(f"analyze, {kind}", "samples", size, "--estimator", kind, ARM, log)
+        words = ("--estimator", "ls", ARM, arm_log(folder, size, 0, derivatives=True))
+        yield analyze("analyze, ls, derivatives given", "samples", size, *words)
         if find_spec("figaroh") is None or size > FIGAROH_MOST:
             continue
         with make_samples(size, 0) as made:
@@ -89,6 +91,7 @@ def grow_joints(folder: Path, sizes: Sequence[int]) -> Iterator[Took | None]:
         for verb in ("prune", "calibrate"):
             words = ("--quick", str(path), str(log))
             yield analyze(f"{verb} --quick", "joints", size, *words, verb=verb)
+        yield analyze("diagnose", "joints", size, str(path), str(log), verb="diagnose")
 
 
 def grow_logs(folder: Path, sizes: Sequence[int]) -> Iterator[Took | None]:
@@ -191,14 +194,14 @@ def main(argv: Sequence[str] | None = None) -> list[Took]:
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / "growth.json")
     parser.add_argument("--full", action="store_true", help="36 joints, 10⁷ samples, 32 logs")
     parser.add_argument("--only", nargs="*", choices=list(GROWING), help="what is to grow")
-    parser.add_argument("--most", type=int, help="no size beyond this")
+    parser.add_argument("--sizes", nargs="+", type=int, help="of what is to grow, instead")
     given = parser.parse_args(argv)
     sizes = FULL if given.full else QUICK
     runs: list[Took] = []
     with tempfile.TemporaryDirectory(prefix="growth-") as folder:
         for what in given.only or GROWING:
-            own = [s for s in sizes[what] if given.most is None or s <= given.most]
-            runs += [r for r in GROWING[what](Path(folder), own) if r is not None]
+            own = GROWING[what](Path(folder), given.sizes or sizes[what])
+            runs += [r for r in own if r is not None]
     write(runs, given.out)
     return runs
 

@@ -143,9 +143,11 @@ class Description:
     @cached_property
     def sha256(self) -> str:
         """Hash of the robot file, what it includes, meshes that weigh, and its sidecar."""
-        from identifiability.robot.mjcf import weighing_files  # noqa: PLC0415 - MuJoCo is large
+        files = (self.path, *included_files(self.path))
+        if self.mjcf:
+            from identifiability.robot.mjcf import weighing_files  # noqa: PLC0415 - MuJoCo is large
 
-        files = (self.path, *included_files(self.path), *weighing_files(self.path))
+            files += weighing_files(self.path)
         digest = hashlib.sha256()
         for file in (*files, self.sidecar) if self.sidecar is not None else files:
             digest.update(file.read_bytes())
@@ -273,9 +275,7 @@ class Description:
     def along(self, axis: Axis, x: Array) -> Array:
         """Return velocities or accelerations (N, nv) of the tree along an axis, (N,)."""
         if axis.row is not None:
-            row = np.zeros(x.shape[1])
-            row[self.actuated] = axis.row
-            return np.asarray(x @ row)
+            return np.asarray(x[:, self.actuated] @ axis.row)
         if axis.weights is None:
             return np.asarray(x[:, axis.dof])
         return np.asarray(x[:, [*map(self.dof_index, axis.weights)]] @ [*axis.weights.values()])

@@ -53,8 +53,6 @@ def weighing_files(path: Path) -> tuple[Path, ...]:
     RobotError
     """
     root = read_markup(path)
-    if root.tag != "mujoco":
-        return ()
     with _refused(path, root):
         return _mesh_files(path, _parse(path, root))
 
