@@ -309,8 +309,6 @@ class Description:
 
         Bodies come in `body_order`, each with its mass last; everything else follows.
         """
-        at = {name: k for k, name in enumerate(names)}
         wanted = [f"{b}.{kind}" for b in self.body_order for kind in INERTIAL]
-        first = [at[w] for w in wanted if w in at]
-        seen = set(first)
-        return first + [k for k in range(len(names)) if k not in seen]
+        rank = {name: k for k, name in enumerate(wanted)}
+        return sorted(range(len(names)), key=lambda k: rank.get(names[k], len(rank)))
