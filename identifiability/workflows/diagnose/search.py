@@ -68,6 +68,7 @@ class Search:
         m, naming = self._name_first(setting, first, told)
         finer = find_finer(m, naming.chosen)
         if finer:
+            del m  # before its like is built: it is most of the memory
             m, naming = self._name_first(replace(setting, finer=finer), first, told)
         if self.earlier is not None:
             naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
