@@ -21,6 +21,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
+from scipy import signal
 
 from identifiability.foundation.output import write_json
 from identifiability.report import Check, Section, frame_table, write_page
@@ -82,14 +83,13 @@ def write_log(path: Path, samples: int, seed: int, *, derivatives: bool) -> None
     rng = np.random.default_rng(seed)
     torques = [c for c in clean.columns if c.endswith(".tau")]
     size = NOISE * clean[torques].std().to_numpy()
-    writer, held = None, np.zeros(len(torques))
+    writer, held = None, np.zeros((1, len(torques)))
     for start in range(0, samples, PERIOD):
         part = clean.iloc[: samples - start].copy()
         part["t"] = step * (start + np.arange(len(part)))
         noise = rng.standard_normal((len(part), len(torques))) * np.sqrt(1 - RHO**2)
-        for row in noise:  # AR(1), across the seams too
-            held = RHO * held + row
-            row[:] = held
+        # AR(1), across the seams too.
+        noise, held = signal.lfilter([1], [1, -RHO], noise, axis=0, zi=held)
         part[torques] += size * noise
         table = pa.Table.from_pandas(part, preserve_index=False)
         if writer is None:
@@ -220,6 +220,7 @@ def main(argv: Sequence[str] | None = None) -> list[Run]:
     parser.add_argument("--only", nargs="*", help="as analyze:1000000, prune:1000000:csv …")
     parser.add_argument("--positions", action="store_true", help="logs without derivatives")
     parser.add_argument("--folder", type=Path, help="where logs are written, and kept")
+    parser.add_argument("--estimator", default="auto", help="of analyze")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args(argv)
     wanted = given.only or [
@@ -236,7 +237,8 @@ def main(argv: Sequence[str] | None = None) -> list[Run]:
             log = folder / f"{kind}-{count}.{form[0] if form else 'parquet'}"
             if not log.exists():
                 write_log(log, int(count), given.seed, derivatives=not given.positions)
-            runs.append(watch([command], log, int(count), folder))
+            words = [command, *(["--estimator", given.estimator] if command == "analyze" else [])]
+            runs.append(watch(words, log, int(count), folder))
             print(runs[-1], flush=True)
     finally:
         if given.folder is None:
