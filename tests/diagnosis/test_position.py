@@ -150,8 +150,8 @@ def test_ripple_of_a_geared_motor_is_named_with_its_period_and_size(tmp_path):
     assert np.arctan2(*placed.values[::-1]) == pytest.approx(0.7, abs=0.08)
 
 
-def test_a_spring_far_from_its_rest_is_an_offset_that_resembles_it():
-    """It hardly differs from one in this motion; it was not listed, as it is asked for later."""
+def test_a_spring_far_from_its_rest_is_told_from_an_offset_by_its_slope():
+    """Of what it adds 99 % is an offset, and the rest is surely there."""
     c = source("two-link")
     q = c.move.q[:, 1]
     hidden = np.zeros_like(c.torque)
@@ -159,8 +159,8 @@ def test_a_spring_far_from_its_rest_is_an_offset_that_resembles_it():
     d = diagnose(
         c.robot, c.logs(hidden, NOISE, np.random.default_rng(1)), forward=False, quick=True
     )
-    (e,) = d.effects
-    assert e.joints == ("elbow",)
-    assert "torque_offset" in {e.name, *e.alternatives}
-    # A spring as large would turn with the position further than this one does.
-    assert e.name == "free_spring" or e.similar["free_spring"] > 0.99
+    ((e, (placed,)),) = [(e, e.placements) for e in d.effects]
+    assert (e.name, e.joints) == ("free_spring", ("elbow",))
+    assert e.similar["torque_offset"] > 0.99
+    slope = placed.values[0], -0.3 / np.ptp(q)
+    assert slope[0] == pytest.approx(slope[1], abs=4 * placed.errors[0])
