@@ -1,5 +1,7 @@
 """Who fits, chooses and verifies; stretches of long logs; motion gaps and false names."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -132,9 +134,13 @@ def test_where_all_speeds_only_touch_zero_nothing_is_looked_at_and_reversals_are
     assert len(moves.tau) == len(moves.motion)
     assert "stops" in moves.notes[-1]
     assert leave_stops(touching_zero(0.0)).notes == ()
-    stopping = samples.motion[np.abs(samples.motion.actuated_v[:, 0]) < 0.02]  # almost nothing else
-    few = Samples("log", stopping, np.zeros((len(stopping), 2)), None, (), "")
-    assert len(leave_stops(few).tau) >= 0.5 * len(stopping)
+    # Where stops are most of what is there they stay; with enough motion beside them they go.
+    still = ~np.isin(samples.motion.t, moves.motion.t)
+    for share, stay in ((0.5, True), (2.0, False)):
+        moving = np.flatnonzero(~still)[: int(share * still.sum())]
+        rows = np.sort(np.concatenate([np.flatnonzero(still), moving]))
+        part = replace(samples, motion=samples.motion[rows], tau=samples.tau[rows])
+        assert (len(leave_stops(part).tau) == len(rows)) == stay
 
 
 def test_a_rate_of_false_names_has_the_interval_of_its_number_of_trials():
