@@ -38,7 +38,7 @@ def find():
 @pytest.fixture(scope="session")
 def paper():
     """The 3-RPS inside the limits of the paper's trajectories."""
-    return excite("3-rps", iterations=5, seed=3)
+    return excite("3-rps", iterations=16)
 
 
 @pytest.fixture(scope="session")

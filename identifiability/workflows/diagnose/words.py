@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.effects import find_family, title_of
+from identifiability.foundation.measured import percent
 from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.findings import Findings, NamedEffect
 from identifiability.workflows.diagnose.motion import join
-from identifiability.workflows.diagnose.words_of_rest import percent, state_remainder
+from identifiability.workflows.diagnose.words_of_rest import state_remainder
 
 #: Similarity from which on a name is said to be hard to tell from another.
 NOTEWORTHY = 0.6

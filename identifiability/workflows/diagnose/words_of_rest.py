@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.estimation.holm import holm
+from identifiability.foundation.measured import percent
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.leftover import LEVEL
 from identifiability.workflows.diagnose.motion import join
@@ -69,13 +70,3 @@ def _looks(d: Findings) -> str:
         return "noise: it depends on none of velocity, position, acceleration, load or time"
     kind = LOOKS.get(where, f"a function of {where}")
     return f"{kind} in {most.joint} ({percent(best, 2)} of its variance)"
-
-
-def percent(x: float, digits: int = 3) -> str:
-    """Return a share in percent with so many digits, never in powers of ten."""
-    if not np.isfinite(x):
-        return "unknown size"
-    if 0 < 100 * x < 1e-3:
-        return "less than 0.001 %"
-    text = f"{100 * x:.{digits}g}"
-    return f"{100 * x:.0f} %" if "e" in text else f"{text} %"

@@ -8,6 +8,7 @@ import pandas as pd
 
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.errors import listing
+from identifiability.foundation.measured import percent
 from identifiability.foundation.output import write_text
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
@@ -165,13 +166,13 @@ def _state_answer(ladder: Ladder) -> str:
             f"Of {len(full)} parameters {len(chosen)} are worth using: "
             f"{listing(chosen.columns, 14)}. "
             f"{_identifiable(ladder)}. They predict unseen motion with an error of "
-            f"{_percent(chosen.error_ra_unseen)}, the unpruned model with "
-            f"{_percent(full.error_ra_unseen)}."
+            f"{percent(chosen.error_ra_unseen)}, the unpruned model with "
+            f"{percent(full.error_ra_unseen)}."
         )
     if np.isfinite(chosen.error_ra_validation):
         text += (
             f" On the logs held out for validation it is "
-            f"{_percent(chosen.error_ra_validation)} against {_percent(full.error_ra_validation)}."
+            f"{percent(chosen.error_ra_validation)} against {percent(full.error_ra_validation)}."
         )
     return f"{text} {state_physics(ladder.robot, ladder.result)}"
 
@@ -182,7 +183,3 @@ def _identifiable(ladder: Ladder) -> str:
     count = ladder.result.count(Class.IDENTIFIABLE)
     total = len(ladder.chosen)
     return "All are identifiable" if count == total else f"{count} of them are identifiable"
-
-
-def _percent(error: float) -> str:
-    return f"{100 * error:.3g} %" if np.isfinite(error) else "unknown size"
