@@ -8,7 +8,7 @@ again. What does not predict motion better that did not choose it is taken out a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,6 +27,7 @@ from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.rows import Candidate, Present
+from identifiability.workflows.diagnose.whole import find_whole, measure_reach
 
 #: Rounds in which shapes are searched again after an addition.
 ROUNDS = 3
@@ -75,6 +76,7 @@ class _Search:
     needed: dict[tuple[str, str], float] = field(default_factory=dict)
     p_values: dict[tuple[str, str], float] = field(default_factory=dict)
     steps: list[Step] = field(default_factory=list)
+    joined: set[str] = field(default_factory=set)
 
     def eligible(self, beside: Sequence[Candidate]) -> list[Candidate]:
         """Return what may stand beside some choices: not yet there, and what it refines is."""
@@ -181,6 +183,21 @@ class _Search:
         self.barred.update(worse[-1:])
         return bool(worse)
 
+    def join(self) -> None:
+        """Give one name to what several were needed to say."""
+        reach = measure_reach(self.bench.rows.D)
+        while len(self.chosen) > 1:
+            options = self.eligible(self.chosen)
+            found = find_whole(self.chosen, options, reach, self.score, self.held, self.rules.gain)
+            if found is None:
+                break
+            whole, parts = found
+            p = [self.p_values[c.group] for c in parts if c.group in self.p_values]
+            self.p_values[whole.group] = max(p, default=np.nan)
+            self.needed[whole.group] = max(self.needed.get(c.group, 0.0) for c in parts)
+            self.joined.update(c.family.name for c in parts)
+            self.chosen = [*(c for c in self.chosen if c not in parts), whole]
+
     def tidy(self) -> None:
         """Drop what no longer stands out beside the rest, or has a sign that cannot be."""
         for c in list(self.chosen):
@@ -255,18 +272,21 @@ def name_effects(
         seen.append(now)
     search.chosen = best
     search.whiten(best)
+    search.join()
     for _ in range(ROUNDS):
         search.chosen = keep_useful(held, search.chosen, rules)
         search.tidy()
     useful = search.chosen
     search.chosen = keep_possible(held, useful, candidates, rules)
     search.tidy()
-    withdrawn = {c.family.name for c in useful if c not in search.chosen}
-    steps = tuple(_judge(step, search.chosen, withdrawn) for step in search.steps)
+    why = dict.fromkeys(search.joined, "one effect explains what it and others do")
+    withdrawn = [c.family.name for c in useful if c not in search.chosen]
+    why |= dict.fromkeys(withdrawn, "its gain vanishes once bodies must be possible")
+    steps = tuple(_judge(step, search.chosen, why) for step in search.steps)
     return Naming(tuple(search.chosen), dict(search.p_values), steps)
 
 
-def _judge(step: Step, chosen: Sequence[Candidate], withdrawn: Collection[str]) -> Step:
+def _judge(step: Step, chosen: Sequence[Candidate], why: Mapping[str, str]) -> Step:
     """Return a step with what became of its effect."""
     if step.reason:
         return step
@@ -274,7 +294,4 @@ def _judge(step: Step, chosen: Sequence[Candidate], withdrawn: Collection[str]) 
     there = {c.group for c in chosen} | {(c.family.name, EVERYWHERE) for c in chosen}
     if (name, place) in there:
         return replace(step, accepted=True, reason="named")
-    reason = "it does not predict unseen motion better"
-    if name in withdrawn:
-        reason = "its gain vanishes once bodies must be possible"
-    return replace(step, reason=reason)
+    return replace(step, reason=why.get(name, "it does not predict unseen motion better"))
