@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.foundation.linalg import few_at_once
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import (
@@ -43,7 +42,8 @@ class Alias:
     ----------
     family, place : str
     remaining : float
-        Root mean square of what is left, as a share of the candidate's own.
+        Root mean square of what is left, as a share of the candidate's own; of several columns
+        the largest share of all that they can be.
     behind : tuple of str
         Parameters that make up what is not left, the largest first.
     structural : bool
@@ -61,6 +61,9 @@ def find_aliases(
     rows: Rows, candidates: Sequence[Candidate], names: Sequence[str], share: float
 ) -> list[Alias]:
     """Return one entry for every family and place, that of its most visible shape.
+
+    Of several columns together it is the most visible of all torques that they can make: how much
+    of a spring is gravity must not hang on where its position is counted from.
 
     Parameters
     ----------
@@ -83,22 +86,19 @@ def find_aliases(
     _, X, D = rows.stack(parts)
     X = unit_columns(X[:, :b])
     inverse = np.linalg.pinv(X, rcond=1e-8)
-    value, left = np.empty((b, D.width)), np.empty(D.width)
-    for few in few_at_once(D.width, X[:, 0].nbytes if b else 0):
-        own = unit_columns(D[:, range(D.width)[few]])
-        value[:, few] = inverse @ own
-        left[few] = np.linalg.norm(own - X @ value[:, few], axis=0)
-    seen = np.round(left, DECIMALS)
     out: dict[tuple[str, str], Alias] = {}
     for c in candidates:
-        at = c.columns[int(np.argmax(seen[list(c.columns)]))]
-        if c.group in out and round(out[c.group].remaining, DECIMALS) >= seen[at]:
+        vectors, s, _ = np.linalg.svd(unit_columns(D[:, list(c.columns)]), full_matrices=False)
+        own = vectors[:, s > NEGLIGIBLE]
+        value = inverse @ own
+        left = float(np.linalg.svd(own - X @ value, compute_uv=False).max(initial=0.0))
+        if c.group in out and round(out[c.group].remaining, DECIMALS) >= round(left, DECIMALS):
             continue
-        size = np.abs(value[:, at])
+        size = np.linalg.norm(value, axis=1)
         size = np.round(size / (size.max(initial=0.0) or 1.0), DECIMALS)
         order = [k for k in np.argsort(-size, kind="stable")[:3] if size[k] > 0.1]
         behind = tuple(names[k] for k in order)
-        out[c.group] = Alias(*c.group, float(left[at]), behind, bool(left[at] < share))
+        out[c.group] = Alias(*c.group, left, behind, left < share)
     return list(out.values())
 
 

@@ -238,6 +238,15 @@ def test_an_alias_is_what_the_model_contains_but_for_three_per_cent(rng, rows_of
     shapes = [candidate("f", "j", 0, shape=1.0), candidate("f", "j", 3, 0, shape=2.0)]
     (alias,) = find_aliases(rows, shapes, ("x0", "x1"), 0.03)
     assert alias.remaining == pytest.approx(1.0)
+    # Of two columns together it is the most visible of all that they can be, whatever is added to
+    # one of them of the other: a spring is no less visible where its rest is far away.
+    for rest in (0.0, 1.0, 300.0):
+        D[:, :, 3] = (e[3] + rest * e[1]) * size
+        pair = candidate("f", "j", 0, 3)
+        D[:, :, 0] = mixed(0.0) * size
+        (alias,) = find_aliases(rows_of(tau, X, D), [pair], ("x0", "x1"), 0.03)
+        assert alias.remaining == pytest.approx(1.0)
+        assert not alias.structural
     # Rounding decides no tie: of shapes that are wholly hidden the first is told, of parameters
     # that say as much of it the first.
     for turn in (1.0, -1.0):
