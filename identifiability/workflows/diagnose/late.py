@@ -19,7 +19,8 @@ from identifiability.workflows.diagnose.gates import Chosen, Naming
 from identifiability.workflows.diagnose.held_out import Gain, HeldOut, gain_of
 from identifiability.workflows.diagnose.leftover import Remains
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
-from identifiability.workflows.diagnose.naming import Say, find_same, name_effects
+from identifiability.workflows.diagnose.naming import Say, name_effects
+from identifiability.workflows.diagnose.options import find_same
 from identifiability.workflows.diagnose.residual import find_discrepancies
 from identifiability.workflows.diagnose.rows import Candidate
 
@@ -88,7 +89,12 @@ def name_late(
     named = any(c.family.late for c in again.chosen)
     if named and predicts_better(material.held, naming, wider.held, again, rules.gain):
         return wider, again
-    # No late name is given, but each may be another name for what is: its rival.
+    # No late name is given, but each may be another name for what is: its rival. Where fewer names
+    # say it, beside noise that is fitted beside all families, it is these.
+    if not named and len(again.chosen) < len(naming.chosen):
+        least = max(naming.p_values.values(), default=np.nan)  # of what is now one
+        p_values = {c.group: naming.p_values.get(c.group, least) for c in again.chosen}
+        return wider, replace(again, p_values={**p_values, **again.p_values})
     start = [find_same(c, wider.candidates) for c in naming.chosen]
     return wider, merge_springs(replace(naming, chosen=tuple(start)), wider.candidates)
 

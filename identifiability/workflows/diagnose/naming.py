@@ -8,12 +8,11 @@ again. What does not predict motion better that did not choose it is taken out a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identifiability.foundation.names import Array
 from identifiability.workflows.diagnose.evidence import Bench, Scores, Whitened, score_candidates
 from identifiability.workflows.diagnose.gates import (
     Naming,
@@ -26,41 +25,19 @@ from identifiability.workflows.diagnose.gates import (
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Rules
+from identifiability.workflows.diagnose.options import (
+    EVERYWHERE,
+    best_by_group,
+    list_options,
+    price,
+    signature,
+)
 from identifiability.workflows.diagnose.rows import Candidate, Present
 from identifiability.workflows.diagnose.whole import find_whole, measure_reach
 
 #: Rounds in which shapes are searched again after an addition.
 ROUNDS = 3
-#: Price of an effect that only some joints have, beside one that every joint has.
-SPECIAL = 1.5
-#: The place of an option that is in all places of its family.
-EVERYWHERE = "all joints"
-
 Say = Callable[[str, float], None]
-
-
-def price(c: Candidate) -> float:
-    """Return what its fit is divided by: columns at a place, more for what not every joint has.
-
-    Between two that explain about the same, the simpler one goes first; it is dropped again if
-    the other one turns out to be needed in its stead.
-    """
-    return len(c.kinds) * (1.0 if c.family.basic else SPECIAL)
-
-
-def list_options(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return what a step can add: every candidate, then every family and shape everywhere."""
-    out = list(candidates)
-    shared: dict[tuple[str, tuple[str, ...], int], list[Candidate]] = {}
-    count: dict[tuple[str, str, tuple[str, ...]], int] = {}
-    for c in candidates:
-        at = count[c.slot] = count.get(c.slot, -1) + 1
-        shared.setdefault((c.family.name, c.kinds, at), []).append(c)
-    for same in shared.values():
-        if len(same) > 1 and not same[0].family.unnamed:
-            columns = tuple(k for c in same for k in c.columns)
-            out.append(replace(same[0], place=EVERYWHERE, columns=columns, members=tuple(same)))
-    return out
 
 
 @dataclass
@@ -89,6 +66,16 @@ class _Search:
         """Return the scores of options beside some choices."""
         return score_candidates(self.white, self.white.columns(beside), options, null=False)
 
+    def level(self, draws: int) -> float:
+        """Return the family-wise level of the next name.
+
+        The first one is asked whether anything is missing at all. Whether there is a second cause
+        beside one is a question between two models, as that between two names is, and takes what
+        decides there, or the most that so many draws can say.
+        """
+        decisive = max(float(np.exp(-DECISIVE)), 1.0 / (1 + draws))
+        return min(self.rules.level, decisive) if self.chosen else self.rules.level
+
     def step(self) -> bool:
         """Try to add one effect; return whether one was added."""
         options = [
@@ -102,7 +89,8 @@ class _Search:
         if top == -np.inf:  # all that could be added is in the model already
             return False
         p = float((1 + np.count_nonzero(highest >= top)) / (1 + len(highest)))
-        critical = float(np.quantile(highest, 1 - self.rules.level))
+        level = self.level(len(highest))
+        critical = float(np.quantile(highest, 1 - level))
         # Of what stands out from the noise, the best fit for its columns at a place has the name;
         # a family is everywhere where that explains decisively more than it does at one place.
         everywhere = np.array([bool(o.members) for o in options])
@@ -115,12 +103,12 @@ class _Search:
             p_value=p,
             reason="no candidate stands out from the noise",
         )
-        if p > self.rules.level:
+        if p > level:
             self.steps.append(step)
             return False
         members = best.members or (best,)
         # A member of a family that was added everywhere needs to stand out among these only.
-        limit = float(-np.log(self.rules.level / len(members))) if best.members else critical
+        limit = float(-np.log(level / len(members))) if best.members else critical
         for c in members:
             self.needed[c.group] = min(limit, self.needed.get(c.group, limit))
             self.p_values[c.group] = min(p, self.p_values.get(c.group, p))
@@ -192,8 +180,9 @@ class _Search:
             if found is None:
                 break
             whole, parts = found
-            p = [self.p_values[c.group] for c in parts if c.group in self.p_values]
-            self.p_values[whole.group] = max(p, default=np.nan)
+            known = [self.p_values[c.group] for c in parts if c.group in self.p_values]
+            if known:
+                self.p_values[whole.group] = max(known)
             self.needed[whole.group] = max(self.needed.get(c.group, 0.0) for c in parts)
             self.joined.update(c.family.name for c in parts)
             self.chosen = [*(c for c in self.chosen if c not in parts), whole]
@@ -205,29 +194,6 @@ class _Search:
             score = float(self.score(rest, [c]).data[0])
             if score < self.needed.get(c.group, 0.0) or c not in self.eligible(rest):
                 self.chosen = rest
-
-
-def signature(chosen: Sequence[Candidate]) -> set[tuple[str, str, tuple[str, ...]]]:
-    """Return what is in a set of candidates, whatever the shapes."""
-    return {c.slot for c in chosen}
-
-
-def find_same(c: Candidate, candidates: Iterable[Candidate]) -> Candidate:
-    """Return the candidate that is the same effect with the same shape."""
-    own = [c.shape, len(c.columns)]
-    return next(
-        o
-        for o in candidates
-        if o.slot == c.slot and np.array_equal([o.shape, len(o.columns)], own, equal_nan=True)
-    )
-
-
-def best_by_group(options: Sequence[Candidate], scores: Array) -> dict[tuple[str, str], float]:
-    """Return the best score of every family and place."""
-    out: dict[tuple[str, str], float] = {}
-    for o, s in zip(options, scores, strict=True):
-        out[o.group] = max(out.get(o.group, 0.0), float(s))
-    return out
 
 
 def name_effects(

@@ -21,7 +21,8 @@ from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, ke
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.late import gain_over, what_is_left
 from identifiability.workflows.diagnose.material import DRAWS, Material, gather
-from identifiability.workflows.diagnose.naming import Say, find_same, name_effects, signature
+from identifiability.workflows.diagnose.naming import Say, name_effects
+from identifiability.workflows.diagnose.options import find_same, signature
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Steps of the search, and names that are said beside a function.

@@ -21,13 +21,14 @@ def search(monkeypatch, candidate):
     rules, structure = Rules(level=0.04), SimpleNamespace(present=())
     material = SimpleNamespace(setting=SimpleNamespace(rules=rules, structure=structure), held=None)
 
-    def run(refused, found, named=()):
+    def run(refused, found, named=(), pass_late=True):
         asked = []
 
         def name_effects(bench, options, held, rules, present, say, start):
             asked.append(([*map(every.index, options)], [*map(every.index, start)], rules.level))
             step = Step({}, 1.0, ("missing", "j"), 0.01 * len(asked))
-            return Naming((missing,) * found, {("missing", str(len(asked))): 0.01}, (step,))
+            chosen = (missing if pass_late else other,) * found
+            return Naming(chosen, {("missing", str(len(asked))): 0.01}, (step,))
 
         told = {
             "name_effects": name_effects, "find_families": lambda _: families,
@@ -38,7 +39,8 @@ def search(monkeypatch, candidate):
             monkeypatch.setattr(late, name, stub)
         given = [like][:refused]
         rng = np.random.default_rng(0)
-        before = Naming(tuple(every[k] for k in named), {}, ())
+        p_values = {("like", "j"): 0.01, ("other", "j"): 0.02}
+        before = Naming(tuple(every[k] for k in named), {} if pass_late else p_values, ())
         return asked, late.name_late(material, before, (), rng, refused=given)[1]
 
     return run
@@ -52,6 +54,18 @@ def test_what_resembles_a_late_name_waits_for_it_in_a_joint_where_a_name_was_ref
     # Where nothing late is there all stay out but what is named; where nothing was refused none do.
     assert search(refused=1, found=0, named=[2])[0] == [([1, 2, 3], [2], 0.04)]
     assert search(refused=0, found=1)[0] == [([0, 1, 2, 3], [], 0.04)]
+
+
+def test_fewer_names_of_the_second_pass_take_the_place_of_those_of_the_first(search):
+    """Without a late one among them; as many names are those of the first pass."""
+    first = ["like", "other"]
+    for found, kept in ((1, ["other"]), (2, first), (3, first)):
+        asked, naming = search(refused=0, found=found, named=[0, 2], pass_late=False)
+        assert len(asked) == 1
+        assert [c.family.name for c in naming.chosen] == kept
+    # What was joined has the p-value of the least sure of what it was.
+    _, naming = search(refused=0, found=1, named=[0, 2], pass_late=False)
+    assert naming.p_values["other", "j"] == 0.02
 
 
 @pytest.mark.parametrize(
