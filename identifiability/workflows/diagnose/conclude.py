@@ -18,8 +18,8 @@ from identifiability.workflows.diagnose.findings import (
     Placement,
     Verified,
 )
+from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
-from identifiability.workflows.diagnose.held_out import Gap
 from identifiability.workflows.diagnose.leftover import Remains
 from identifiability.workflows.diagnose.lookalikes import find_rivals, leave_to_model
 from identifiability.workflows.diagnose.material import Material
@@ -30,7 +30,8 @@ from identifiability.workflows.diagnose.residual import (
     smallest_sizes,
 )
 from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.shown import Shown
+from identifiability.workflows.diagnose.shown import Both, Shown
+from identifiability.workflows.diagnose.unnamed import SHARE
 from identifiability.workflows.diagnose.values import measure_strength, solve_chosen, undetermined
 
 #: Score that an effect must reach where no step was made that says so.
@@ -40,8 +41,8 @@ CRITICAL = 8.0
 def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis:
     """Return the diagnosis: refit, rungs of added effects, errors on unseen motion, remainder.
 
-    What the motion that verifies surely contradicts, all of a family or at one of its places, is
-    taken out, one after the other.
+    What the motion that verifies surely contradicts, or makes what noise does too often, all of a
+    family or at one of its places, is taken out, one after the other.
     """
     structure, refuted = m.setting.structure, []
     (apart,) = rng.spawn(1)
@@ -95,24 +96,33 @@ def _verify(
     if m.held.real is not None:
         real = m.held.gap(rungs, real=True).relative_error().tolist()
     placed = _place(m, naming, fitted[:, :, -1])
+    rests = [[c for c in naming.chosen if c.family.name != name] for name in order]
+    beside = gap if len(order) < 2 else m.held.gap([*rests, naming.chosen])
     effects = []
     for k, name in enumerate(order):
         own = [at for at, c in enumerate(naming.chosen) if c.family.name == name]
+        places = [placed[at][0] for at in own]
+        unnamed = naming.chosen[own[0]].family.unnamed
         effect = NamedEffect(
             name=name,
             title=naming.chosen[own[0]].family.title,
-            placements=tuple(placed[at][0] for at in own),
+            placements=tuple(places),
             before=errors[k],
             after=errors[k + 1],
             interval=gap.interval(k, k + 1, rng),
             joints_before=joints[k],
             joints_after=joints[k + 1],
             joints_interval=gap.interval_over_joints(k, k + 1, rng),
-            shown=_show(gap, m, [placed[at][0] for at in own], k, k + 1, apart),
+            shown=_show(gap, m, places, k, k + 1, apart),
             real=(real[k], real[k + 1]),
-            unnamed=naming.chosen[own[0]].family.unnamed,
-            rare=naming.chosen[own[0]].family.unnamed or naming.chosen[own[0]].family.late,
+            unnamed=unnamed,
+            rare=unnamed or naming.chosen[own[0]].family.late,
             nearest=tuple(n for at in own for n in naming.nearest.get(naming.chosen[at].group, ())),
+            both=Both(
+                p_value=max(p.p_value for p in places),
+                evidence=beside.at(_seen(m, places)).evidence(_noise(m, places), k, len(order)),
+                level=m.setting.rules.level * (SHARE if unnamed else 1.0),
+            ),
         )
         effects.append(effect)
     return Verified(
@@ -151,6 +161,11 @@ def _each_place(
             joints_interval=gap.interval_over_joints(k, last, rng),
             shown=_show(gap, m, own[k], k, last, rng),
             real=(float("nan"), float("nan")),
+            both=replace(
+                e.both,
+                p_value=max(p.p_value for p in own[k]),
+                evidence=gap.at(_seen(m, own[k])).evidence(_noise(m, own[k]), k, last),
+            ),
         )
         for k, (e, _) in enumerate(units)
     ]
@@ -164,14 +179,8 @@ def _show(
     second: int,
     rng: np.random.Generator,
 ) -> Shown:
-    """Return what a gap shows from one model to another at the joints of some places.
-
-    Of what is at no single joint it is all joints.
-    """
-    joints, places = m.setting.structure.robot.joints, [p.place for p in placements]
-    at = [k for k, joint in enumerate(joints) if joint in places]
-    seen = at if set(places) <= set(joints) else list(range(len(joints)))
-    own = gap.at(seen)
+    """Return what a gap shows from one model to another at the joints of some places."""
+    own = gap.at(_seen(m, placements))
     errors = own.error_over_joints().tolist()
     return Shown(
         before=errors[first],
@@ -179,8 +188,19 @@ def _show(
         interval=own.interval_over_joints(first, second, rng),
         expected=own.expected_change(first, second),
         strength=float(np.linalg.norm([p.strength for p in placements])),
-        news=own.news(ARNoise(tuple(m.noise.joints[k] for k in seen)), first, second, rng),
+        news=own.news(_noise(m, placements), first, second, rng),
     )
+
+
+def _seen(m: Material, placements: Sequence[Placement]) -> list[int]:
+    """Return the joints of some places; of what is at no single joint it is all joints."""
+    joints, places = m.setting.structure.robot.joints, [p.place for p in placements]
+    at = [k for k, joint in enumerate(joints) if joint in places]
+    return at if set(places) <= set(joints) else list(range(len(joints)))
+
+
+def _noise(m: Material, placements: Sequence[Placement]) -> ARNoise:
+    return ARNoise(tuple(m.noise.joints[k] for k in _seen(m, placements)))
 
 
 def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement, Curve]]:

@@ -11,14 +11,17 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import ForwardGap
+from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.gates import Nearest, Step, Survival
-from identifiability.workflows.diagnose.held_out import Gap
 from identifiability.workflows.diagnose.lookalikes import Alias, Rival
 from identifiability.workflows.diagnose.material import Setting
 from identifiability.workflows.diagnose.residual import Discrepancy, Remainder
 from identifiability.workflows.diagnose.rows import Refusal
-from identifiability.workflows.diagnose.shown import Shown
+from identifiability.workflows.diagnose.shown import Both, Shown
 from identifiability.workflows.diagnose.turns import Turn
+
+#: Of an effect without a p-value nothing is asked.
+UNASKED = Both(float("nan"), 0.0, float("nan"))
 
 
 @frozen
@@ -120,6 +123,8 @@ class NamedEffect:
         of a family of the second pass.
     nearest : tuple of Nearest
         Names that were refused in its stead.
+    both : Both
+        What fitted and unseen motion say of it beside all else that was named.
     """
 
     name: str
@@ -136,6 +141,7 @@ class NamedEffect:
     unnamed: bool = False
     rare: bool = False
     nearest: tuple[Nearest, ...] = ()
+    both: Both = UNASKED
 
     @property
     def confirmed(self) -> bool:
@@ -147,12 +153,16 @@ class NamedEffect:
     def refuted(self) -> bool:
         """Whether the motion that verifies contradicts it.
 
-        It surely has more error with it, or what is shown where it is contradicts it. What is rare
-        must be confirmed by motion that can; a function without a name by any.
+        It surely has more error with it, or what is shown where it is contradicts it, or noise
+        makes the like too often. What is rare must be confirmed by motion that can; a function
+        without a name by any, or be likely with no more error.
         """
         if self.confirmed:
             return False
-        needed = self.unnamed or (self.rare and self.shown.telling)
+        if self.both.unlikely:
+            return True
+        likely = self.both.likely and self.shown.after <= self.shown.before
+        needed = not likely if self.unnamed else self.rare and self.shown.telling
         return needed or self.joints_interval[0] > 0 or self.shown.contradicts
 
     @property

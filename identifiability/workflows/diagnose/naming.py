@@ -187,6 +187,13 @@ class _Search:
             self.joined.update(c.family.name for c in parts)
             self.chosen = [*(c for c in self.chosen if c not in parts), whole]
 
+    def use(self) -> list[Candidate]:
+        """Keep what predicts better and stands out beside the rest; return it."""
+        for _ in range(ROUNDS):
+            self.chosen = keep_useful(self.held, self.chosen, self.rules)
+            self.tidy()
+        return self.chosen
+
     def tidy(self) -> None:
         """Drop what no longer stands out beside the rest, or has a sign that cannot be."""
         for c in list(self.chosen):
@@ -239,12 +246,9 @@ def name_effects(
     search.chosen = best
     search.whiten(best)
     search.join()
-    for _ in range(ROUNDS):
-        search.chosen = keep_useful(held, search.chosen, rules)
-        search.tidy()
-    useful = search.chosen
+    useful = search.use()
     search.chosen = keep_possible(held, useful, candidates, rules)
-    search.tidy()
+    search.use()  # what is left must be useful without what has gone, too
     why = dict.fromkeys(search.joined, "one effect explains what it and others do")
     withdrawn = [c.family.name for c in useful if c not in search.chosen]
     why |= dict.fromkeys(withdrawn, "its gain vanishes once bodies must be possible")
@@ -256,8 +260,7 @@ def _judge(step: Step, chosen: Sequence[Candidate], why: Mapping[str, str]) -> S
     """Return a step with what became of its effect."""
     if step.reason:
         return step
-    name, place = step.best
     there = {c.group for c in chosen} | {(c.family.name, EVERYWHERE) for c in chosen}
-    if (name, place) in there:
+    if step.best in there:
         return replace(step, accepted=True, reason="named")
-    return replace(step, reason=why.get(name, "it does not predict unseen motion better"))
+    return replace(step, reason=why.get(step.best[0], "it does not predict unseen motion better"))

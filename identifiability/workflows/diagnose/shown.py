@@ -1,7 +1,12 @@
-"""`Shown`: what the motion that verifies says of an effect, where the effect is."""
+"""What the motion that verifies says of an effect, where it is, and both motions together."""
+
+import numpy as np
 
 from identifiability.foundation.shares import REACH
 from identifiability.foundation.values import frozen
+
+#: Evidence beyond which more changes nothing [nats].
+MOST = 500.0
 
 
 @frozen
@@ -56,3 +61,43 @@ class Shown:
         """
         low, high = self.interval
         return high - low < -self.expected
+
+
+@frozen
+class Both:
+    """What the fitted motion and the one that verifies say of an effect together.
+
+    Attributes
+    ----------
+    p_value : float
+        Family-wise, of the fitted motion.
+    evidence : float
+        Logarithm of the likelihood ratio of the motion that verifies: the model with the effect as
+        it was fitted over that without it.
+    level : float
+        Most chance with which it is given.
+    """
+
+    p_value: float
+    evidence: float
+    level: float
+
+    @property
+    def chance(self) -> float:
+        """The p-value of both: the one over the other's likelihood ratio.
+
+        If noise alone made the effect, that ratio is one in the mean whatever was fitted elsewhere,
+        so that it may weigh a p-value [Wasserman, Ramdas & Balakrishnan 2020; Ignatiadis, Wang &
+        Ramdas 2024].
+        """
+        return self.p_value * float(np.exp(np.clip(-self.evidence, -MOST, MOST)))
+
+    @property
+    def unlikely(self) -> bool:
+        """Whether noise makes the like too often; not where no p-value is known."""
+        return self.chance > self.level
+
+    @property
+    def likely(self) -> bool:
+        """Whether noise does not, and the motion that verifies speaks for it by itself, too."""
+        return self.chance <= self.level and self.evidence > 0

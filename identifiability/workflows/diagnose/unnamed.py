@@ -2,8 +2,9 @@
 
 A third pass, beside what was named: smooth functions of velocity, load, time, another joint's
 velocity, or of two of these with the position, at a stricter level and by the same gates. A name
-that such a function makes needless did not fit. Functions are named where nothing else is, so
-they must be confirmed by the motion that verifies, not only not refuted.
+that such a function makes needless, or beside which one at its place surely explains more, did
+not fit. Functions are named where nothing else is, so they must be confirmed by the motion that
+verifies, or likely by both motions together, not only not refuted.
 """
 
 from __future__ import annotations
@@ -68,7 +69,12 @@ def name_unnamed(
     found: tuple[float, Naming] | None = None
     before, curves = naming.chosen, several_curves(naming.chosen)
     early = tuple(c for c in before if not c.family.late)
-    for known in dict.fromkeys((before, early, tuple(c for c in before if c not in curves))):
+    own = [find_same(c, wider.candidates) for c in before]
+    fits = keep_fitting(wider, own, rules.level)
+    fitting = tuple(c for c, same in zip(before, own, strict=True) if same in fits)
+    for known in dict.fromkeys(
+        (before, early, tuple(c for c in before if c not in curves), fitting)
+    ):
         start = [find_same(c, wider.candidates) for c in known]
         start += _begin(wider, start, told)
         taken = signature(start)
@@ -79,13 +85,13 @@ def name_unnamed(
         if not any(c.family.unnamed for c in again.chosen) or basic - signature(again.chosen):
             continue
         gain = gain_over(material.held, naming, wider.held, again)
-        # Beside a name that does not fit a function need not predict better, only not surely
-        # worse; in the stead of late names that nothing spoke against it must predict better.
+        # Beside or in the stead of a name that does not fit a function need not predict better,
+        # only not surely worse; in that of late names that nothing spoke against it must.
         least = max(setting.rules.gain, gain.error)
         if not signature(known) <= signature(again.chosen):
             least = -gain.error
         if known != before:
-            least = max(least, 0.0) if known == early else -gain.error
+            least = max(least, 0.0) if known == early != fitting else -gain.error
         if gain.share > max(least, -np.inf if found is None else found[0]):
             found = gain.share, again
     if found is None:
@@ -114,6 +120,23 @@ def several_curves(named: Sequence[Candidate]) -> Chosen:
     own = [c for c in own if not (c.family.late or c.family.origin)]
     places = [c.place for c in own]
     return [c for c in own if places.count(c.place) > 1]
+
+
+def keep_fitting(m: Material, named: Sequence[Candidate], level: float) -> tuple[Candidate, ...]:
+    """Return names without those in whose joint a function surely explains what they leave.
+
+    A true law leaves nothing: the test of its lack of fit [Fisher 1922], against the functions at
+    its place alone. Among those of all joints it would have to stand out from noise elsewhere.
+    """
+    white, doubted = m.bench.whiten(m.bench.misfit(m.held.fitted_residual(named))), set()
+    for place in {c.place for c in named if not c.family.basic}:
+        options = [c for c in m.candidates if c.family.unnamed and c.place == place]
+        if options:
+            scores = score_candidates(white, white.columns(named), options)
+            highest, top = scores.null.max(0), scores.data.max()
+            if 1 + np.count_nonzero(highest >= top) <= level * (1 + len(highest)):
+                doubted.add(place)
+    return tuple(c for c in named if c.family.basic or c.place not in doubted)
 
 
 def _begin(

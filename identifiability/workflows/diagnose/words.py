@@ -197,9 +197,9 @@ def _state_nearest(e: NamedEffect) -> str:
 def _caveats(e: NamedEffect) -> list[Remark]:
     title, out = e.title[0].upper() + e.title[1:], []
     if e.unnamed:
-        return [Remark("Without a name", _state_nearest(e))]
+        out.append(Remark("Without a name", _state_nearest(e)))
     name, similarity = next(iter(e.similar.items()), ("", 0.0))  # the most similar
-    if similarity > NOTEWORTHY and not e.alternatives:
+    if similarity > NOTEWORTHY and not (e.alternatives or e.unnamed):
         out.append(Remark("Resembles", _state_resembling(e, name, similarity)))
     if not e.confirmed:
         text = (

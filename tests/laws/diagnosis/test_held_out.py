@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
-from identifiability.workflows.diagnose.held_out import Gap, HeldOut
+from identifiability.workflows.diagnose.gap import Gap
+from identifiability.workflows.diagnose.held_out import HeldOut
 
 
 @pytest.fixture

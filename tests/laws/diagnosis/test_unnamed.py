@@ -1,0 +1,150 @@
+"""What takes the place of a name: functions where it does not fit, nothing where noise made it."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.workflows.diagnose import unnamed
+from identifiability.workflows.diagnose.findings import NamedEffect
+from identifiability.workflows.diagnose.gap import Gap
+from identifiability.workflows.diagnose.gates import Naming
+from identifiability.workflows.diagnose.held_out import Gain, HeldOut
+from identifiability.workflows.diagnose.material import Rules
+from identifiability.workflows.diagnose.naming import name_effects
+from identifiability.workflows.diagnose.shown import Both, Shown
+
+
+@pytest.mark.parametrize(
+    ("levels", "fits"), [((20.0, 0.0), True), ((20.0, 12.0), False), ((20.0, 2.0), True)]
+)
+def test_a_name_fits_unless_a_function_at_its_place_surely_explains_what_it_leaves(
+    world, candidate, levels, fits
+):
+    e = world.basis
+    noise = np.random.default_rng(1).standard_normal(world.rows)
+    rows = world.make(e[:, :2] @ levels + noise - e @ (e.T @ noise), list(e[:, :3].T))
+    name, function = candidate("a", "j", 0), candidate("f", "j", 0, 1, 2, unnamed=True)
+    every = candidate("dry", "j", 0, basic=True)
+    away = [candidate(f"g{k}", "l", 1, 2, unnamed=True) for k in range(3)]
+    m = SimpleNamespace(bench=world.bench(rows, 199), held=world.held(rows))
+    m.candidates = (name, function, *away)
+    assert unnamed.keep_fitting(m, [name], 0.01) == (name,) * fits
+    # Functions elsewhere ask nothing of it, and what every joint has is there whatever else is.
+    m.candidates = (name, *away)
+    assert unnamed.keep_fitting(m, [name], 0.01) == (name,)
+    m.candidates = (every, function)
+    assert unnamed.keep_fitting(m, [every], 0.01) == (every,)
+
+
+@pytest.mark.parametrize(
+    ("late", "fits", "share", "given"),
+    [(False, True, 0.5, False), (False, False, -0.01, True), (False, False, -0.03, False),
+     (True, True, 0.01, False), (True, True, 0.03, True), (True, False, -0.01, True),
+     (True, False, -0.03, False)],
+)  # fmt: skip
+def test_a_function_in_the_stead_of_a_name_that_does_not_fit_is_only_not_surely_worse(
+    monkeypatch, candidate, late, fits, share, given
+):
+    """Gains are known to 0.02. In the stead of a late name that fits it must surely be better."""
+    name, function = candidate("a", "j", 0, late=late), candidate("f", "j", 1, unnamed=True)
+    wider = SimpleNamespace(candidates=(name, function), bench=None, held=None)
+    structure = SimpleNamespace(present=())
+    setting = SimpleNamespace(rules=Rules(), structure=structure)
+    material = SimpleNamespace(setting=setting, held=None, candidates=(name, function))
+
+    def search(bench, options, held, rules, present, say, start):
+        return Naming(tuple(start) or (function,), {}, ())
+
+    told = {
+        "find_families": lambda _: [function.family], "gather": lambda *_: wider,
+        "what_is_left": lambda *_: True, "name_effects": search, "_extend": lambda m, *_: m,
+        "_begin": lambda *_: [],
+        "keep_fitting": lambda m, named, level: tuple(named) * fits, "_nearest": lambda *_: (),
+        "gain_over": lambda *_: Gain(share, 0.02),
+    }  # fmt: skip
+    for what, stub in told.items():
+        monkeypatch.setattr(unnamed, what, stub)
+    before = Naming((name,), {}, ())
+    found = unnamed.name_unnamed(material, before, (), np.random.default_rng(0))[1]
+    assert found.chosen == ((function,) if given else (name,))
+
+
+def test_what_is_useful_beside_what_cannot_be_is_asked_again_without_it(world, candidate):
+    errors = {(): 1.0, ("a",): 1.1, ("b",): 0.9, ("a", "b"): 0.5}
+    possible = {(): 1.0, ("a",): 0.9, ("b",): 1.0, ("a", "b"): 0.899}
+
+    class Told(HeldOut):
+        """Where bodies must be possible the second one gains nothing."""
+
+        def errors(self, chosen, *, real=False, beside=None):
+            names = tuple(sorted(c.family.name for c in chosen))
+            return np.full(100, (possible if real else errors)[names])
+
+    e = world.basis
+    rows = world.make(e[:, :2] @ [60.0, 40.0], [e[:, 0], e[:, 1]])
+    held = Told(train=rows, choosing=replace(rows), real=object())
+    options = [candidate("a", "j", 0), candidate("b", "j", 1)]
+    assert name_effects(world.bench(rows, 99), options, held, Rules()).chosen == ()
+    errors["a",] = 0.95
+    assert name_effects(world.bench(rows, 99), options, held, Rules()).chosen == (options[0],)
+
+
+@pytest.fixture
+def gap_of(white_noise):
+    """The gap of one joint with residuals before and after (N,), and the evidence in it."""
+
+    def evidence(before, after, sigma=1.0, left=1e9):
+        rows = SimpleNamespace(measured=np.zeros((len(before), 1)), runs=[(0, len(before))])
+        gap = Gap(rows, np.stack([before, after], axis=1)[:, None, :])
+        return gap.evidence(white_noise(sigma, left=left), 0, 1)
+
+    return evidence
+
+
+def test_unseen_motion_weighs_an_effect_by_its_likelihood(gap_of):
+    """If noise alone made it the likelihood ratio is one in the mean, whatever was fitted."""
+    rng = np.random.default_rng(5)
+    noise, made = rng.standard_normal((4000, 200)), rng.standard_normal(200)
+    made *= 0.6 / np.linalg.norm(made)
+    found = [gap_of(e, e - made) for e in noise]
+    assert np.mean(np.exp(found)) == pytest.approx(1.0, abs=0.04)
+    assert np.mean(found) == pytest.approx(-0.18, abs=0.04)
+    there = [gap_of(e + 10 * made, e) for e in noise[:400]]
+    assert np.mean(there) == pytest.approx(18.0, abs=1.0)
+    # Noise that is three times what was said weighs as much as if that had been said.
+    e = 3.0 * noise[0]
+    apart = np.linalg.norm(e - 9 * made) ** 2 / len(e) / 9
+    assert gap_of(e, e - 9 * made) == pytest.approx(gap_of(e, e - 9 * made, 3.0) / apart, rel=0.05)
+
+
+def test_both_motions_together_say_what_noise_would_make(candidate):
+    assert Both(0.02, 1.0, 0.05).chance == pytest.approx(0.02 / np.e)
+    for p, evidence, unlikely in ((0.02, -1.0, True), (0.02, -0.9, False), (0.005, -2.0, False),
+                                  (0.005, -2.4, True), (np.nan, -9.0, False)):  # fmt: skip
+        both = Both(p, evidence, 0.05)
+        assert both.unlikely == unlikely
+        assert not both.likely
+    assert Both(0.02, 0.1, 0.05).likely
+    assert not Both(0.05, 0.1, 0.01).likely
+    assert Both(0.05, -1e6, 0.05).unlikely
+
+
+@pytest.mark.parametrize(
+    ("function", "evidence", "after", "refuted"),
+    [(False, -1.0, 0.19, True), (False, -0.5, 0.21, False), (True, -0.1, 0.19, True),
+     (True, 0.9, 0.19, False), (True, 0.5, 0.19, True), (True, 0.9, 0.21, True)],
+)  # fmt: skip
+def test_what_noise_makes_too_often_is_refuted_and_what_it_does_not_needs_no_more(
+    function, evidence, after, refuted
+):
+    """Of p = 0.02; nothing that was shown is sure by itself."""
+    effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
+                         interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
+                         joints_interval=(-0.5, 0.1), shown=Shown(0.2, after, (-0.3, 0.1), -0.1),
+                         unnamed=function, rare=function,
+                         both=Both(0.02, evidence, 0.01 if function else 0.05))  # fmt: skip
+    assert not effect.confirmed
+    assert effect.refuted == refuted
+    assert not replace(effect, joints_interval=(-0.5, -0.1)).refuted
