@@ -172,11 +172,12 @@ class _Search:
         return bool(worse)
 
     def join(self) -> None:
-        """Give one name to what several were needed to say."""
+        """Give one name to what several say, and the name to who decisively says it better."""
         reach = measure_reach(self.bench.rows.D)
-        while len(self.chosen) > 1:
-            options = self.eligible(self.chosen)
-            found = find_whole(self.chosen, options, reach, self.score, self.held, self.rules.gain)
+        for _ in range(self.rules.most):
+            found = find_whole(
+                self.chosen, self.eligible, reach, self.score, self.held, self.rules.gain
+            )
             if found is None:
                 break
             whole, parts = found
@@ -249,7 +250,7 @@ def name_effects(
     useful = search.use()
     search.chosen = keep_possible(held, useful, candidates, rules)
     search.use()  # what is left must be useful without what has gone, too
-    why = dict.fromkeys(search.joined, "one effect explains what it and others do")
+    why = dict.fromkeys(search.joined, "another effect explains what it does")
     withdrawn = [c.family.name for c in useful if c not in search.chosen]
     why |= dict.fromkeys(withdrawn, "its gain vanishes once bodies must be possible")
     steps = tuple(_judge(step, search.chosen, why) for step in search.steps)

@@ -34,7 +34,7 @@ def test_one_effect_that_says_what_several_say_has_the_name(told):
     named, naming = told(30.0, 29.0)
     assert named == [("whole", "base")]
     assert naming.steps[0].best == ("offset", "all joints")
-    assert naming.steps[0].reason == "one effect explains what it and others do"
+    assert naming.steps[0].reason == "another effect explains what it does"
     assert naming.p_values["whole", "base"] == naming.p_values["offset", "j"]
 
 
@@ -49,48 +49,62 @@ def test_beside_the_whole_another_effect_stays(told, candidate):
     assert sorted(named) == [("other", "j"), ("whole", "base")]
 
 
-def test_what_has_more_columns_than_the_parts_does_not_hide_the_whole(candidate):
-    """It fits better than the whole, which fits as well as the parts."""
-    parts = [candidate("a", "j", 0), candidate("b", "l", 1)]
-    wider, whole = candidate("wider", "base", 2, 3, 4), candidate("whole", "base", 5)
+def test_who_has_more_columns_pays_for_them(told, candidate):
+    """It says all that the whole says and one thing more, of which hardly anything is there."""
+    wider = candidate("wider", "base", 0, 1, 3)
+    assert told(30.0, 29.0, 0.5, more=[wider])[0] == [("whole", "base")]
+    # Where the whole says too little it is the one that says it all rather than two.
+    assert told(30.0, 20.0, 0.5, more=[wider])[0] == [("wider", "base")]
 
-    def score(beside, some):
-        return SimpleNamespace(fit=np.array([60.0 if c is wider else 50.0 for c in some]))
 
-    held = SimpleNamespace(gain=lambda rest, chosen: Gain(0.0, 0.1))
-    found = find_whole(parts, [wider, whole], lambda c: frozenset(), score, held, 0.002)
-    assert found == (whole, tuple(parts))
+def test_a_cheaper_name_gives_way_to_one_that_decisively_says_more(world, candidate):
+    """What every joint has is found first: a special effect of two columns costs three times."""
+    e = world.basis
+    quiet = np.random.default_rng(1).standard_normal(world.rows)
+    quiet -= e @ (e.T @ quiet)
+    offset = candidate("offset", "j", 0, basic=True)
+    spring = candidate("spring", "j", 1, 2)
+    columns = [world.unit(1.0, 0.5), e[:, 0], e[:, 1]]
+    for slope, expected in ((12.0, "spring"), (5.5, "offset")):
+        rows = world.make(e[:, :2] @ [10.0, slope] + quiet, columns)
+        bench, held = world.bench(rows, 199), world.held(rows)
+        found = name_effects(bench, [offset, spring], held, Rules(most=1))
+        assert found.steps[0].best == ("offset", "j")
+        assert [c.group for c in found.chosen] == [(expected, "j")]
 
 
 @pytest.fixture
 def pair(candidate):
-    """What is found for parts of some columns in joints, and a whole with a fit and a gain."""
+    """Whether a whole takes the names of some parts: where each acts, fits and what is gained."""
 
-    def run(reach, columns, fit=(50.0, 50.0), gain=(0.0, 0.1), **flags):
-        parts = [candidate("a", "j", 0), candidate("b", "l", 1)]
-        whole = candidate("whole", "base", *range(2, 2 + columns), **flags)
-        where = dict(zip(("a", "b", "whole"), map(frozenset, reach), strict=True))
+    def run(reach, fit=(50.0, 50.0), gain=(0.0, 0.1), **flags):
+        parts = [candidate(name, "j", k) for k, name in enumerate("ab"[: len(reach) - 1])]
+        whole = candidate("whole", "base", 2, **flags)
+        where = dict(zip(("whole", "a", "b"), map(frozenset, reach), strict=False))
 
         def score(beside, some):
-            value = {1: fit[0], 2: fit[1]} if columns == 1 else {2: fit[0]}
-            found = [value[len(c.columns)] if len(some) > 1 else 9.0 for c in some]
-            if len(some) == 2:
-                found = list(fit)
+            # Beside the whole no part is needed; a part alone says less than both.
+            told = {"whole": fit[0], "a": fit[1] if len(parts) == 1 else 1.0, "b": 1.0}
+            found = [fit[1] if len(c.columns) > 1 else told[c.family.name] for c in some]
             return SimpleNamespace(fit=np.array(found))
 
         held = SimpleNamespace(gain=lambda rest, chosen: Gain(*gain))
-        found = find_whole(parts, [whole], lambda c: where[c.family.name], score, held, 0.002)
-        return None if found is None else found[0].family.name
+        found = find_whole(
+            parts, lambda beside: [whole], lambda c: where[c.family.name], score, held, 0.002
+        )
+        assert found in (None, (whole, tuple(parts)))
+        return found is not None
 
     return run
 
 
-def test_a_whole_acts_wherever_its_parts_do_with_no_more_columns(pair):
-    assert pair(([0], [1], [0, 1]), 1) == "whole"
-    assert pair(([0], [1], [0, 1, 2]), 2) == "whole"
-    assert pair(([0], [1], [0]), 1) is None
-    assert pair(([0], [1], [0, 1]), 3) is None
-    assert pair(([0], [1], [0, 1]), 1, unnamed=True) is None
+def test_a_whole_acts_wherever_its_parts_do_and_has_a_name(pair):
+    assert pair(([0, 1], [0], [1]))
+    assert pair(([0, 1, 2], [0], [1]))
+    assert not pair(([0], [0], [1]))
+    assert not pair(([0, 1], [0], [1]), unnamed=True)
+    for joints, found in (([0], True), ([0, 1], False)):
+        assert pair(([0], joints), (90.0, 50.0), (-0.1, 0.1)) == found
 
 
 @pytest.mark.parametrize(
@@ -100,8 +114,17 @@ def test_a_whole_acts_wherever_its_parts_do_with_no_more_columns(pair):
      ((50.0, 50.0), (0.0019, 0.0), True), ((50.0, 50.0), (0.0021, 0.0), False),
      ((-np.inf, -np.inf), (0.0, 0.1), False)],
 )  # fmt: skip
-def test_the_parts_have_the_names_where_likelihood_or_unseen_motion_decides(pair, fit, gain, found):
-    assert (pair(([0], [1], [0, 1]), 1, fit, gain) == "whole") == found
+def test_parts_have_the_names_where_likelihood_or_unseen_motion_decides(pair, fit, gain, found):
+    assert pair(([0, 1], [0], [1]), fit, gain) == found
+
+
+@pytest.mark.parametrize(
+    ("fit", "gain", "found"),
+    [((54.1, 50.0), -0.001, True), ((53.9, 50.0), -0.001, False), ((90.0, 50.0), 0.001, False)],
+)
+def test_one_name_gives_way_where_the_data_decide_for_another(pair, fit, gain, found):
+    """And only if that predicts better what did not choose, if not surely."""
+    assert pair(([0], [0]), fit, (gain, 0.1)) == found
 
 
 def test_reach_is_every_joint_in_which_a_column_is_not_zero(rows_of, candidate):
