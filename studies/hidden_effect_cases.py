@@ -22,7 +22,7 @@ from identifiability.simulation.hidden import hideable
 from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, gather
 from identifiability.workflows.diagnose.evidence import Bench, orthonormal, project_out
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.rows import build_rows
+from identifiability.workflows.diagnose.table import build_rows
 from identifiability.workflows.diagnose.workflow import usual_effects
 
 ROBOTS = (

@@ -21,7 +21,7 @@ from identifiability.simulation import Campaign, Noise, random_trajectory, shipp
 from identifiability.workflows.diagnose import BASE_EFFECTS, Diagnosis, diagnose
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.rows import build_rows
+from identifiability.workflows.diagnose.table import build_rows
 
 #: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
 LEVEL, RHO = 0.012, 0.9

@@ -72,11 +72,13 @@ class Run:
     processes: int
 
 
-def write_log(path: Path, samples: int, seed: int, *, derivatives: bool) -> None:
-    """Write a long log period by period."""
+def write_log(
+    path: Path, samples: int, seed: int, *, derivatives: bool, hide: Sequence[str] = ()
+) -> None:
+    """Write a long log period by period; `hide` is what is in the data and not in the robot."""
     robot = Robot.load(ROBOT)
     motion = PrescribedMotion.of(shipped_trajectory(robot, TRAJECTORY), PERIOD)
-    clean = simulate(robot, motion).to_frame()
+    clean = simulate(robot, motion, hide=hide).to_frame()
     if not derivatives:
         clean = clean[[c for c in clean.columns if not c.endswith(("dq", "ddq"))]]
     step = float(np.median(np.diff(clean["t"])))

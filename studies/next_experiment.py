@@ -50,7 +50,7 @@ from identifiability.simulation import (
 from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, find_next, gather
 from identifiability.workflows.diagnose.evidence import Bench, orthonormal, project_out
 from identifiability.workflows.diagnose.motion import prepare_rows
-from identifiability.workflows.diagnose.rows import build_rows
+from identifiability.workflows.diagnose.table import build_rows
 from identifiability.workflows.diagnose.workflow import usual_effects
 
 ROBOTS = ("two-link", "five-bar", "six-dof-arm", "3-rps")

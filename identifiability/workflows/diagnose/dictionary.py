@@ -83,108 +83,71 @@ class Dictionary:
     rows, joints, width : int
         N, n and the number of columns c.
     ask : callable(columns) -> Entries, optional
-        Computes columns that were not computed yet; without it all were.
+        Says what columns are that were not looked at yet, where they act; without it they are zero.
     """
 
     rows: int
     joints: int
     width: int
     ask: Callable[[Sequence[int]], Entries] | None = None
-    _blocks: list[Block] = field(default_factory=list)
+    _columns: list[dict[int, Array]] = field(init=False)
     _known: set[int] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self._columns = [{} for _ in range(self.joints)]
 
     @staticmethod
     def of(columns: Array) -> Dictionary:
         """Return the dictionary of columns (N, n, c) that are there."""
+        acts: np.ndarray = np.any(columns, axis=0)
+
+        def ask(asked: Sequence[int]) -> Entries:
+            found = [(j, k) for k in asked for j in np.flatnonzero(acts[:, k]).tolist()]
+            return {(j, k): columns[:, j, k] for j, k in found}
+
         N, n, c = columns.shape
-        entries = {(j, k): columns[:, j, k] for j in range(n) for k in range(c)}
-        return Dictionary.of_entries(N, n, c, {at: x for at, x in entries.items() if x.any()})
-
-    @staticmethod
-    def of_entries(rows: int, joints: int, width: int, entries: Entries) -> Dictionary:
-        """Return a dictionary with some entries; all others are zero."""
-        found = Dictionary(rows, joints, width)
-        found._add(range(width), entries)
-        return found
-
-    @staticmethod
-    def later(
-        rows: int, joints: int, width: int, ask: Callable[[Sequence[int]], Entries]
-    ) -> Dictionary:
-        """Return a dictionary whose columns are computed when they are looked at."""
-        found = Dictionary(rows, joints, width, ask)
-        found._add((), {})
-        return found
+        return Dictionary(N, n, c, ask)
 
     def block(self, joint: int) -> Block:
         """Return all columns that act in a joint."""
-        self._require(range(self.width))
-        return self._blocks[joint]
+        at, own = self.columns(joint), self._columns[joint]
+        values = np.empty((self.rows, len(at)))
+        for place, k in enumerate(at.tolist()):
+            values[:, place] = own[k]
+        return Block(at, values)
+
+    def columns(self, joint: int) -> np.ndarray:
+        """Return the numbers of all columns that act in a joint, rising."""
+        self.require(range(self.width))
+        return np.array(sorted(self._columns[joint]), int)
 
     def take(self, columns: Iterable[int]) -> Array:
         """Return some columns in their order, (N, n, k)."""
-        at = np.fromiter(columns, int)
-        self._require(at.tolist())
+        at = [*columns]
+        self.require(at)
         out = np.zeros((self.rows, self.joints, len(at)))
-        for j, block in enumerate(self._blocks):
-            here = np.flatnonzero(np.isin(at, block.columns))
-            out[:, j, here] = block.values[:, np.searchsorted(block.columns, at[here])]
+        for j, own in enumerate(self._columns):
+            for place, k in enumerate(at):
+                if k in own:
+                    out[:, j, place] = own[k]
         return out
-
-    def entries(self, columns: Sequence[int], numbers: Sequence[int]) -> Entries:
-        """Return some columns where they act, under other numbers."""
-        self._require(columns)
-        number = dict(zip(columns, numbers, strict=True))
-        return {
-            (j, number[k]): block.values[:, at]
-            for j, block in enumerate(self._blocks)
-            for at, k in enumerate(block.columns.tolist())
-            if k in number
-        }
-
-    def extend(self, other: Dictionary, columns: Sequence[int]) -> Dictionary:
-        """Return the columns of both: some of another dictionary follow its own."""
-        width = self.width
-
-        def ask(asked: Sequence[int]) -> Entries:
-            own, new = [k for k in asked if k < width], [k for k in asked if k >= width]
-            theirs = [columns[k - width] for k in new]
-            return {**self.entries(own, own), **other.entries(theirs, new)}
-
-        return Dictionary.later(self.rows, self.joints, width + len(columns), ask)
 
     def rms(self) -> Array:
         """Return the root mean square of each column in each joint, (n, c)."""
+        self.require(range(self.width))
         out = np.zeros((self.joints, self.width))
-        for j in range(self.joints):
-            block = self.block(j)
-            out[j, block.columns] = np.sqrt(np.mean(block.values**2, axis=0))
+        for j, own in enumerate(self._columns):
+            for k, x in own.items():
+                out[j, k] = np.sqrt(np.mean(x**2))
         return out
 
-    def _require(self, columns: Iterable[int]) -> None:
+    def require(self, columns: Iterable[int]) -> None:
+        """Ask for columns that were not looked at yet."""
         missing = sorted(set(columns) - self._known)
+        self._known.update(missing)
         if missing and self.ask is not None:
-            self._add(missing, self.ask(missing))
-
-    def _add(self, columns: Iterable[int], entries: Entries) -> None:
-        self._known.update(columns)
-        old = self._blocks or [
-            Block(np.empty(0, int), np.empty((self.rows, 0))) for _ in range(self.joints)
-        ]
-        new: list[list[int]] = [[] for _ in range(self.joints)]
-        for j, k in entries:
-            new[j].append(k)
-        self._blocks = []
-        for j, (block, more) in enumerate(zip(old, new, strict=True)):
-            every = np.concatenate([block.columns, np.array(more, int)])
-            order = np.argsort(every)
-            values = np.empty((self.rows, len(every)))
-            for place, at in enumerate(order.tolist()):
-                fresh = at - len(block.columns)
-                values[:, place] = (
-                    block.values[:, at] if fresh < 0 else entries.pop((j, more[fresh]))
-                )
-            self._blocks.append(Block(every[order], values))
+            for (j, k), x in self.ask(missing).items():
+                self._columns[j][k] = x
 
 
 def compute_entries(

@@ -14,11 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import Family, find_families
-from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.gates import Chosen, Naming
 from identifiability.workflows.diagnose.held_out import Gain, HeldOut, gain_of
 from identifiability.workflows.diagnose.leftover import Remains
-from identifiability.workflows.diagnose.material import DRAWS, Material, gather
+from identifiability.workflows.diagnose.material import DRAWS, Material
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.options import find_same
 from identifiability.workflows.diagnose.residual import find_discrepancies
@@ -40,7 +39,6 @@ def early(families: Sequence[Family]) -> tuple[Family, ...]:
 def name_late(
     material: Material,
     naming: Naming,
-    choose: Sequence[Samples],
     rng: np.random.Generator,
     effects: Iterable[str] | None = None,
     draws: int = DRAWS,
@@ -53,9 +51,9 @@ def name_late(
     ----------
     material, naming : Material, Naming
         Of the first pass.
-    choose, effects, draws
-        As for `gather`.
     rng : numpy.random.Generator
+    effects, draws
+        As for `gather`.
     say : callable, optional
     refused : sequence of Candidate
         Names that left more than they explain: in their joints what resembles the missing effect
@@ -68,9 +66,7 @@ def name_late(
         return material, _settle_knots(material.held, naming, material.candidates)
     if not _asks(material, naming):
         return material, naming
-    wider = gather(
-        material.setting, choose, rng, [f.name for f in (*first, *_late(families))], draws
-    )
+    wider = material.anew(rng, [f.name for f in (*first, *_late(families))], draws)
     rules = material.setting.rules
     present = material.setting.structure.present
     start = [find_same(c, wider.candidates) for c in naming.chosen]

@@ -1,7 +1,10 @@
 """What a diagnosis is asked, its `Setting`; rows, candidates and noise to name from: `Material`."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
-from dataclasses import field
+from dataclasses import field, replace
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -23,9 +26,10 @@ from identifiability.workflows.diagnose.rows import (
     Finer,
     Refusal,
     Rows,
-    build_rows,
     list_candidates,
+    number,
 )
+from identifiability.workflows.diagnose.table import Table
 
 #: Simulated noises.
 DRAWS = 199
@@ -105,13 +109,51 @@ class Setting:
 
 
 @frozen
+class Tables:
+    """The rows of all logs of a setting, of which every column is computed once.
+
+    Attributes
+    ----------
+    train : Table
+    choosing, verifying : Table or None
+    real : RealRobot or None
+    """
+
+    train: Table
+    choosing: Table | None
+    verifying: Table | None
+    real: RealRobot | None
+
+    @staticmethod
+    def of(setting: Setting, choose: Sequence[Samples]) -> Tables:
+        """Return the rows of a setting and of what judges while names are chosen."""
+        structure, fixed = setting.structure, setting.fixed
+        train, choosing, verifying = (
+            Table.of(structure, part, fixed, setting.known) if part else None
+            for part in (setting.samples, choose, setting.validation)
+        )
+        assert train is not None
+        bodies = "rigid_body" in structure.model.names and not fixed
+        return Tables(train, choosing, verifying, RealRobot.of(structure) if bodies else None)
+
+    def held(self, candidates: Sequence[Candidate], noise: ARNoise | None) -> HeldOut:
+        """Return what fits and judges some candidates; of what judges few are ever looked at."""
+        choosing, verifying = (
+            None if table is None else table.rows(candidates, later=True)
+            for table in (self.choosing, self.verifying)
+        )
+        return HeldOut(self.train.rows(candidates), choosing, verifying, self.real, noise)
+
+
+@frozen
 class Material:
     """Everything that naming reads: rows, candidates, noise.
 
     Attributes
     ----------
     setting : Setting
-    train : Rows
+    tables : Tables
+        Where rows are from.
     held : HeldOut
     candidates : tuple of Candidate
         Without the structurally aliased ones.
@@ -119,23 +161,55 @@ class Material:
     refusals : tuple of Refusal
     bench : Bench
         Rows with their noise and simulated noise.
-    white : Whitened
-        Rows whitened by the noise alone.
     """
 
     setting: Setting
-    train: Rows
+    tables: Tables
     held: HeldOut
     candidates: tuple[Candidate, ...]
     aliases: tuple[Alias, ...]
     refusals: tuple[Refusal, ...]
     bench: Bench
-    white: Whitened
+
+    @property
+    def train(self) -> Rows:
+        """The rows that are fitted."""
+        return self.held.train
 
     @property
     def noise(self) -> ARNoise:
         """Noise of every joint."""
         return self.bench.noise
+
+    @cached_property
+    def white(self) -> Whitened:
+        """Rows whitened by the noise alone."""
+        return self.bench.whiten()
+
+    def extended(self, more: Sequence[Candidate]) -> Material:
+        """Return the same with further candidates behind its own.
+
+        The noise and what was simulated of it stay: it is theirs who are tested beside one
+        another. Candidates have new numbers; `find_same` finds those that were named.
+        """
+        every = tuple(number([*self.candidates, *more]))
+        held = self.tables.held(every, self.held.noise)
+        bench = replace(self.bench, rows=held.train)
+        return replace(self, held=held, candidates=every, bench=bench)
+
+    def finer(self, finer: Finer) -> Material:
+        """Return the same with more shapes of some families at some places."""
+        listed, _ = _list(
+            replace(self.setting, finer=finer), dict.fromkeys(name for name, _ in finer)
+        )
+        more = [c for c in listed if c.shape in finer.get(c.group, ())]
+        return replace(self.extended(more), setting=replace(self.setting, finer=finer))
+
+    def anew(
+        self, rng: np.random.Generator, effects: Iterable[str], draws: int = DRAWS
+    ) -> Material:
+        """Return the candidates of other families along the same rows, with noise beside them."""
+        return _gather(self.setting, self.tables, rng, effects, draws)
 
 
 def gather(
@@ -156,32 +230,38 @@ def gather(
     effects, draws
         As for `diagnose`.
     """
-    structure, fixed, known = setting.structure, setting.fixed, setting.known
-    motions = [s.motion for s in setting.samples]
-    families = find_families(effects)
-    listed, refused = list_candidates(
-        structure.robot,
-        families,
-        structure.present,
-        motions,
-        fixed=fixed,
-        finer=setting.finer,
-    )
-    rows = build_rows(structure, listed, setting.samples, fixed, known=known)
-    choosing, verifying = (
-        build_rows(structure, listed, part, fixed, known=known, later=True) if part else None
-        for part in (choose, setting.validation)
-    )
-    bodies = "rigid_body" in structure.model.names and not fixed
-    real = RealRobot.of(structure) if bodies else None
-    aliases = find_aliases(rows, listed, structure.base.names, setting.rules.alias)
+    return _gather(setting, Tables.of(setting, choose), rng, effects, draws)
+
+
+def _gather(
+    setting: Setting,
+    tables: Tables,
+    rng: np.random.Generator,
+    effects: Iterable[str] | None,
+    draws: int,
+) -> Material:
+    listed, refused = _list(setting, effects)
+    rows = tables.train.rows(listed)
+    aliases = find_aliases(rows, listed, setting.structure.base.names, setting.rules.alias)
     hidden = {(a.family, a.place) for a in aliases if a.structural}
-    candidates = tuple(c for c in listed if c.group not in hidden)
+    candidates = tuple(number([c for c in listed if c.group not in hidden]))
+    held = tables.held(candidates, None)
+    rows = held.train
     noise = fit_noise(rows.tau, lambda j: family_blocks(rows, candidates, j), rows.runs)
     bench = Bench.of(rows, noise, draws, rng)
-    held = HeldOut.weighed(rows, choosing, verifying, real, noise)
-    return Material(
-        setting, rows, held, candidates, tuple(aliases), tuple(refused), bench, bench.whiten()
+    held = HeldOut.weighed(rows, held.choosing, held.verifying, held.real, noise)
+    return Material(setting, tables, held, candidates, tuple(aliases), tuple(refused), bench)
+
+
+def _list(setting: Setting, effects: Iterable[str] | None) -> tuple[list[Candidate], list[Refusal]]:
+    """Return every candidate of some families, and those that make no sense somewhere."""
+    return list_candidates(
+        setting.structure.robot,
+        find_families(effects),
+        setting.structure.present,
+        [s.motion for s in setting.samples],
+        fixed=setting.fixed,
+        finer=setting.finer,
     )
 
 

@@ -14,21 +14,10 @@ import numpy as np
 from identifiability.effects import Effect, Family, Part, Span
 from identifiability.effects.family import measure_spans
 from identifiability.estimation.noise.autoregression import Runs
-from identifiability.estimation.noise.residual_noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Samples
-from identifiability.regression.regression import Regression
-from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
-from identifiability.workflows.diagnose.dictionary import (
-    Block,
-    Dictionary,
-    Entries,
-    Stacked,
-    compute_entries,
-)
-from identifiability.workflows.diagnose.known_values import KnownValues
+from identifiability.workflows.diagnose.dictionary import Block, Dictionary, Stacked
 
 #: What a model has where: families with their places.
 Present = Collection[tuple[str, str]]
@@ -164,9 +153,7 @@ class Rows:
         """
         first = 1 + self.X.shape[2]
         whole = np.concatenate([*(part[:, :first] for part in parts), np.zeros((known, first))])
-        blocks = tuple(
-            Block(self.D.block(j).columns, part[:, first:]) for j, part in enumerate(parts)
-        )
+        blocks = tuple(Block(self.D.columns(j), part[:, first:]) for j, part in enumerate(parts))
         return whole[:, 0], whole[:, 1:], Stacked(blocks, self.D.width, known)
 
     def along(self, j: int) -> dict[str, Array]:
@@ -263,65 +250,3 @@ def number(candidates: Sequence[Candidate]) -> list[Candidate]:
         replace(c, columns=tuple(range(end - len(c.columns), end)))
         for c, end in zip(candidates, ends, strict=True)
     ]
-
-
-def build_rows(
-    structure: Structure,
-    candidates: Sequence[Candidate],
-    samples: Sequence[Samples],
-    fixed: bool = False,
-    *,
-    known: KnownValues | None = None,
-    later: bool = False,
-) -> Rows:
-    """Return the rows of some logs.
-
-    Parameters
-    ----------
-    structure : Structure
-        The robot under the base model.
-    candidates : sequence of Candidate
-        Whose columns are those of the dictionary, all of them.
-    samples : sequence of Samples
-    fixed : bool
-        Whether the base parameters keep the values of the robot file.
-    known : KnownValues, optional
-        The values that they keep, with their errors; those of the file, exact, by default.
-    later : bool
-        Whether columns of candidates are computed only when they are looked at.
-    """
-    robot, kept = structure.robot, structure.base.kept
-    regression = Regression(robot, structure.model, tuple(samples), kept)
-    chunks = [
-        (np.full(len(c.tau), c.log), c.W.copy(), c.tau, c.raw)
-        for part in regression.parts()
-        for c in part.chunks()
-    ]
-    log, X, tau, raw = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
-    target, root = tau, None
-    if fixed and known is None:
-        target, X = tau - X @ structure.nominal_base, X[:, :, :0]
-    elif fixed and known is not None:
-        target, X, root = tau - X @ known.values, X[:, :, known.uncertain], known.root
-    owner = {k: c for c in candidates for k in c.columns}
-
-    def ask(columns: Sequence[int]) -> Entries:
-        wanted = list({id(owner[k]): owner[k] for k in columns}.values())
-        found = compute_entries(robot, [(c.part, c.columns) for c in wanted], samples)
-        asked = set(columns)
-        return {at: x for at, x in found.items() if at[1] in asked}
-
-    (N, n), c = tau.shape, len(owner)
-    D = Dictionary.later(N, n, c, ask)
-    if not later:
-        D = Dictionary.of_entries(N, n, c, ask(range(c)))
-    t = np.concatenate([s.output_times() for s in samples])
-    q, dq, ddq = np.split(np.concatenate([_states(s) for s in samples]), 3, axis=1)
-    return Rows(target, X, D, t, log, find_runs(samples), q, dq, ddq, tau, raw, root)
-
-
-def _states(samples: Samples) -> Array:
-    """Return position, velocity and acceleration of the actuated joints at the outputs, (N, 3n)."""
-    at, m = samples.output_times(), samples.motion
-    both = np.concatenate([m.actuated_q, m.actuated_v, m.actuated_a], axis=1)
-    return np.stack([np.interp(at, m.t, column) for column in both.T], axis=1)

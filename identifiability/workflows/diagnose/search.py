@@ -65,24 +65,23 @@ class Search:
         told = () if self.earlier is None else self.earlier.families
         effects = None if self.effects is None else list(dict.fromkeys((*self.effects, *told)))
         first = [f.name for f in early(find_families(effects))]
-        m, naming = self._name_first(setting, first, told)
+        m = gather(setting, self.choose, streams[0], dict.fromkeys((*first, *told)), self.draws)
+        naming = self._name_first(m, first)
         finer = find_finer(m, naming.chosen)
         if finer:
-            del m  # before its like is built: it is most of the memory
-            m, naming = self._name_first(replace(setting, finer=finer), first, told)
+            # From the beginning: what stands out does so among all shapes, and a rival whose grid
+            # lay better must not have been there first.
+            m = m.finer(finer)
+            naming = self._name_first(m, first)
         if self.earlier is not None:
             naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
         # What resembles the missing effect makes room for it before the next pass.
         complete = keep_complete(m, naming)
         refused = [c for c in naming.chosen if c not in complete.chosen]
-        m, naming = name_late(
-            m, complete, self.choose, streams[4], effects, self.draws, say, refused
-        )
+        m, naming = name_late(m, complete, streams[4], effects, self.draws, say, refused)
         naming = keep_complete(m, naming)
         functions = () if self.earlier is None else self.earlier.functions
-        m, naming = name_unnamed(
-            m, naming, self.choose, streams[5], effects, self.draws, say, functions
-        )
+        m, naming = name_unnamed(m, naming, streams[5], effects, self.draws, say, functions)
         say("changing the preparation", 0.8)
         naming = stress_named(m, naming, self.logs, self.how, streams[1])
         say("verifying", 0.9)
@@ -92,19 +91,14 @@ class Search:
         turns, error = self.earlier.turns(found), self.earlier.error
         return replace(found, earlier=self.earlier.source, earlier_error=error, turns=turns)
 
-    def _name_first(
-        self, setting: Setting, first: Sequence[str], told: Sequence[str]
-    ) -> tuple[Material, Naming]:
+    def _name_first(self, m: Material, first: Sequence[str]) -> Naming:
         """Return what the first pass names, families of an earlier diagnosis beside its own."""
-        say = self.say
-        names = dict.fromkeys((*first, *told))
-        m = gather(setting, self.choose, self.streams[0], names, self.draws)
-        say("naming effects", 0.4)
-        present = setting.structure.present
+        self.say("naming effects", 0.4)
         start = [] if self.earlier is None else self.earlier.start(m)
         groups = {c.group for c in start}
         options = [c for c in m.candidates if c.family.name in first or c.group in groups]
-        return m, name_effects(m.bench, options, m.held, setting.rules, present, say, start)
+        rules, present = m.setting.rules, m.setting.structure.present
+        return name_effects(m.bench, options, m.held, rules, present, self.say, start)
 
     def run_doubted(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
         """Name effects without a log that disagrees, unless what is named with it explains it.

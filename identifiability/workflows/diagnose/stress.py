@@ -22,7 +22,8 @@ from identifiability.workflows.diagnose.evidence import Bench, score_candidates
 from identifiability.workflows.diagnose.gates import CLOCK, Naming, Survival, keep_surviving
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.motion import prepare_thin, samples_each
-from identifiability.workflows.diagnose.rows import Candidate, Rows, build_rows, number
+from identifiability.workflows.diagnose.rows import Candidate, Rows, number
+from identifiability.workflows.diagnose.table import build_rows
 from identifiability.workflows.diagnose.values import solve_chosen
 
 Prepare = Callable[[Recording, float | None, Callable[[Log], Log]], Samples]

@@ -16,15 +16,13 @@ from itertools import islice
 import numpy as np
 
 from identifiability.effects import find_families
-from identifiability.logs.prepare import Samples
 from identifiability.workflows.diagnose.evidence import score_candidates
 from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, keep_surviving
-from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.late import gain_over, what_is_left
-from identifiability.workflows.diagnose.material import DRAWS, Material, gather
+from identifiability.workflows.diagnose.material import DRAWS, Material
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.options import find_same, signature
-from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.workflows.diagnose.rows import Candidate
 
 #: Steps of the search, and names that are said beside a function.
 MOST, NEAREST = 4, 3
@@ -35,7 +33,6 @@ SHARE = 0.2
 def name_unnamed(
     material: Material,
     naming: Naming,
-    choose: Sequence[Samples],
     rng: np.random.Generator,
     effects: Iterable[str] | None = None,
     draws: int = DRAWS,
@@ -48,9 +45,9 @@ def name_unnamed(
     ----------
     material, naming : Material, Naming
         Of the passes before.
-    choose, effects, draws
-        As for `gather`.
     rng : numpy.random.Generator
+    effects, draws
+        As for `gather`.
     say : callable, optional
     told : sequence of (family, place)
         Functions that an earlier diagnosis gave: the search begins with them.
@@ -61,7 +58,7 @@ def name_unnamed(
         return material, naming
     setting = material.setting
     named = list(dict.fromkeys(c.family.name for c in naming.chosen))
-    wider = gather(setting, choose, rng, [*named, *functions], draws)
+    wider = material.anew(rng, [*named, *functions], draws)
     rules = replace(
         setting.rules, level=max(SHARE * setting.rules.level, 1.0 / (draws + 1)), most=MOST
     )
@@ -97,7 +94,7 @@ def name_unnamed(
     if found is None:
         return material, naming
     again = found[1]
-    whole = _extend(material, wider, [c for c in again.chosen if c.family.unnamed])
+    whole = material.extended([c for c in again.chosen if c.family.unnamed])
     chosen = tuple(find_same(c, whole.candidates) for c in again.chosen)
     groups = {c.group for c in chosen}
     gone = [c for c in naming.chosen if c.group not in groups]
@@ -150,39 +147,6 @@ def _begin(
             fit = score_candidates(m.white, model, options, null=False).fit
             out.append(options[int(fit.argmax())])
     return out
-
-
-def _extend(material: Material, wider: Material, found: Sequence[Candidate]) -> Material:
-    """Return a material with the columns of some candidates of a wider one."""
-    at = [k for c in found for k in c.columns]
-
-    def extended(own: Rows | None, other: Rows | None) -> Rows | None:
-        if own is None or other is None:
-            return own
-        return replace(own, D=own.D.extend(other.D, at))
-
-    new, column = [], material.train.D.width
-    for c in found:
-        new.append(replace(c, columns=tuple(range(column, column + len(c.columns)))))
-        column += len(c.columns)
-    train = extended(material.train, wider.train)
-    assert train is not None
-    held = HeldOut(
-        train=train,
-        choosing=extended(material.held.choosing, wider.held.choosing),
-        verifying=extended(material.held.verifying, wider.held.verifying),
-        real=material.held.real,
-        noise=material.held.noise,
-    )
-    bench = replace(material.bench, rows=train)
-    return replace(
-        material,
-        train=train,
-        held=held,
-        candidates=(*material.candidates, *new),
-        bench=bench,
-        white=bench.whiten(),
-    )
 
 
 def _nearest(m: Material, chosen: Sequence[Candidate], function: Candidate) -> tuple[Nearest, ...]:

@@ -118,6 +118,6 @@ def measure_reach(D: Dictionary) -> Reach:
     """Return what says in which joints a candidate acts."""
     joints: dict[int, list[int]] = {}
     for j in range(D.joints):
-        for k in D.block(j).columns.tolist():
+        for k in D.columns(j).tolist():
             joints.setdefault(k, []).append(j)
     return lambda c: frozenset(j for k in c.columns for j in joints.get(k, ()))

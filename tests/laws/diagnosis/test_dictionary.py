@@ -13,7 +13,8 @@ from identifiability.workflows.diagnose.dictionary import Dictionary
 from identifiability.workflows.diagnose.evidence import Bench, score_candidates
 from identifiability.workflows.diagnose.lookalikes import find_aliases
 from identifiability.workflows.diagnose.motion import MOST_IN_ALL, MOST_SAMPLES, samples_each
-from identifiability.workflows.diagnose.rows import build_rows, list_candidates
+from identifiability.workflows.diagnose.rows import list_candidates
+from identifiability.workflows.diagnose.table import build_rows
 from identifiability.workflows.diagnose.values import solve_chosen
 
 
@@ -41,7 +42,7 @@ def test_columns_that_are_asked_for_later_are_computed_once(rng):
         asked.extend(columns)
         return {(j, k): dense[:, j, k] for j in range(2) for k in columns}
 
-    D = Dictionary.later(6, 2, 4, ask)
+    D = Dictionary(6, 2, 4, ask)
     for at in ([2], [3, 2], [2, 3], range(4)):
         np.testing.assert_array_equal(D.take(at), dense[:, :, list(at)])
     assert sorted(asked) == [0, 1, 2, 3]
@@ -101,22 +102,3 @@ def test_many_logs_share_the_samples_that_are_looked_at():
     assert samples_each(1) == MOST_SAMPLES
     for logs in (2, 5, 20):
         assert logs * samples_each(logs) <= MOST_IN_ALL
-
-
-def test_columns_of_another_dictionary_follow_its_own():
-    rng = np.random.default_rng(8)
-    own, other = rng.standard_normal((2, 30, 2, 5))
-    own[:, 1, :3] = 0.0
-    asked = []
-
-    def ask(columns):
-        asked.extend(columns)
-        return Dictionary.of(own).entries(columns, columns)
-
-    both = Dictionary.later(30, 2, 5, ask).extend(Dictionary.of(other), [4, 1])
-    assert both.width == 7
-    np.testing.assert_array_equal(
-        both.take([6, 0, 5]), np.dstack([other[:, :, 1], own[:, :, 0], other[:, :, 4]])
-    )
-    assert asked == [0]  # what is not looked at is not computed
-    np.testing.assert_array_equal(both.block(1).columns, [3, 4, 5, 6])

@@ -19,7 +19,8 @@ def search(monkeypatch, candidate):
     every = (like, missing, other, elsewhere)
     wider = SimpleNamespace(candidates=every, bench=None, held=None)
     rules, structure = Rules(level=0.04), SimpleNamespace(present=())
-    material = SimpleNamespace(setting=SimpleNamespace(rules=rules, structure=structure), held=None)
+    setting = SimpleNamespace(rules=rules, structure=structure)
+    material = SimpleNamespace(setting=setting, held=None, anew=lambda *_: wider)
 
     def run(refused, found, named=(), pass_late=True):
         asked = []
@@ -32,7 +33,7 @@ def search(monkeypatch, candidate):
 
         told = {
             "name_effects": name_effects, "find_families": lambda _: families,
-            "gather": lambda *_: wider, "_asks": lambda *_: True,
+            "_asks": lambda *_: True,
             "predicts_better": lambda *_: True, "_settle_knots": lambda held, naming, _: naming,
         }  # fmt: skip
         for name, stub in told.items():
@@ -41,7 +42,7 @@ def search(monkeypatch, candidate):
         rng = np.random.default_rng(0)
         p_values = {("like", "j"): 0.01, ("other", "j"): 0.02}
         before = Naming(tuple(every[k] for k in named), {} if pass_late else p_values, ())
-        return asked, late.name_late(material, before, (), rng, refused=given)[1]
+        return asked, late.name_late(material, before, rng, refused=given)[1]
 
     return run
 

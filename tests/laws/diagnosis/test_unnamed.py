@@ -53,21 +53,21 @@ def test_a_function_in_the_stead_of_a_name_that_does_not_fit_is_only_not_surely_
     structure = SimpleNamespace(present=())
     setting = SimpleNamespace(rules=Rules(), structure=structure)
     material = SimpleNamespace(setting=setting, held=None, candidates=(name, function))
+    material.anew, material.extended = lambda *_: wider, lambda found: material
 
     def search(bench, options, held, rules, present, say, start):
         return Naming(tuple(start) or (function,), {}, ())
 
     told = {
-        "find_families": lambda _: [function.family], "gather": lambda *_: wider,
-        "what_is_left": lambda *_: True, "name_effects": search, "_extend": lambda m, *_: m,
-        "_begin": lambda *_: [],
+        "find_families": lambda _: [function.family], "what_is_left": lambda *_: True,
+        "name_effects": search, "_begin": lambda *_: [],
         "keep_fitting": lambda m, named, level: tuple(named) * fits, "_nearest": lambda *_: (),
         "gain_over": lambda *_: Gain(share, 0.02),
     }  # fmt: skip
     for what, stub in told.items():
         monkeypatch.setattr(unnamed, what, stub)
     before = Naming((name,), {}, ())
-    found = unnamed.name_unnamed(material, before, (), np.random.default_rng(0))[1]
+    found = unnamed.name_unnamed(material, before, np.random.default_rng(0))[1]
     assert found.chosen == ((function,) if given else (name,))
 
 

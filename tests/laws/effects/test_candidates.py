@@ -12,7 +12,8 @@ from identifiability.logs.signals import Decimation
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.gates import has_place
-from identifiability.workflows.diagnose.rows import build_rows, list_candidates
+from identifiability.workflows.diagnose.rows import list_candidates
+from identifiability.workflows.diagnose.table import build_rows
 
 T = 0.01 * np.arange(300)
 

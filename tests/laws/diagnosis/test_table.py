@@ -1,0 +1,117 @@
+"""Columns that were asked for before are not computed again, whatever their numbers are now."""
+
+import numpy as np
+import pytest
+
+from identifiability.effects import find_families
+from identifiability.logs.prepare import Samples
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, complete_motion
+from identifiability.workflows.diagnose import table
+from identifiability.workflows.diagnose.material import Setting, gather
+from identifiability.workflows.diagnose.options import find_same
+from identifiability.workflows.diagnose.rows import list_candidates
+from identifiability.workflows.diagnose.table import Table, build_rows
+
+ROBOT = Robot.load("two-link")
+FIRST, LATE = ("stribeck_friction", "torque_offset"), ("joint_stiffness", "torque_offset")
+
+
+@pytest.fixture
+def made():
+    """The structure of an arm and a noisy log of it."""
+    rng = np.random.default_rng(2)
+    t = np.linspace(0, 6, 600)
+    w = np.array([2.0, 3.1])
+    q, dq = np.sin(np.outer(t, w)), w * np.cos(np.outer(t, w))
+    motion = complete_motion(ROBOT, t, q, dq, -(w**2) * q)
+    structure = Structure.of(ROBOT, Model.of("rigid_body", "viscous_friction", "coulomb_friction"))
+    W = structure.model.regressor(ROBOT, motion)
+    tau = W.sum(2)
+    return structure, Samples("log", motion, tau + rng.standard_normal(tau.shape), None, (), "")
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """What columns are computed of, one entry a part."""
+    parts = []
+
+    def compute(robot, wanted, samples):
+        parts.extend((part.effect.name, part.owner) for part, _ in wanted)
+        return compute_entries(robot, wanted, samples)
+
+    compute_entries = table.compute_entries
+    monkeypatch.setattr(table, "compute_entries", compute)
+    return parts
+
+
+def candidates_of(structure, samples, names):
+    families, motions = find_families(names), [samples.motion]
+    return list_candidates(ROBOT, families, structure.present, motions, fixed=False)[0]
+
+
+def test_a_table_computes_a_column_once_under_whatever_number(made, asked):
+    structure, samples = made
+    shared = Table.of(structure, [samples])
+    for names in (FIRST, LATE):
+        listed = candidates_of(structure, samples, names)
+        own = build_rows(structure, listed, [samples])
+        asked.clear()
+        rows = shared.rows(listed)
+        for j in range(2):
+            np.testing.assert_array_equal(rows.D.columns(j), own.D.columns(j))
+            np.testing.assert_array_equal(rows.D.block(j).values, own.D.block(j).values)
+        assert rows.X is shared.bare.X
+    assert {name for name, _ in asked} == {"joint_stiffness"}  # the offset was there before
+    asked.clear()
+    later = shared.rows(listed[::-1], later=True)
+    assert len(asked) == 0
+    later.D.take([0])
+    assert len(asked) == 0
+
+
+def test_what_is_not_looked_at_is_not_computed(made, asked):
+    structure, samples = made
+    listed = candidates_of(structure, samples, FIRST)
+    rows = Table.of(structure, [samples]).rows(listed, later=True)
+    assert asked == []
+    rows.D.take(listed[-1].columns)
+    assert asked == [listed[-1].group]
+
+
+def test_finer_shapes_join_the_others_and_nothing_else_changes(made, asked):
+    structure, samples = made
+    setting = Setting(structure, (samples,))
+    m = gather(setting, (), np.random.default_rng(0), FIRST, draws=19)
+    middle = float(np.sqrt(np.prod(sorted({c.shape for c in m.candidates if c.shape > 0})[1:3])))
+    finer = {("stribeck_friction", ROBOT.joints[1]): (middle,)}
+    asked.clear()
+    wider = m.finer(finer)
+    assert asked == [*finer]
+    assert wider.setting.finer == finer
+    assert wider.noise is m.noise
+    assert wider.bench.simulated is m.bench.simulated
+    *own, new = wider.candidates
+    assert (new.group, new.shape) == (*finer, middle)
+    # Every column is where the candidate says, as if all had been asked for at once.
+    whole = build_rows(structure, wider.candidates, [samples])
+    for c in wider.candidates:
+        np.testing.assert_array_equal(wider.train.D.take(c.columns), whole.D.take(c.columns))
+    for c in m.candidates:
+        there = wider.white.D[:, list(find_same(c, own).columns)]
+        size = np.linalg.norm(m.white.D[:, list(c.columns)], axis=0)
+        np.testing.assert_allclose(np.linalg.norm(there, axis=0), size, rtol=1e-9)
+
+
+def test_other_families_along_the_same_rows_have_noise_beside_them(made, asked):
+    structure, samples = made
+    setting = Setting(structure, (samples,))
+    m = gather(setting, (), np.random.default_rng(0), FIRST, draws=19)
+    asked.clear()
+    wider = m.anew(np.random.default_rng(1), LATE, 19)
+    assert {name for name, _ in asked} == {"joint_stiffness"}
+    alone = gather(setting, (), np.random.default_rng(1), LATE, draws=19)
+    assert [c.slot for c in wider.candidates] == [c.slot for c in alone.candidates]
+    np.testing.assert_array_equal(wider.bench.simulated, alone.bench.simulated)
+    np.testing.assert_array_equal(wider.white.y, alone.white.y)
