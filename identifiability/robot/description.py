@@ -275,7 +275,8 @@ class Description:
     def along(self, axis: Axis, x: Array) -> Array:
         """Return velocities or accelerations (N, nv) of the tree along an axis, (N,)."""
         if axis.row is not None:
-            return np.asarray(x[:, self.actuated] @ axis.row)
+            at = np.flatnonzero(axis.row)
+            return np.asarray(x[:, self.actuated[at]] @ axis.row[at])
         if axis.weights is None:
             return np.asarray(x[:, axis.dof])
         return np.asarray(x[:, [*map(self.dof_index, axis.weights)]] @ [*axis.weights.values()])
@@ -286,14 +287,16 @@ class Description:
         From the zeros of its joints, or from a configuration (nq,).
         """
         weights = axis.weights or {}
-        if axis.row is None and not weights:
+        if axis.row is not None and not weights:
+            weights = dict(zip(self.joints, axis.row.tolist(), strict=True))
+        elif not weights:
             weights = {self.dofs[axis.dof]: 1.0}
-        names = [*weights] or self.joints
-        row = np.array([*weights.values()]) if weights else axis.row
-        at = np.stack([self.dof_position(q, joint) for joint in names], 1)
-        if start is not None:
-            at -= [self.dof_position(start[None], joint)[0] for joint in names]
-        return np.asarray(at @ row)
+        moved = np.zeros(len(q))
+        for joint, weight in weights.items():
+            if weight:
+                origin = 0.0 if start is None else self.dof_position(start[None], joint)[0]
+                moved += weight * (self.dof_position(q, joint) - origin)
+        return moved
 
     @cached_property
     def passive_axes(self) -> tuple[Axis, ...]:

@@ -20,7 +20,7 @@ from identifiability.robot import Robot
 
 #: Samples that columns are computed of at a time, at least; and in units of what a decimation
 #: filter draws on beside them, so that it costs little more than the samples themselves.
-PIECE, REACHES = 1024, 4
+PIECE, REACHES = 4096, 12
 #: Columns that are filtered together.
 TOGETHER = 64
 
@@ -69,8 +69,11 @@ class Stacked:
         rows = np.cumsum([0, *(len(b.values) for b in self.blocks)])
         out = np.zeros((rows[-1] + self.known, len(at)))
         for start, stop, block in zip(rows[:-1], rows[1:], self.blocks, strict=True):
-            here = np.flatnonzero(np.isin(at, block.columns))
-            out[start:stop, here] = block.values[:, np.searchsorted(block.columns, at[here])]
+            if not len(block.columns):
+                continue
+            where = np.minimum(np.searchsorted(block.columns, at), len(block.columns) - 1)
+            here = np.flatnonzero(block.columns[where] == at)
+            out[start:stop, here] = block.values[:, where[here]]
         return out if np.ndim(key[1]) else out[:, 0]
 
 
@@ -170,12 +173,13 @@ def compute_entries(
         outputs = len(piece.tau[piece.at])
         found: Entries = {}
         for effect, width, columns in layout:
-            W = np.zeros((len(piece.motion), len(robot.actuated), width))
-            effect.fill(robot, piece.motion, W)
+            # Each column of each joint in one piece, for it is asked for, and filtered, alone.
+            W = np.zeros((len(robot.actuated), width, len(piece.motion)))
+            effect.fill(robot, piece.motion, W.transpose(2, 0, 1))
+            acts: np.ndarray = np.any(W, axis=2)
             for own, column in columns:
-                w = W[:, :, own]
-                for j in np.flatnonzero(np.einsum("nj,nj->j", w, w)).tolist():
-                    found[j, column] = w[:, j]
+                for j in np.flatnonzero(acts[:, own]).tolist():
+                    found[j, column] = W[j, own]
             if len(found) >= TOGETHER:
                 _write(entries, piece, found, start, rows)
                 found = {}
@@ -194,7 +198,7 @@ def _write(entries: Entries, piece: Piece, found: Entries, start: int, rows: int
     """Write what effects are along a piece, decimated, where its outputs begin in all rows."""
     if not found:
         return
-    down = piece.down(np.stack(list(found.values()), axis=1))
+    down = piece.down(np.stack(list(found.values())).T)
     for at, values in zip(found, down.T, strict=True):
         if at not in entries:
             entries[at] = np.zeros(rows)

@@ -10,11 +10,12 @@ and with several compare. A level that physics wants positive counts only if it 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtrc, gammaln, log_ndtr
 
-from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
+from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.linalg import MOST_BYTES
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -88,16 +89,9 @@ class Bench:
     def whiten(self, misfit: Array | None = None) -> Whitened:
         """Return whitened rows; `misfit` (n,) is variance that the model does not explain yet."""
         rows, draws = self.rows, self.simulated.shape[2] // 2
-        parts, others = [], []
-        for j, own in enumerate(self.noise.joints):
-
-            def whiten(x: Array, j: int = j, own: JointNoise = own) -> Array:
-                left = None if misfit is None else misfit[j : j + 1]
-                return ARNoise((own,)).whiten(x[:, None], rows.runs, left)[:, 0]
-
-            part, Z = compress(whiten(rows.joint_columns(j)), self.simulated[:, j], whiten)
-            parts.append(part)
-            others.append(Z)
+        left = np.zeros(rows.joints) if misfit is None else misfit
+        each = (self._joint(j, float(size)) for j, size in enumerate(left))
+        parts, others = map(list, zip(*each, strict=True))
         known = 0 if rows.root is None else len(rows.root)
         y, X, D = rows.stack(parts, known)
         if rows.root is not None:
@@ -105,6 +99,28 @@ class Bench:
             others.append(np.zeros((known, 2 * draws)) if self.errors is None else self.errors)
         simulated = np.concatenate(others)
         return Whitened(y, X, D, simulated[:, :draws], simulated[:, draws:])
+
+    def _joint(self, j: int, misfit: float) -> tuple[Array, Array]:
+        """Return whitened columns and simulated noise of a joint, compressed.
+
+        Most joints have no misfit, in whatever model, and so the same whitened rows.
+        """
+        if misfit == 0.0 and j in self._plain:
+            return self._plain[j]
+        own, runs, left = ARNoise((self.noise.joints[j],)), self.rows.runs, np.array([misfit])
+
+        def whiten(x: Array) -> Array:
+            return own.whiten(x[:, None], runs, left)[:, 0]
+
+        found = compress(whiten(self.rows.joint_columns(j)), self.simulated[:, j], whiten)
+        if misfit == 0.0:
+            self._plain[j] = found
+        return found
+
+    @cached_property
+    def _plain(self) -> dict[int, tuple[Array, Array]]:
+        """Return the whitened rows of joints without misfit."""
+        return {}
 
     def misfit(self, residual: Array) -> Array:
         """Return the variance of a residual (N, n) that noise does not explain, (n,)."""
@@ -246,18 +262,18 @@ def _score_group(U: Array, z: Array, draws: int, *, positive: bool) -> Array:
 
 def _squares_positive(G: Array, z: Array) -> Array:
     """Return the explained squares ``zᵀ G⁻¹ z`` (T,) with columns of negative level left out."""
-    k, count = z.shape
-    used = np.ones((k, count), bool)
-    size = np.zeros(count)
-    for _ in range(3):
-        patterns, which = np.unique(used, axis=1, return_inverse=True)
-        for p in range(patterns.shape[1]):
-            rows, at = np.flatnonzero(patterns[:, p]), np.flatnonzero(which.ravel() == p)
-            size[at] = 0.0
-            if len(rows):
-                level = np.linalg.solve(G[np.ix_(rows, rows)], z[np.ix_(rows, at)])
-                size[at] = (level * z[np.ix_(rows, at)]).sum(0)
-                used[np.ix_(rows, at)] = level > 0
+    level = np.linalg.solve(G, z)
+    size: Array = (level * z).sum(0)
+    used = level > 0
+    at = np.flatnonzero(~used.all(0))
+    for _ in range(2):
+        own = used[:, at].T
+        # Left out are the equations of a column, too: its level is zero.
+        both, right = own[:, :, None] & own[:, None, :], np.where(own, z[:, at].T, 0.0)
+        left = np.linalg.solve(np.where(both, G, np.eye(len(G))), right[:, :, None])[:, :, 0]
+        size[at] = (left * right).sum(1)
+        used[:, at] = (left > 0).T
+        at = at[(own != used[:, at].T).any(1)]
     return size
 
 

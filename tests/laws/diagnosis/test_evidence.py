@@ -6,6 +6,7 @@ from scipy import stats
 from scipy.optimize import nnls
 
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
+from identifiability.workflows.diagnose import evidence
 from identifiability.workflows.diagnose.evidence import Bench, Whitened, log_tail, score_candidates
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.known_values import KnownValues
@@ -201,3 +202,26 @@ def test_columns_that_others_make_are_undetermined(rng):
     A = rng.standard_normal((20, 4))
     A[:, 3] = A[:, 0] - 2.0 * A[:, 2]
     assert undetermined(A).tolist() == [True, False, True, True]
+
+
+def test_joints_without_misfit_are_whitened_once_and_as_they_were(
+    monkeypatch, rng, rows_of, white_noise
+):
+    X, D = rng.standard_normal((60, 2, 1)), rng.standard_normal((60, 2, 3))
+    rows, whitened, compress = rows_of(rng.standard_normal((60, 2)), X, D), [], evidence.compress
+    monkeypatch.setattr(evidence, "compress", lambda *a: whitened.append(a) or compress(*a))
+
+    def bench():
+        return Bench(rows, white_noise(1.0, 2.0), np.ones((60, 2, 4)))
+
+    one, count = bench(), 0
+    for misfit in (None, [0.0, 3.0], [0.0, 1.0], [2.0, 0.0]):
+        given = None if misfit is None else np.array(misfit)
+        kept = one.whiten(given)
+        count += len(whitened)
+        new = bench().whiten(given)
+        whitened.clear()
+        np.testing.assert_array_equal(kept.y, new.y)
+        np.testing.assert_array_equal(kept.D[:, [0, 1, 2]], new.D[:, [0, 1, 2]])
+        np.testing.assert_array_equal(kept.noise, new.noise)
+    assert count == 2 + 3  # both joints, then each misfit
