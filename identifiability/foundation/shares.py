@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
 #: Level of every interval.
@@ -88,3 +89,17 @@ def each_share(events: np.ndarray) -> tuple[Share, ...]:
     trials, count = events.shape
     level = 1 - (1 - LEVEL) / max(count, 1)
     return tuple(exact_share(float(c), float(trials), level) for c in events.sum(0))
+
+
+def tail_of_sum(value: float, drawn: Array) -> float:
+    """Return how likely a weighted sum of squares is as large, from draws of it (B,).
+
+    Beyond the largest of them it is a multiple of χ² with their mean and variance [Satterthwaite
+    1946].
+    """
+    reached = (1 + np.count_nonzero(drawn >= value)) / (1 + len(drawn))
+    if (drawn >= value).any():
+        return float(reached)
+    mean, variance = float(np.mean(drawn)), float(np.var(drawn, ddof=1))
+    beyond = scipy.stats.chi2.sf(2 * mean / variance * value, 2 * mean**2 / variance)
+    return float(min(reached, beyond))

@@ -153,9 +153,10 @@ class NamedEffect:
     def refuted(self) -> bool:
         """Whether the motion that verifies contradicts it.
 
-        It surely has more error with it, or what is shown where it is contradicts it, or noise
-        makes the like too often. What is rare must be confirmed by motion that can; a function
-        without a name by any, or be likely with no more error.
+        It surely has more error with it, or what is shown where it is contradicts it, unless the
+        effect is surely there beside noise so slow that the error rises with it; or noise makes the
+        like too often. What is rare must be confirmed by motion that can; a function without a name
+        by any, or be likely with no more error.
         """
         if self.confirmed:
             return False
@@ -163,7 +164,8 @@ class NamedEffect:
             return True
         likely = self.both.likely and self.shown.after <= self.shown.before
         needed = not likely if self.unnamed else self.rare and self.shown.telling
-        return needed or self.joints_interval[0] > 0 or self.shown.contradicts
+        against = self.joints_interval[0] > 0 or self.shown.contradicts
+        return needed or (against and not self.shown.there)
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -3,8 +3,8 @@
 An effect that the dictionary does not have resembles some that it has, and the most similar one
 stands out and predicts better: so would the right one, but that leaves nothing. What is left is
 asked for without any name, by many smooth functions of motion and load at once, their short
-memory included. The test is approximate: rows are those whitened by the noise [Aitken 1936], and
-whatever the joint's own columns can say is left to them.
+memory included. Rows are those whitened by the noise [Aitken 1936], and whatever the joint's own
+columns can say is left to them; noise is simulated with a memory as uncertain as the data leave it.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from identifiability.effects.path_memory import follow_with_play
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.estimation.noise.autoregression import Runs
 from identifiability.foundation.names import Array
+from identifiability.foundation.shares import tail_of_sum
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import orthonormal, project_out, unit_columns
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
@@ -189,8 +190,7 @@ class Remains:
         columns = 1 + rows.X.shape[2] + named.shape[1]
         y, X, F = np.split(white, [1, columns], axis=1)
         Q = orthonormal(X)
-        # Twice: what is almost the model's would keep some of it.
-        U = project_out(Q, project_out(Q, unit_columns(F)))
+        U = project_out(Q, project_out(Q, unit_columns(F)))  # once would keep some of the model's
         vectors, length, _ = np.linalg.svd(U, full_matrices=False)
         general = vectors[:, length > THIN]
         k, dof = general.shape[1], len(y) - Q.shape[1] - general.shape[1]
@@ -198,8 +198,13 @@ class Remains:
             return None
         left, whole = (float(np.sum(x**2)) for x in (general.T @ y, project_out(Q, y)))
         level = (whole - left) / dof
-        share = 1 - level / (whole / (dof + k))
-        return Left(left / level - k, max(share, 0.0), float(stats.f.sf(left / level / k, k, dof)))
+        p = float(stats.f.sf(left / level / k, k, dof))
+        simulated = self.material.bench.simulated[:, j]
+        if p < ASKED and simulated.shape[1] > 1:  # slow noise is more likely to look like this
+            Z = noise.whiten(simulated.astype(float)[:, None], rows.runs)[:, 0]
+            least, most = (np.sum(x**2, axis=0) for x in (general.T @ Z, project_out(Q, Z)))
+            p = max(p, tail_of_sum(left / level, dof * least / (most - least)))
+        return Left(left / level - k, max(1 - level / (whole / (dof + k)), 0.0), p)
 
 
 def general_columns(rows: Rows, model: Array, j: int) -> Array:

@@ -36,9 +36,14 @@ class Shown:
     news: tuple[float, float] = (float("nan"), float("nan"))
 
     @property
+    def there(self) -> bool:
+        """Whether some of the effect is surely there in what the memory of the noise leaves."""
+        return self.news[0] > 0
+
+    @property
     def better(self) -> bool:
         """Whether the error surely falls, or the effect is surely there and it does not rise."""
-        return self.interval[1] < 0 or (self.news[0] > 0 and self.after <= self.before)
+        return self.interval[1] < 0 or (self.there and self.after <= self.before)
 
     @property
     def least(self) -> float:

@@ -226,3 +226,20 @@ def test_a_named_effect_speaks_for_all_its_places():
     assert effect.alternatives == ("stribeck_friction",)
     assert effect.names == "A or Stribeck friction"
     assert fragile.fragile == ("x",)
+
+
+@pytest.mark.parametrize(
+    ("interval", "joints"), [((0.01, 0.3), (-0.5, 0.1)), ((-0.1, 0.1), (0.01, 0.1))]
+)
+@pytest.mark.parametrize(("news", "refuted"), [((0.2, 0.8), False), ((-0.1, 0.8), True)])
+def test_what_is_surely_there_is_not_refuted_by_slow_noise(interval, joints, news, refuted):
+    """The error may rise by chance of noise with a memory; what that does not foretell decides."""
+    effect = NamedEffect("a", "a", (), before=0.2, after=0.1, interval=(-0.2, 0.1),
+                         joints_before=0.2, joints_after=0.3, joints_interval=joints,
+                         shown=Shown(0.2, 0.3, interval, -0.1, news=news))  # fmt: skip
+    assert not effect.confirmed
+    assert effect.refuted == refuted
+    # What must be confirmed is, by motion that would.
+    rare = replace(effect, rare=True, shown=replace(effect.shown, expected=-9.0))
+    assert rare.shown.telling
+    assert rare.refuted

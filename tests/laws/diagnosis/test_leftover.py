@@ -5,8 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from identifiability.effects.path_memory import follow_with_play
+from identifiability.foundation.shares import tail_of_sum
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.gates import Naming, Step
 from identifiability.workflows.diagnose.held_out import HeldOut
@@ -38,7 +40,7 @@ def build(rows_of, white_noise):
         structure = SimpleNamespace(present=frozenset())
         return SimpleNamespace(
             train=made, held=HeldOut(train=made, choosing=None), noise=noise, white=bench.whiten(),
-            setting=SimpleNamespace(structure=structure),
+            setting=SimpleNamespace(structure=structure), bench=bench,
         )  # fmt: skip
 
     return made
@@ -165,3 +167,26 @@ def test_noise_alone_leaves_something_as_often_as_its_level_says(build):
 def test_more_must_be_left_than_is_explained_and_surely(explained, left, p, outweighs):
     assert Leftover(explained, left, p).outweighs == outweighs
     assert replace(Leftover(explained, left, p), p_value=0.5).outweighs is False
+
+
+@pytest.mark.parametrize("weights", [np.ones(40), np.append(np.ones(30), 6.0)])
+def test_the_tail_of_a_sum_of_squares_goes_on_beyond_its_draws(weights):
+    rng = np.random.default_rng(0)
+    many, few = (rng.chisquare(1, (n, len(weights))) @ weights for n in (100_000, 398))
+    for p in (0.05, 0.02):  # of 398 draws 20 ± 4 and 8 ± 3 are larger
+        value = float(np.quantile(many, 1 - p))
+        assert tail_of_sum(value, few) == pytest.approx(p, rel=0.8)
+    assert 0 < tail_of_sum(2 * float(many.max()), few) < 1e-6
+
+
+def test_a_name_stays_where_noise_of_a_memory_nobody_knows_leaves_as_much(build, candidate):
+    """Slow functions find something in noise that is slower than it is taken to be."""
+    right, rng = candidate("dry", "j", 0), np.random.default_rng(5)
+    slow = signal.lfilter([1.0], [1.0, -0.7], rng.standard_normal((N, 400)), axis=0)
+    m = build(lambda *x: 0.5 * dry(*x) + slow[:, :1], [dry])
+    known = Remains(m, (right,)).beside(right)
+    m.bench = replace(m.bench, simulated=slow[:, None, 1:])
+    unknown = Remains(m, (right,)).beside(right)
+    assert (known.left, known.explained) == (unknown.left, unknown.explained)
+    assert known.p_value < 1e-3
+    assert unknown.p_value > 0.02
