@@ -20,7 +20,6 @@ from identifiability.workflows.diagnose.findings import (
 )
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
-from identifiability.workflows.diagnose.leftover import Remains
 from identifiability.workflows.diagnose.lookalikes import find_rivals, leave_to_model
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.payload import fit_body, is_body
@@ -75,7 +74,7 @@ def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis
         aliases=m.aliases,
         refusals=m.refusals,
         steps=naming.steps,
-        remainder=Remainder(rms, sizes, Remains(m, chosen).joints),
+        remainder=Remainder(rms, sizes, m.remains(chosen).joints),
         model=Model((*structure.model.effects, *parts)),
     )
 

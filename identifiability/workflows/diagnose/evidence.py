@@ -100,6 +100,11 @@ class Bench:
         simulated = np.concatenate(others)
         return Whitened(y, X, D, simulated[:, :draws], simulated[:, draws:])
 
+    @cached_property
+    def plain(self) -> Whitened:
+        """Rows whitened by the noise alone."""
+        return self.whiten()
+
     def _joint(self, j: int, misfit: float) -> tuple[Array, Array]:
         """Return whitened columns and simulated noise of a joint, compressed.
 

@@ -16,7 +16,6 @@ import numpy as np
 from identifiability.effects import Family, find_families
 from identifiability.workflows.diagnose.gates import Chosen, Naming
 from identifiability.workflows.diagnose.held_out import Gain, HeldOut, gain_of
-from identifiability.workflows.diagnose.leftover import Remains
 from identifiability.workflows.diagnose.material import DRAWS, Material
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.options import find_same
@@ -111,7 +110,7 @@ def what_is_left(material: Material, naming: Naming) -> bool:
     found = find_discrepancies(material.train, left, joints)
     if any(d.explained[cause] > NOTABLE for d in found for cause in CAUSES):
         return True
-    return Remains(material, naming.chosen).anything
+    return material.remains(naming.chosen).anything
 
 
 def predicts_better(

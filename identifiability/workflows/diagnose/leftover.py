@@ -20,9 +20,13 @@ from identifiability.estimation.noise.autoregression import Runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import tail_of_sum
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.evidence import orthonormal, project_out, unit_columns
-from identifiability.workflows.diagnose.gates import Naming, keep_surviving
-from identifiability.workflows.diagnose.material import Material
+from identifiability.workflows.diagnose.evidence import (
+    Bench,
+    orthonormal,
+    project_out,
+    unit_columns,
+)
+from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Random waves [Rahimi & Recht 2007], what each depends on at most, and their seed.
@@ -95,69 +99,39 @@ class Leftover:
         return self.left / max(self.explained, TINY)
 
 
-def keep_complete(material: Material, naming: Naming) -> Naming:
-    """Return a naming without names in whose joint more is left than they explain.
-
-    They are taken out one after the other, the one that leaves most over what it explains first.
-    What every joint has, friction and offsets, is there whatever else is missing.
-    """
-    naming = keep_one_way(material, naming)
-    why = "more is left in its joint than it explains"
-    while naming.chosen:
-        remains = Remains(material, naming.chosen)
-        found = [(c, remains.beside(c)) for c in naming.chosen if not c.family.basic]
-        against = [(one.ratio, c) for c, one in found if one is not None and one.outweighs]
-        if not against:
-            break
-        gone = [max(against, key=lambda pair: pair[0])[1]]
-        naming = keep_surviving(naming, gone, material.setting.structure.present, why)
-    return naming
-
-
-def keep_one_way(material: Material, naming: Naming) -> Naming:
-    """Return a naming without joints of a closed chain that drag one another by their speeds.
-
-    In one drive that may be a hose or a voltage; in several of them it is friction between bodies
-    that no motor drives, and no leak.
-    """
-    drags = [c for c in naming.chosen if c.family.origin and c.family.against == "velocity"]
-    drags = [c for c in drags if not c.family.unnamed]
-    structure = material.setting.structure if len({c.place for c in drags}) > 1 else None
-    if structure is None or not structure.robot.passive:
-        return naming
-    why = "joints of a closed chain that drag one another have friction between them"
-    return keep_surviving(naming, drags, structure.present, why)
-
-
 @frozen
 class Remains:
     """What some names leave in every joint, computed where it is asked for.
 
     Attributes
     ----------
-    material : Material
+    held : HeldOut
+    bench : Bench
+        Rows with their noise.
     chosen : tuple of Candidate
     """
 
-    material: Material
+    held: HeldOut
+    bench: Bench
     chosen: tuple[Candidate, ...]
 
     @property
     def anything(self) -> bool:
         """Whether some joint's torque depends on anything beside what was named."""
-        return any(one is not None and one.p_value < ASKED for one in self.joints)
+        found = map(self._in_joint, range(self.bench.rows.joints))
+        return any(one is not None and one.p_value < ASKED for one in found)
 
     @cached_property
     def joints(self) -> tuple[Left | None, ...]:
         """What is left in each joint, (n,); None where too few rows are there to say."""
-        return tuple(self._in_joint(j) for j in range(self.material.train.joints))
+        return tuple(map(self._in_joint, range(self.bench.rows.joints)))
 
     def beside(self, c: Candidate) -> Leftover | None:
         """Return what one of the names explains, and what is left; None if few rows are there.
 
         Of what acts in several joints it is the one where most is left.
         """
-        white, rows = self.material.white, self.material.train
+        white, rows = self.bench.plain, self.bench.rows
         Q = orthonormal(white.columns([o for o in self.chosen if o is not c]))
         own = orthonormal(project_out(Q, unit_columns(white.D[:, list(c.columns)])))
         explained = float(np.sum((own.T @ white.y) ** 2)) - own.shape[1]
@@ -169,8 +143,8 @@ class Remains:
     @cached_property
     def _model(self) -> Array:
         """Torque by the model with these names, (N, n) [N·m or N]."""
-        left = self.material.held.fitted_residual(self.chosen)
-        torque: Array = self.material.train.tau - left
+        left = self.held.fitted_residual(self.chosen)
+        torque: Array = self.bench.rows.tau - left
         return torque
 
     @cached_property
@@ -183,7 +157,7 @@ class Remains:
         return self._known[j]
 
     def _measure(self, j: int) -> Left | None:
-        rows, noise = self.material.train, ARNoise((self.material.noise.joints[j],))
+        rows, noise = self.bench.rows, ARNoise((self.bench.noise.joints[j],))
         named = rows.D.take([k for c in self.chosen for k in c.columns])[:, j]
         parts = [rows.tau[:, j, None], rows.X[:, j], named, general_columns(rows, self._model, j)]
         white = noise.whiten(np.column_stack(parts)[:, None], rows.runs)[:, 0]
@@ -199,7 +173,7 @@ class Remains:
         left, whole = (float(np.sum(x**2)) for x in (general.T @ y, project_out(Q, y)))
         level = (whole - left) / dof
         p = float(stats.f.sf(left / level / k, k, dof))
-        simulated = self.material.bench.simulated[:, j]
+        simulated = self.bench.simulated[:, j]
         if p < ASKED and simulated.shape[1] > 1:  # slow noise is more likely to look like this
             Z = noise.whiten(simulated.astype(float)[:, None], rows.runs)[:, 0]
             least, most = (np.sum(x**2, axis=0) for x in (general.T @ Z, project_out(Q, Z)))

@@ -19,6 +19,7 @@ from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.evidence import Bench, Whitened
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.known_values import KnownValues
+from identifiability.workflows.diagnose.leftover import Remains
 from identifiability.workflows.diagnose.lookalikes import Alias, find_aliases
 from identifiability.workflows.diagnose.real_fit import RealRobot
 from identifiability.workflows.diagnose.rows import (
@@ -181,10 +182,21 @@ class Material:
         """Noise of every joint."""
         return self.bench.noise
 
-    @cached_property
+    @property
     def white(self) -> Whitened:
         """Rows whitened by the noise alone."""
-        return self.bench.whiten()
+        return self.bench.plain
+
+    def remains(self, chosen: Sequence[Candidate]) -> Remains:
+        """Return what some names leave: one answer, however many ask for the same names."""
+        key = tuple(chosen)
+        if key not in self._remains:
+            self._remains[key] = Remains(self.held, self.bench, key)
+        return self._remains[key]
+
+    @cached_property
+    def _remains(self) -> dict[tuple[Candidate, ...], Remains]:
+        return {}
 
     def extended(self, more: Sequence[Candidate]) -> Material:
         """Return the same with further candidates behind its own.

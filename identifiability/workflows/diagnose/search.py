@@ -12,12 +12,12 @@ from identifiability.effects import find_families
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.repeats import Recording
+from identifiability.workflows.diagnose.complete import keep_complete
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.finer import find_finer
 from identifiability.workflows.diagnose.gates import Naming
 from identifiability.workflows.diagnose.goes_on import Earlier
 from identifiability.workflows.diagnose.late import early, name_late
-from identifiability.workflows.diagnose.leftover import keep_complete
 from identifiability.workflows.diagnose.material import Material, Setting, gather
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.odd_log import OddLog, still_odd

@@ -9,6 +9,7 @@ from scipy import signal
 
 from identifiability.effects.path_memory import follow_with_play
 from identifiability.foundation.shares import tail_of_sum
+from identifiability.workflows.diagnose.complete import keep_complete, keep_one_way
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.gates import Naming, Step
 from identifiability.workflows.diagnose.held_out import HeldOut
@@ -16,8 +17,6 @@ from identifiability.workflows.diagnose.leftover import (
     Leftover,
     Remains,
     general_columns,
-    keep_complete,
-    keep_one_way,
 )
 
 N = 600
@@ -38,9 +37,11 @@ def build(rows_of, white_noise):
         noise = white_noise(1.0)
         bench = Bench(rows=made, noise=noise, simulated=np.zeros((rows, 1, 0)))
         structure = SimpleNamespace(present=frozenset())
+        held = HeldOut(train=made, choosing=None)
         return SimpleNamespace(
-            train=made, held=HeldOut(train=made, choosing=None), noise=noise, white=bench.whiten(),
-            setting=SimpleNamespace(structure=structure), bench=bench,
+            train=made, white=bench.plain, setting=SimpleNamespace(structure=structure),
+            bench=bench, held=held,
+            remains=lambda chosen: Remains(held, bench, tuple(chosen)),
         )  # fmt: skip
 
     return made
@@ -68,7 +69,7 @@ def like_dry(q, dq, ddq):
 def test_the_right_name_leaves_nothing_and_one_that_resembles_it_leaves_more(build, candidate):
     right, similar = candidate("dry", "j", 0), candidate("like", "j", 1)
     m = build(dry, [dry, like_dry])
-    good, bad = (Remains(m, (c,)).beside(c) for c in (right, similar))
+    good, bad = (m.remains((c,)).beside(c) for c in (right, similar))
     # The squared length of what the model does not have of it, within three standard deviations.
     X, own = m.train.X[:, 0, 0], m.train.D.take([0])[:, 0, 0]
     square = own @ own - (own @ X) ** 2 / (X @ X)
@@ -134,9 +135,9 @@ def test_joints_of_a_closed_chain_that_drag_one_another_do_not_leak(candidate):
 def test_few_rows_say_nothing(build, candidate):
     similar = candidate("like", "j", 0)
     m = build(lambda *x: 3 * dry(*x), [like_dry], rows=60)
-    assert Remains(m, (similar,)).beside(similar) is None
+    assert m.remains((similar,)).beside(similar) is None
     assert keep_complete(m, named(similar)).chosen == (similar,)
-    assert not Remains(m, ()).anything
+    assert not m.remains(()).anything
 
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 2.0])
@@ -145,18 +146,16 @@ def test_what_is_left_is_a_share_of_what_the_model_leaves(build, size):
     drawn = [build(lambda *x: size * cubic(*x), [dry], seed) for seed in range(10)]
     X, curve = drawn[0].train.X[:, 0, 0], size * cubic(drawn[0].train.q, None, None)[:, 0]
     square = (curve @ curve - (curve @ X) ** 2 / (X @ X)) / N
-    left = [Remains(m, ()).joints[0] for m in drawn]
+    left = [m.remains(()).joints[0] for m in drawn]
     assert np.mean([x.share for x in left]) == pytest.approx(square / (1 + square), abs=0.04)
     assert np.mean([x.squares for x in left]) == pytest.approx(N * square, rel=0.15)
 
 
 def test_noise_alone_leaves_something_as_often_as_its_level_says(build):
     """Five per cent of 200: between 2 and 19 within 1e-3; what is there is found."""
-    found = sum(
-        Remains(build(lambda q, *_: 0 * q, [dry], seed), ()).anything for seed in range(200)
-    )
+    found = sum(build(lambda q, *_: 0 * q, [dry], seed).remains(()).anything for seed in range(200))
     assert 2 <= found <= 19
-    assert Remains(build(cubic, [dry]), ()).anything
+    assert build(cubic, [dry]).remains(()).anything
 
 
 @pytest.mark.parametrize(
@@ -184,9 +183,9 @@ def test_a_name_stays_where_noise_of_a_memory_nobody_knows_leaves_as_much(build,
     right, rng = candidate("dry", "j", 0), np.random.default_rng(5)
     slow = signal.lfilter([1.0], [1.0, -0.7], rng.standard_normal((N, 400)), axis=0)
     m = build(lambda *x: 0.5 * dry(*x) + slow[:, :1], [dry])
-    known = Remains(m, (right,)).beside(right)
+    known = Remains(m.held, m.bench, (right,)).beside(right)
     m.bench = replace(m.bench, simulated=slow[:, None, 1:])
-    unknown = Remains(m, (right,)).beside(right)
+    unknown = Remains(m.held, m.bench, (right,)).beside(right)
     assert (known.left, known.explained) == (unknown.left, unknown.explained)
     assert known.p_value < 1e-3
     assert unknown.p_value > 0.02

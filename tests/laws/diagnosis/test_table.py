@@ -115,3 +115,12 @@ def test_other_families_along_the_same_rows_have_noise_beside_them(made, asked):
     assert [c.slot for c in wider.candidates] == [c.slot for c in alone.candidates]
     np.testing.assert_array_equal(wider.bench.simulated, alone.bench.simulated)
     np.testing.assert_array_equal(wider.white.y, alone.white.y)
+
+
+def test_what_some_names_leave_is_asked_for_once(made):
+    structure, samples = made
+    m = gather(Setting(structure, (samples,)), (), np.random.default_rng(0), FIRST, draws=19)
+    first = m.candidates[0]
+    assert m.remains([first]) is m.remains((first,))
+    assert m.remains(()) is not m.remains([first])
+    assert m.finer({}).remains(()) is not m.remains(())
