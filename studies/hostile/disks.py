@@ -56,7 +56,7 @@ class DiskDays(Days):
                 if seen - {"good.csv", "out.json", "kept"}:
                     problems.append(f"left {', '.join(sorted(seen))}")
                 if process.returncode == 2:
-                    for path in (root / "scratch").rglob("out.json"):
+                    for path in [*(root / "scratch").rglob("out.json")]:
                         if path.read_bytes() != self.reference(command)[0]:
                             problems.append("what was saved elsewhere is another result")
                         shutil.rmtree(path.parent)

@@ -178,7 +178,7 @@ def test_the_study_holds_what_it_asks_for(tmp_path):
     sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies"))
     study = import_module("compare")
     frame = study.main(
-        ["--replicates", "5", "--data", str(tmp_path), "--out", str(tmp_path / "c.json")]
+        ["--trials", "5", "--data", str(tmp_path), "--out", str(tmp_path / "c.json")]
     )
     null = frame[~frame["changed"]]
     assert null["said"].mean() <= 0.1

@@ -100,6 +100,7 @@ REFUSED = {
     "quadrotor_base.urdf": "has no joint that moves; there is nothing to identify",
     "ur3.urdf": "has no <link>; it may only define parts",
     "iris_simple.urdf": "has no joint that moves; there is nothing to identify",
+    "tiago_dual.urdf": "has 101 degrees of freedom; robots of up to 100 are read: lock joints",
 }
 
 
