@@ -263,7 +263,10 @@ def _solve_program(
     y = np.maximum(found.multipliers[2], 0.0)
     inside = found.multipliers[3 + len(region.cones) :][: len(region.ellipsoids)]
     duals = np.array([E.ravel() for E in inside]).reshape(-1, 16)
-    return scaled.plane.project(free + found.x[:p]), y, semidefinite(duals), found.status
+    x = scaled.plane.project(free + found.x[:p])
+    # The solver's last digits may lie beyond a sign, which a reader of robot files refuses.
+    x[region.signed] = np.maximum(x[region.signed], 0.0)
+    return x, y, semidefinite(duals), found.status
 
 
 def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> FeasibleEstimate:

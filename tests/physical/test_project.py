@@ -96,6 +96,20 @@ def test_a_negative_friction_is_stopped_at_zero_and_named():
     assert found.excess == pytest.approx(9.0, rel=1e-6)
 
 
+def test_what_may_not_be_negative_is_not_by_a_digit_either():
+    # Parameters of different scales: without care the solver ends 1e-8 beyond some signs.
+    nonnegative, rng = np.arange(12) < 10, np.random.default_rng(0)
+    columns = tuple(f"j{k}.Fc" for k in range(12))
+    region, held = PhysicalSet(np.empty((0, 10), int), nonnegative, columns=columns), 0
+    for _ in range(30):
+        R = np.linalg.qr(rng.standard_normal((12, 12)))[1] * 10 ** rng.uniform(-1, 1, 12)
+        z = R @ (10 * rng.standard_normal(12))
+        found = project(LeastSquares(R, z, 0.1, 1.0), region)
+        assert (found.phi[nonnegative] >= 0).all()
+        held += len(found.active_rows)
+    assert held > 50
+
+
 def test_for_a_real_robot_the_estimate_is_never_farther_from_the_truth_than_least_squares(pair):
     # A projection onto a convex set that holds the truth cannot move away from it.
     program = Projection(pair.region, reference=pair.phi)
