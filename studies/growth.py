@@ -1,9 +1,10 @@
 """How do time and memory grow with samples, joints, logs and replicates?
 
-A six-axis arm in Parquet (samples, logs, replicates) and a humanoid on a stand (joints), each
-command alone in a process with one thread, as a user would run it. FIGAROH stands beside it where
-it can do the work: samples of the arm, with and without the decimation of its workflow; it needs
-the extra ``bench``. ``python studies/growth.py`` takes minutes, ``--full`` much longer.
+A six-axis arm in Parquet (samples, also diagnosed with two hidden effects, logs, replicates) and a
+humanoid on a stand (joints), each command alone in a process with one thread, as a user would run
+it. FIGAROH stands beside it where it can do the work: samples of the arm, with and without the
+decimation of its workflow; it needs the extra ``bench``. ``python studies/growth.py`` takes
+minutes, ``--full`` much longer.
 """
 
 from __future__ import annotations
@@ -29,15 +30,20 @@ ROOT = Path(__file__).resolve().parents[1]
 
 ARM, ESTIMATORS = "six-dof-arm", ("ls", "auto")
 
+#: What a diagnosis is to find: one effect of the first pass, one of the second.
+HIDDEN = ("stribeck_friction@joint_2=0.05", "joint_stiffness@joint_4=0.05")
+
 #: Sizes by default and with ``--full``.
 QUICK = {
     "samples": (1_000, 10_000, 100_000),
+    "diagnosed": (2_000, 100_000),
     "joints": (6, 12, 24),
     "logs": (1, 2, 4, 8),
     "replicates": (200, 2_000, 20_000),
 }
 FULL = {
     "samples": (1_000, 10_000, 100_000, 1_000_000, 10_000_000),
+    "diagnosed": (2_000, 10_000, 100_000, 1_000_000),
     "joints": (6, 12, 24, 36),
     "logs": (1, 2, 4, 8, 16, 32),
     "replicates": (200, 2_000, 20_000, 200_000),
@@ -80,6 +86,13 @@ def grow_samples(folder: Path, sizes: Sequence[int]) -> Iterator[Took | None]:
             yield run("FIGAROH, decimating", "samples", size, argv)
 
 
+def grow_diagnosed(folder: Path, sizes: Sequence[int]) -> Iterator[Took | None]:
+    for size in sizes:
+        log = folder / f"hidden-{size}.parquet"
+        long_logs.write_log(log, size, 0, derivatives=False, hide=HIDDEN)
+        yield analyze("diagnose", "diagnosed", size, ARM, str(log), verb="diagnose")
+
+
 def grow_joints(folder: Path, sizes: Sequence[int]) -> Iterator[Took | None]:
     for size in sizes:
         path, log = folder / f"humanoid-{size}.xml", folder / f"humanoid-{size}.csv"
@@ -109,6 +122,7 @@ def grow_replicates(folder: Path, sizes: Sequence[int]) -> Iterator[Took | None]
 
 GROWING = {
     "samples": grow_samples,
+    "diagnosed": grow_diagnosed,
     "joints": grow_joints,
     "logs": grow_logs,
     "replicates": grow_replicates,
@@ -140,11 +154,13 @@ def state(runs: Sequence[Took]) -> str:
     """Return the answer in plain words."""
     said = []
     for what in GROWING:
-        own = [r for r in runs if r.what == what and r.who.startswith("analyze")]
+        verb = "diagnose" if what == "diagnosed" else "analyze"
+        own = [r for r in runs if r.what == what and r.who.startswith(verb)]
         if own:
             most = max(own, key=lambda r: (r.size, r.cpu))
             size = f"{most.size:,}".replace(",", "\u2009")
-            said.append(f"{size} {what} take {most.cpu:.0f} s and {most.peak:.0f} MB")
+            noun = "samples with two hidden effects" if what == "diagnosed" else what
+            said.append(f"{size} {noun} take {most.cpu:.0f} s and {most.peak:.0f} MB")
     text = "; ".join(said) + "."
     beside = [r for r in runs if r.who.startswith("FIGAROH")]
     if not beside:

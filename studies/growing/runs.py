@@ -24,7 +24,7 @@ class Took:
     ----------
     who : str
     what : str
-        What grows: samples, joints, logs or replicates.
+        What grows: samples, diagnosed samples, joints, logs or replicates.
     size : int
         How much of that.
     cpu : float

@@ -181,7 +181,10 @@ def stress_named(
 
     def build(variation: Variation) -> Rows:
         changed = [variation(log, s) for log, s in zip(logs, train, strict=True)]
-        return build_rows(structure, number(naming.chosen), changed, s.fixed, known=s.known)
+        named = number(naming.chosen)
+        if all(now.motion is before.motion for now, before in zip(changed, train, strict=True)):
+            return material.tables.train.rows_with(named, changed)
+        return build_rows(structure, named, changed, s.fixed, known=s.known)
 
     variations = list_variations(train[0].cutoff if computed else None, prepare, rng)
     firsts = [value[0] for value, _ in solve_chosen(material.white, naming.chosen)]

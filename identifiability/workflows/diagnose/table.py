@@ -99,6 +99,14 @@ class Table:
             D.require(range(len(owner)))
         return replace(self.bare, D=D)
 
+    def rows_with(self, candidates: Sequence[Candidate], samples: Sequence[Samples]) -> Rows:
+        """Return the rows of some candidates along the same motion, with the torque of samples."""
+        pieces = [piece for s in samples for piece in s.pieces(max(len(s.tau), 1))]
+        measured = np.concatenate([piece.down(piece.tau) for piece in pieces])
+        raw = np.concatenate([piece.tau[piece.at] for piece in pieces])
+        tau = measured - (self.bare.measured - self.bare.tau)
+        return replace(self.rows(candidates), tau=tau, measured=measured, raw=raw)
+
     def _compute(self, candidates: Iterable[Candidate]) -> None:
         """Compute the columns of candidates that were not asked for before."""
         missing = {_key(c): c for c in candidates if _key(c) not in self._known}

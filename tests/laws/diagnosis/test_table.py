@@ -1,10 +1,13 @@
 """Columns that were asked for before are not computed again, whatever their numbers are now."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from identifiability.effects import find_families
 from identifiability.logs.prepare import Samples
+from identifiability.logs.signals import Decimation
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -124,3 +127,21 @@ def test_what_some_names_leave_is_asked_for_once(made):
     assert m.remains([first]) is m.remains((first,))
     assert m.remains(()) is not m.remains([first])
     assert m.finer({}).remains(()) is not m.remains(())
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+@pytest.mark.parametrize("factor", [None, 4])
+def test_other_torque_along_the_same_motion_needs_no_new_columns(made, asked, fixed, factor):
+    structure, samples = made
+    samples = replace(samples, decimation=None if factor is None else Decimation(factor))
+    other = replace(samples, tau=2.0 * samples.tau[::-1])
+    listed = candidates_of(structure, samples, FIRST)
+    shared = Table.of(structure, [samples], fixed)
+    shared.rows(listed)
+    asked.clear()
+    found = shared.rows_with(listed, [other])
+    assert asked == []
+    own = build_rows(structure, listed, [other], fixed)
+    for what in ("tau", "measured", "raw", "X", "q", "t"):
+        np.testing.assert_allclose(getattr(found, what), getattr(own, what), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.D.take([0]), own.D.take([0]), rtol=1e-9, atol=1e-12)
