@@ -110,8 +110,9 @@ def what_is_left(material: Material, naming: Naming) -> bool:
     time, whose own level says what is there. A share of the residual finds one dependence, however
     weak the evidence; what `Remains` finds surely is spread over a hundred functions, of which one
     effect is little. Of sixty late effects half as large as the noise, on four short logs, a search
-    that only `Remains` could ask for named seventeen fewer, and without effects neither named any.
-    On long logs dependences below the share are certain, and `Remains` asks.
+    that only `Remains` could ask for left eighteen without their name, and of twenty robots without
+    effects neither named any. On long logs dependences below the share are certain, and `Remains`
+    asks.
     """
     left = material.held.fitted_residual(naming.chosen)
     joints = material.setting.structure.robot.joints
