@@ -52,6 +52,8 @@ def find(what, joint, seed, c=None, effects=None):
 
 
 CASES = [("cable", 0), ("extension spring", 1), ("cable", 1), ("extension spring", 0)]
+#: A function of position and speed takes the place of the curve: it follows this cable more finely.
+TAKEN = ("cable", 1)
 #: What a curve over the position could be taken for.
 LIKE = (
     "position_torque", "joint_stiffness", "torque_offset", "free_spring", "gravity_spring",
@@ -59,9 +61,14 @@ LIKE = (
 )  # fmt: skip
 
 
+def _marks(case):
+    outside = [pytest.mark.everything]
+    return [*outside, pytest.mark.xfail(strict=True)] if case == TAKEN else outside
+
+
 @pytest.mark.parametrize(
     ("what", "joint", "effects"),
-    [(*CASES[0], LIKE), *(pytest.param(*c, None, marks=pytest.mark.everything) for c in CASES)],
+    [(*CASES[0], LIKE), *(pytest.param(*c, None, marks=_marks(c)) for c in CASES)],
 )
 def test_a_curve_is_learned_and_named_with_its_joint(what, joint, effects):
     """Its error on unseen motion is within a tenth of that without anything planted."""
