@@ -82,13 +82,16 @@ def name_unnamed(
         if not any(c.family.unnamed for c in again.chosen) or basic - signature(again.chosen):
             continue
         gain = gain_over(material.held, naming, wider.held, again)
-        # Beside or in the stead of a name that does not fit a function need not predict better,
-        # only not surely worse; in that of late names that nothing spoke against it must.
+        # Beside a name that does not fit a function need not predict better, only not surely
+        # worse; in its stead it must, if not surely; in that of names that nothing spoke against,
+        # surely.
         least = max(setting.rules.gain, gain.error)
         if not signature(known) <= signature(again.chosen):
             least = -gain.error
         if known != before:
-            least = max(least, 0.0) if known == early != fitting else -gain.error
+            least = max(least, 0.0) if known == early else -gain.error
+        if known == fitting != before:
+            least = 0.0
         if gain.share > max(least, -np.inf if found is None else found[0]):
             found = gain.share, again
     if found is None:
@@ -124,14 +127,16 @@ def keep_fitting(m: Material, named: Sequence[Candidate], level: float) -> tuple
 
     A true law leaves nothing: the test of its lack of fit [Fisher 1922], against the functions at
     its place alone. Among those of all joints it would have to stand out from noise elsewhere.
+    Places share the level [Bonferroni].
     """
     white, doubted = m.bench.whiten(m.bench.misfit(m.held.fitted_residual(named))), set()
-    for place in {c.place for c in named if not c.family.basic}:
+    places = {c.place for c in named if not c.family.basic}
+    for place in places:
         options = [c for c in m.candidates if c.family.unnamed and c.place == place]
         if options:
             scores = score_candidates(white, white.columns(named), options)
             highest, top = scores.null.max(0), scores.data.max()
-            if 1 + np.count_nonzero(highest >= top) <= level * (1 + len(highest)):
+            if 1 + np.count_nonzero(highest >= top) <= level / len(places) * (1 + len(highest)):
                 doubted.add(place)
     return tuple(c for c in named if c.family.basic or c.place not in doubted)
 
