@@ -17,6 +17,7 @@ from identifiability.report import build_analysis_page, render_page
 from identifiability.report.blocks import Note, Trace
 from identifiability.report.figures.confusion import order_confused
 from identifiability.report.figures.skeleton import Part, draw_skeleton, trace_limbs
+from identifiability.report.sections import missing
 from identifiability.report.sections.connections import section_confused
 from identifiability.report.sections.decision import (
     answer_quality,
@@ -234,3 +235,13 @@ def test_the_name_of_a_joint_stands_beside_its_dot_and_over_no_line():
         room = np.array([6.2 * len(name), 13.0]) / 2
         away = np.abs(points - np.array([float(x), float(y) - 4]))
         assert not (away < room).all(-1).any(), name
+
+
+@pytest.mark.parametrize(
+    ("others", "said"),
+    [((), "A"), (("b",), "A or B"), (("b", "c"), "A or one of 2 that look like it")],
+)
+def test_the_first_line_is_no_surer_than_the_name(others, said):
+    names = " or ".join(["A", *(o.upper() for o in others)])
+    effect = SimpleNamespace(title="A", names=names, alternatives=others)
+    assert missing._call(effect) == said

@@ -10,6 +10,7 @@ from identifiability.report.numbers import format_number, join, percent
 from identifiability.report.sections.decision import answer_next, state_error, tone_of
 from identifiability.report.sections.drawn import moved_pose, sketch_parts
 from identifiability.workflows.commands import held_back, name_logs, source_name
+from identifiability.workflows.diagnose.findings import NamedEffect
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.words import headline
 
@@ -26,9 +27,15 @@ def _what(d: Diagnosis) -> Answer:
     question = "What is missing?"
     if not d.effects:
         return Answer(question, "Nothing that can be named.", headline(d), "grey")
-    named = [f"{e.title} in {join([p.place for p in e.placements], PLACES)}" for e in d.effects]
+    named = [f"{_call(e)} in {join([p.place for p in e.placements], PLACES)}" for e in d.effects]
     short = join(named)
     return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
+
+
+def _call(e: NamedEffect) -> str:
+    """Return a name with what the motion cannot tell from it: the first line may not be surer."""
+    others = len(e.alternatives)
+    return e.names if others < 2 else f"{e.title} or one of {others} that look like it"
 
 
 def _gap(d: Diagnosis) -> Answer:

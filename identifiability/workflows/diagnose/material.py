@@ -1,7 +1,5 @@
 """What a diagnosis is asked, its `Setting`; rows, candidates and noise to name from: `Material`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
@@ -126,7 +124,7 @@ class Tables:
     real: RealRobot | None
 
     @staticmethod
-    def of(setting: Setting, choose: Sequence[Samples]) -> Tables:
+    def of(setting: Setting, choose: Sequence[Samples]) -> "Tables":
         """Return the rows of a setting and of what judges while names are chosen."""
         structure, fixed = setting.structure, setting.fixed
         train, choosing, verifying = (
@@ -198,7 +196,7 @@ class Material:
     def _remains(self) -> dict[tuple[Candidate, ...], Remains]:
         return {}
 
-    def extended(self, more: Sequence[Candidate]) -> Material:
+    def extended(self, more: Sequence[Candidate]) -> "Material":
         """Return the same with further candidates behind its own.
 
         The noise and what was simulated of it stay: it is theirs who are tested beside one
@@ -209,7 +207,7 @@ class Material:
         bench = replace(self.bench, rows=held.train)
         return replace(self, held=held, candidates=every, bench=bench)
 
-    def finer(self, finer: Finer) -> Material:
+    def finer(self, finer: Finer) -> "Material":
         """Return the same with more shapes of some families at some places."""
         listed, _ = _list(
             replace(self.setting, finer=finer), dict.fromkeys(name for name, _ in finer)
@@ -219,7 +217,7 @@ class Material:
 
     def anew(
         self, rng: np.random.Generator, effects: Iterable[str], draws: int = DRAWS
-    ) -> Material:
+    ) -> "Material":
         """Return the candidates of other families along the same rows, with noise beside them."""
         return _gather(self.setting, self.tables, rng, effects, draws)
 
@@ -230,7 +228,7 @@ def gather(
     rng: np.random.Generator,
     effects: Iterable[str] | None = None,
     draws: int = DRAWS,
-) -> Material:
+) -> "Material":
     """Return rows, candidates, aliases and noise: all that naming reads.
 
     Parameters
@@ -251,7 +249,7 @@ def _gather(
     rng: np.random.Generator,
     effects: Iterable[str] | None,
     draws: int,
-) -> Material:
+) -> "Material":
     listed, refused = _list(setting, effects)
     rows = tables.train.rows(listed)
     aliases = find_aliases(rows, listed, setting.structure.base.names, setting.rules.alias)
