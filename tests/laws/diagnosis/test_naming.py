@@ -101,6 +101,7 @@ def test_a_second_name_takes_what_decides_between_two_models(world, candidate):
     beside = run(world, quiet(world, 30.0, 2.15), columns, options, 999)
     assert named(beside) == [("a", "j")]
     assert beside.steps[1].best == ("b", "j")
+    assert beside.steps[1].reason == "no candidate stands out from the noise"
     assert np.exp(-DECISIVE) < beside.steps[1].p_value < Rules().level
     assert named(run(world, quiet(world, 30.0, 4.0), columns, options, 999)) == [
         ("a", "j"), ("b", "j"),
