@@ -52,7 +52,6 @@ def find(what, joint, seed, c=None, effects=None):
 
 
 CASES = [("cable", 0), ("extension spring", 1), ("cable", 1), ("extension spring", 0)]
-#: A function of position and speed takes the place of the curve: it follows this cable more finely.
 TAKEN = ("cable", 1)
 #: What a curve over the position could be taken for.
 LIKE = (
@@ -63,7 +62,8 @@ LIKE = (
 
 def _marks(case):
     outside = [pytest.mark.everything]
-    return [*outside, pytest.mark.xfail(strict=True)] if case == TAKEN else outside
+    why = "a function of position and speed, which follows this cable more finely, takes its place"
+    return [*outside, pytest.mark.xfail(strict=True, reason=why)] if case == TAKEN else outside
 
 
 @pytest.mark.parametrize(

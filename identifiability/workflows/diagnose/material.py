@@ -228,7 +228,7 @@ def gather(
     rng: np.random.Generator,
     effects: Iterable[str] | None = None,
     draws: int = DRAWS,
-) -> "Material":
+) -> Material:
     """Return rows, candidates, aliases and noise: all that naming reads.
 
     Parameters
@@ -249,7 +249,7 @@ def _gather(
     rng: np.random.Generator,
     effects: Iterable[str] | None,
     draws: int,
-) -> "Material":
+) -> Material:
     listed, refused = _list(setting, effects)
     rows = tables.train.rows(listed)
     aliases = find_aliases(rows, listed, setting.structure.base.names, setting.rules.alias)

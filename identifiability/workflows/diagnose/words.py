@@ -161,6 +161,12 @@ def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
     named = _capital(_state_effect(e))
     start = f"{named} stood out from the fitted motion and is refuted: on {verified_on}"
     own = e.shown
+    if e.both.unlikely and not (e.joints_interval[0] > 0 or own.contradicts):
+        how, most = percent(min(e.both.chance, 1.0), 2), percent(e.both.level, 2)
+        return (
+            f"{start} too little speaks for it: on both motions together noise does as much in "
+            f"{how} of logs, where {most} are allowed."
+        )
     if e.joints_interval[0] > 0 and own.interval[0] <= 0:
         change = _change(e.joints_before, e.joints_after, e.joints_interval)
         return f"{start} it raises the error, every joint on its own scale, {change}."
@@ -185,12 +191,13 @@ def _state_rivals(e: NamedEffect) -> str:
 
 def _state_nearest(e: NamedEffect) -> str:
     """Return the names nearest to a function without one, and why they were refused."""
-    near = join([f"{n.title} ({percent(n.worse, 2)} more)" for n in e.nearest])
+    more = [(n.title, percent(abs(n.worse), 2), n.worse < 0) for n in e.nearest]
+    near = join([f"{title} ({by} {'less' if less else 'more'})" for title, by, less in more])
     if not near:
         return "No effect that has a name can be there."
     return (
-        f"No name fits what depends on that in {join(e.joints)}: with the nearest in its stead the "
-        f"motion that chooses is predicted with more error: {near}."
+        f"No name fits what depends on that in {join(e.joints)}; with the nearest in its stead the "
+        f"error on the motion that chooses is another: {near}."
     )
 
 

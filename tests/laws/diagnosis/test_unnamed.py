@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.diagnose import unnamed
+from identifiability.workflows.diagnose import unnamed, words
 from identifiability.workflows.diagnose.findings import NamedEffect
 from identifiability.workflows.diagnose.gap import Gap
-from identifiability.workflows.diagnose.gates import Naming
+from identifiability.workflows.diagnose.gates import Naming, Nearest
 from identifiability.workflows.diagnose.held_out import Gain, HeldOut
 from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.naming import name_effects
@@ -162,3 +162,29 @@ def test_what_noise_makes_too_often_is_refuted_and_what_it_does_not_needs_no_mor
     assert not effect.confirmed
     assert effect.refuted == refuted
     assert not replace(effect, joints_interval=(-0.5, -0.1)).refuted
+
+
+@pytest.mark.parametrize(
+    ("evidence", "interval", "said"),
+    [
+        (-1.0, (-0.3, 0.1), "too little speaks for it: on both motions together noise does as much "
+         "in 5.4 % of logs, where 5 % are allowed."),
+        (-9.0, (-0.3, 0.1), "noise does as much in 100 % of logs"),
+        (-1.0, (0.1, 0.3), "it raises the error of its joints"),
+        (1.0, (-0.3, 0.1), "the error of its joints, each on its own scale, only goes"),
+    ],
+)  # fmt: skip
+def test_a_refuted_name_has_the_reason_for_which_it_was_refuted(evidence, interval, said):
+    place = SimpleNamespace(place="j", p_value=0.02, rivals=(), rows=(), open=())
+    effect = NamedEffect(name="a", title="A", placements=(place,), before=0.2, after=0.1,
+                         interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
+                         joints_interval=(-0.5, 0.1), shown=Shown(0.2, 0.19, interval, -9.0, 0.1),
+                         rare=True, both=Both(0.02, evidence, 0.05))  # fmt: skip
+    assert effect.refuted
+    assert said in words._state_contradicted(effect, "motion 5")
+
+
+def test_the_nearest_names_are_said_to_predict_better_where_they_do():
+    near = (Nearest("B", 0.076), Nearest("C", -0.074))
+    told = words._state_nearest(SimpleNamespace(nearest=near, joints=("j",)))
+    assert told.endswith("is another: B (7.6 % more) and C (7.4 % less).")
