@@ -193,6 +193,19 @@ def test_a_log_given_twice_is_refused(simulated):
             run("two-link", [log, log])
 
 
+def test_halves_of_one_log_are_two_logs(simulated):
+    """Who cuts a log in a notebook may fit one half and verify on the other, not on both."""
+    from identifiability import IdentifiabilityError
+
+    log = simulated("two-link", "a", 0)
+    first, second = log.cut(0, len(log) // 2, "first"), log.cut(len(log) // 2, len(log), "second")
+    found = analyze("two-link", first, validate=second, replicates=50)
+    assert "cross-validation" not in found.validation_kind
+    for held in (log.cut(10, len(log), "most"), log.cut(0, 300, "some")):
+        with pytest.raises(IdentifiabilityError, match="is the log first that is fitted"):
+            analyze("two-link", first, validate=held)
+
+
 def test_negligible_is_judged_joint_by_joint(simulated):
     """A wrist parameter is not negligible because the shoulder's residual is large."""
     out = analyze(

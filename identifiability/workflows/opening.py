@@ -182,21 +182,33 @@ def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
 def check_held_out(
     train: Sequence[Prepared | Log | LogFile], held: Sequence[Prepared | Log | LogFile]
 ) -> None:
-    """Refuse a log that is given twice: its repetition would pass for new evidence."""
-    seen: dict[str, str] = {}
-    for s in train:
-        if s.sha256 and s.sha256 in seen:
-            raise LogError(
-                f"The log {s.name} is given twice (as {seen[s.sha256]} before); give each log once."
-            )
-        seen[s.sha256] = s.name
+    """Refuse a log that is given twice: its repetition would pass for new evidence.
+
+    Stretches of one log that share no time are no repetition.
+    """
+    for k, s in enumerate(train):
+        for other in train[:k]:
+            if s.sha256 and _same(s, other):
+                raise LogError(
+                    f"The log {s.name} is given twice (as {other.name} before); give each log once."
+                )
     for s in held:
-        if s.sha256 in seen:
-            raise LogError(
-                f"The validation log {s.name} is the log {seen[s.sha256]} that is fitted; its "
-                "error would say nothing about unseen motion: give another log, or none for "
-                "cross-validation."
-            )
+        for other in train:
+            if _same(s, other):
+                raise LogError(
+                    f"The validation log {s.name} is the log {other.name} that is fitted; its "
+                    "error would say nothing about unseen motion: give another log, or none for "
+                    "cross-validation."
+                )
+
+
+def _same(one: Prepared | Log | LogFile, other: Prepared | Log | LogFile) -> bool:
+    """Whether two logs are from one record and share some of its time."""
+    if one.sha256 != other.sha256:
+        return False
+    if not (isinstance(one, Log) and isinstance(other, Log) and len(one) and len(other)):
+        return True
+    return bool(one.t[0] <= other.t[-1] and other.t[0] <= one.t[-1])
 
 
 Held = TypeVar("Held", Log, Samples)
