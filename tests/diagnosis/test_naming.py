@@ -37,6 +37,23 @@ def test_a_hidden_effect_is_named_in_its_joints_and_the_gap_shrinks(
     assert d.held_after < 1.1 * diagnosis_of(robot).held_before
 
 
+@pytest.mark.parametrize(
+    ("robot", "hidden", "expected"),
+    [
+        ("palletizer", "joint_stiffness@turntable=0.03", []),
+        ("palletizer", "gravity_tilt=0.02", [("gravity_tilt", ("base",))]),
+        ("six-actuators", "torque_offset@leg2=0.03", []),
+        seldom("3-rrr", "torque_offset@shoulder1=0.03", []),
+    ],
+)
+def test_what_one_joint_has_is_no_tilted_base_and_no_forces(
+    robot, hidden, expected, diagnosis_of, named
+):
+    """It resembles them, and has no name among these: of what it is none is as sure in others."""
+    few = ("gravity_tilt", "constant_force", "quadratic_friction")
+    assert named(diagnosis_of(robot, hidden, effects=few, forward=False)) == expected
+
+
 def among(*effects):
     """Run a test with few effects to choose from, and with all of them where there is time."""
     every = pytest.param(None, marks=pytest.mark.everything)

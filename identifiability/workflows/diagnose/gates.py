@@ -113,6 +113,8 @@ class Naming:
         How each fares when the motion is made anew.
     nearest : mapping of (family, place) to tuple of Nearest
         The names nearest to each function that has none.
+    refused : tuple of Candidate
+        Names in several joints of what one of these alone has.
     """
 
     chosen: tuple[Candidate, ...]
@@ -122,6 +124,7 @@ class Naming:
         default_factory=dict
     )
     nearest: Mapping[tuple[str, str], tuple[Nearest, ...]] = field(default_factory=dict)
+    refused: tuple[Candidate, ...] = ()
 
     def then(self, later: Naming) -> Naming:
         """Return what a search that went on from here named, with the steps of both."""

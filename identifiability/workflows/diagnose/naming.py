@@ -25,6 +25,7 @@ from identifiability.workflows.diagnose.gates import (
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Rules
+from identifiability.workflows.diagnose.one_joint import find_in_one_joint
 from identifiability.workflows.diagnose.options import (
     EVERYWHERE,
     best_by_group,
@@ -203,6 +204,17 @@ class _Search:
             if score < self.needed.get(c.group, 0.0) or c not in self.eligible(rest):
                 self.chosen = rest
 
+    def in_one_joint(self) -> set[tuple[str, str]]:
+        """Return what acts in several joints where one of these alone has the cause.
+
+        Where several places of a family were needed others would do as well: it is all of them.
+        """
+        found = find_in_one_joint(self.white, self.chosen, self.rules.level)
+        groups = {c.group for c in found}
+        names = [name for name, _ in groups]
+        several = {name for name in names if names.count(name) > 1}
+        return groups | {c.group for c in self.candidates if c.family.name in several}
+
 
 def name_effects(
     bench: Bench,
@@ -250,6 +262,15 @@ def name_effects(
     useful = search.use()
     search.chosen = keep_possible(held, useful, candidates, rules)
     search.use()  # what is left must be useful without what has gone, too
+    alone = search.in_one_joint()
+    if alone:
+        # From the beginning: what stood out beside it may have been its error in other joints.
+        options, begin = ([c for c in some if c.group not in alone] for some in (candidates, start))
+        again = name_effects(bench, options, held, rules, present, say, begin)
+        why = {name: "one of its joints has it, and the others do not" for name, _ in alone}
+        tried = tuple(_judge(step, (), why) for step in search.steps if step.best[0] in why)
+        refused = (*(c for c in search.chosen if c.group in alone), *again.refused)
+        return replace(again, steps=(*tried, *again.steps), refused=refused)
     why = dict.fromkeys(search.joined, "another effect explains what it does")
     withdrawn = [c.family.name for c in useful if c not in search.chosen]
     why |= dict.fromkeys(withdrawn, "its gain vanishes once bodies must be possible")

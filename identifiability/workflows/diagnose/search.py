@@ -78,6 +78,7 @@ class Search:
         # What resembles the missing effect makes room for it before the next pass.
         complete = keep_complete(m, naming)
         refused = [c for c in naming.chosen if c not in complete.chosen]
+        refused += naming.refused
         m, naming = name_late(m, complete, streams[4], effects, self.draws, say, refused)
         naming = keep_complete(m, naming)
         functions = () if self.earlier is None else self.earlier.functions

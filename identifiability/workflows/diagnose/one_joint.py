@@ -1,0 +1,104 @@
+"""A cause that acts in several joints has one size in all of them, or it is not the cause.
+
+A tilted base, a payload, friction in a hinge reach several motors by the same parameters. What is
+in one motor alone may resemble what they do there, and joints that hardly show them object little.
+Sizes must agree, as those of several experiments on one quantity must [Cochran 1954]: a name goes
+where the joint that shows it best has surely another size than the others, and theirs is nearer to
+none, so that in that joint alone it explains more than in all of them.
+
+Several such causes together can be whatever one motor does: forces that cancel in all others. That
+independent causes cancel would be chance, so the data must decide that any other joint has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.shares import tail_of_sum
+from identifiability.workflows.diagnose.dictionary import Stacked
+from identifiability.workflows.diagnose.evidence import (
+    Whitened,
+    orthonormal,
+    project_out,
+    unit_columns,
+)
+from identifiability.workflows.diagnose.gates import Chosen, list_units
+from identifiability.workflows.diagnose.lookalikes import DECISIVE
+from identifiability.workflows.diagnose.rows import Candidate
+
+#: Directions of unit columns beside the model that are shorter are the model's.
+THIN = 1e-2
+
+
+def find_in_one_joint(
+    white: Whitened, chosen: Sequence[Candidate], level: float
+) -> list[Candidate]:
+    """Return the names, one by one, of a family or all, of what one of their joints alone has.
+
+    Parameters
+    ----------
+    white : Whitened
+        With simulated noise: slow noise is more likely to differ from joint to joint.
+    chosen : sequence of Candidate
+    level : float
+        Of the test that the joint has the size of the others.
+    """
+    whole = [c for c in chosen if len(split_by_joint(white.D, c.columns)) > 1]
+    units = [*list_units(whole), *([whole] if len(whole) > 1 else [])]
+    units = [unit for unit in units if is_in_one_joint(white, chosen, unit, level)]
+    return [c for c in chosen if any(c in unit for unit in units)]
+
+
+def is_in_one_joint(
+    white: Whitened, chosen: Sequence[Candidate], unit: Chosen, level: float
+) -> bool:
+    """Whether one name, or several together, is of what one of its joints alone has."""
+    columns = [k for c in unit for k in c.columns]
+    apart = split_by_joint(white.D, columns)
+    Q = orthonormal(white.columns([c for c in chosen if c not in unit]))
+    whole = _span(project_out(Q, unit_columns(white.D[:, columns])))
+    alone = [_span(project_out(Q, unit_columns(part))) for part in apart]
+    explained = [_squares(U, white.y) for U in alone]
+    best = int(np.argmax(explained))
+    beyond = float(_squares(whole, white.y) - explained[best])
+    if len({c.group for c in unit}) > 1:
+        return beyond < 2 * DECISIVE
+    own = _span(project_out(whole, alone[best]))
+    if not own.shape[1] or beyond >= 0:
+        return False
+    between = float(_squares(own, white.y))
+    p = float(stats.chi2.sf(between, own.shape[1]))
+    drawn = _squares(own, np.column_stack([white.scale, white.noise]))
+    return p < level and (drawn.size < 2 or tail_of_sum(between, drawn) < level)
+
+
+def split_by_joint(D: Array | Stacked, at: Sequence[int]) -> list[Array]:
+    """Return some columns in each joint where any of them is, zero elsewhere, [(R, k), …]."""
+    if not isinstance(D, Stacked):
+        return []
+    columns = D[:, at]
+    ends = np.cumsum([len(block.values) for block in D.blocks])
+    out = []
+    for block, stop in zip(D.blocks, ends.tolist(), strict=True):
+        if np.isin(at, block.columns).any():
+            here = np.zeros((len(columns), 1))
+            here[stop - len(block.values) : stop] = 1.0
+            out.append(columns * here)
+    return out
+
+
+def _span(A: Array) -> Array:
+    """Return an orthonormal basis of what is not thin in columns that were of length one."""
+    vectors, length, _ = np.linalg.svd(A, full_matrices=False)
+    basis: Array = vectors[:, length > THIN]
+    return basis
+
+
+def _squares(U: Array, y: Array) -> Array:
+    """Return the squares of y (R, …) in the span of orthonormal columns U (R, k)."""
+    squares: Array = np.sum((U.T @ y) ** 2, axis=0)
+    return squares
