@@ -94,6 +94,7 @@ class Model:
         motion: Motion,
         out: Array | None = None,
         widths: Sequence[int] | None = None,
+        again: int = 0,
     ) -> Array:
         """Return the regressor W (N, n, p): ``W[k] @ phi`` is the torque at sample k.
 
@@ -105,16 +106,20 @@ class Model:
             Where to.
         widths : sequence of int, optional
             What `widths` returned, which takes as long as some hundred samples do.
+        again : int
+            Samples at the beginning whose rows `out` has already.
         """
         widths = self.widths(robot) if widths is None else widths
         if not sum(widths):
             raise ModelError("The model has no effects; name at least one, such as rigid_body.")
         shape = (len(motion), len(robot.actuated), sum(widths))
         W = np.zeros(shape) if out is None else out[: len(motion)]
-        W[:] = 0.0
         start = 0
         for effect, width in zip(self.effects, widths, strict=True):
-            effect.fill(robot, motion, W[:, :, start : start + width])
+            first = again if effect.pointwise else 0
+            own = W[first:, :, start : start + width]
+            own[:] = 0.0
+            effect.fill(robot, motion[first:] if first else motion, own)
             start += width
         return W
 

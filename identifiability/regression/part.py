@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import repeat
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -79,6 +81,40 @@ class Kept:
         self.chunks: list[Chunk] | None = None
 
 
+class Memory:
+    """Chunks of logs in memory for several regressions, each as long as its log is there."""
+
+    def __init__(self) -> None:
+        self._kept: WeakKeyDictionary[Samples, Kept] = WeakKeyDictionary()
+
+    def of(self, samples: Samples) -> Kept:
+        """Return where the chunks of a log are kept."""
+        return self._kept.setdefault(samples, Kept())
+
+    def __reduce__(self) -> tuple[type[Memory], tuple[()]]:
+        """Send none of it about."""
+        return Memory, ()
+
+
+class Buffer:
+    """Where the rows (N, n, p) of one piece after the other are written."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._rows = np.empty((0, *shape))
+        self._held: Piece | None = None
+
+    def ready(self, piece: Piece, before: Piece | None) -> tuple[Array, int]:
+        """Return where to write a piece, and how many rows of it the one before left there."""
+        rows, again = self._rows, 0
+        if len(rows) < len(piece.motion):
+            self._rows = np.empty((len(piece.motion), *rows.shape[1:]))
+        if before is not None and before is self._held:
+            again, end = piece.again, len(before.motion)
+            self._rows[:again] = rows[end - again : end]
+        self._held = piece
+        return self._rows, again
+
+
 @frozen
 class Part:
     """A log of a regression, or a stretch of a long one: small to send, large to compute.
@@ -123,7 +159,7 @@ class Part:
     def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
         """Yield its chunks; each one's W is overwritten by the next, unless all are kept."""
         if self.kept is not None and self.kept.chunks is not None and self._covered:
-            yield from self.kept.chunks
+            yield from self._numbered(self.kept.chunks)
             return
         done = []
         for chunk in self._computed(size):
@@ -132,10 +168,15 @@ class Part:
             yield own[0] if own and self._covered else chunk
         self.keep(done)
 
+    def _numbered(self, chunks: list[Chunk]) -> Iterator[Chunk]:
+        """Yield chunks of a regression in which the log may have another number."""
+        for chunk in chunks:
+            yield chunk if chunk.log == self.log else replace(chunk, log=self.log)
+
     def shown(self) -> Iterator[Chunk]:
         """Yield the chunks of its windows alone, from where they are kept, if they are."""
         if self.kept is not None and self.kept.chunks is not None:
-            yield from self.kept.chunks
+            yield from self._numbered(self.kept.chunks)
             return
         for chunk in self._computed(CHUNK, windows=self.windows):
             yield from chunk.inside(self.windows)
@@ -182,17 +223,19 @@ class Part:
             return
         widths = self.model.widths(self.robot)
         shape = (len(self.robot.actuated), sum(widths))
-        buffer = np.empty((0, *shape))
+        buffer, before = Buffer(shape), None
         if isinstance(samples, Samples) and samples.decimation is not None:
             # Beside few samples a strong filter would draw on many more, for each piece anew.
             size = min(max(size, REACHES * samples.decimation.reach), max(size, most_rows(shape)))
         for piece in samples.pieces(size):
-            if len(buffer) < len(piece.motion):
-                buffer = np.empty((len(piece.motion), *shape))
-            yield piece, partial(self._regressor, piece, buffer, widths)
+            yield piece, partial(self._regressor, piece, before, buffer, widths)
+            before = piece
 
-    def _regressor(self, piece: Piece, buffer: Array, widths: Sequence[int]) -> Array:
-        W = self.model.regressor(self.robot, piece.motion, buffer, widths)
+    def _regressor(
+        self, piece: Piece, before: Piece | None, buffer: Buffer, widths: Sequence[int]
+    ) -> Array:
+        out, again = buffer.ready(piece, before)
+        W = self.model.regressor(self.robot, piece.motion, out, widths, again)
         if self.columns is None:
             return piece.down(W)
         if most_rows(W.shape[1:]) >= CHUNK:

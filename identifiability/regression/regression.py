@@ -16,7 +16,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared, Stretch
 from identifiability.regression.model import Model
-from identifiability.regression.part import CHUNK, Kept, Part
+from identifiability.regression.part import CHUNK, Kept, Memory, Part
 from identifiability.regression.windows import choose_windows
 from identifiability.robot import Robot
 
@@ -27,6 +27,9 @@ __all__ = ["Model", "Regression", "map_parts"]
 
 #: Rows that are looked at one by one are kept up to this size, not computed again [bytes].
 KEEP_BYTES = 150e6
+
+#: Up to this size they are so for later regressions of the same logs, too [bytes].
+MEMORY_BYTES = 32e6
 
 
 @frozen
@@ -45,6 +48,8 @@ class Regression:
         Motion along which instruments are computed, of each log, sample by sample.
     echo : Regression or None
         Columns along the smoothed motion of every log, with instruments along it with new noise.
+    memory : Memory or None
+        Where rows of logs that take little of it are kept for other regressions, too.
     """
 
     robot: Robot
@@ -53,6 +58,7 @@ class Regression:
     columns: np.ndarray | None = None
     instruments: tuple[Prepared, ...] | None = None
     echo: Regression | None = None
+    memory: Memory | None = None
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -124,6 +130,10 @@ class Regression:
         size = 8 * shown * len(self.robot.actuated) * len(self.parameters)
         if isinstance(samples, LongSamples) or size >= KEEP_BYTES:
             return None
+        # What is kept is what is looked at: only all of a log is the same in each regression.
+        same = self.instruments is None and shown == self.outputs and size < MEMORY_BYTES
+        if self.memory is not None and isinstance(samples, Samples) and same:
+            return self.memory.of(samples)
         return self._kept.setdefault((log, start, samples.outputs), Kept())
 
     @cached_property

@@ -14,6 +14,7 @@ from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.regression.base_parameters import BaseParameters, find_base_parameters
 from identifiability.regression.model import Model
+from identifiability.regression.part import Memory
 from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
 
@@ -99,17 +100,29 @@ class Structure:
         rows = [[at[f"{stem}{kind}"] for kind in INERTIAL] for stem in self.bodies]
         return _read_only(np.array(rows, int).reshape(-1, 10))
 
-    def regression(self, samples: Sequence[Prepared]) -> Regression:
+    @cached_property
+    def memory(self) -> Memory:
+        """Rows of logs that are asked for several times under this structure."""
+        return Memory()
+
+    def regression(self, samples: Sequence[Prepared], *, keep: bool = False) -> Regression:
         """Return the columns of the base parameters along measured motion.
 
         With instruments where every log has a second record of its motion, and an echo where one
         was made of them.
+
+        Parameters
+        ----------
+        samples : sequence of Samples or LongSamples
+        keep : bool
+            Whether rows of logs in memory are kept for the next regression of the same logs.
         """
         others = tuple(s.beside for s in samples if isinstance(s, Samples) and s.beside is not None)
         beside = others if others and len(others) == len(samples) else None
         echoes = [e for s in samples if isinstance(s, Samples) for e in s.echoes]
         echo = self.regression(echoes) if echoes else None
-        return Regression(self.robot, self.model, tuple(samples), self.base.kept, beside, echo)
+        what = self.robot, self.model, tuple(samples), self.base.kept, beside, echo
+        return Regression(*what, self.memory if keep else None)
 
 
 def _read_only(array: Array) -> Array:

@@ -36,11 +36,14 @@ class Piece:
     motion : Motion
     tau : (N, n) [N·m or N]
     decimation : Decimation or None
+    again : int
+        How many of its first samples are the last ones of the piece before.
     """
 
     motion: Motion
     tau: Array
     decimation: signals.Decimation | None
+    again: int = 0
 
     def down(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, if there is any decimation."""
@@ -179,7 +182,8 @@ class Samples:
                 last = min(first + step, count)
                 begin = start + first * d.factor
                 rows = slice(begin, begin + (last - 1 - first) * d.factor + 2 * d.reach + 1)
-                yield Piece(self.motion[rows], self.tau[rows], d)
+                again = 2 * d.reach + 1 - d.factor if first else 0
+                yield Piece(self.motion[rows], self.tau[rows], d, again)
 
     def thin(self, step: int) -> Samples:
         """Return every `step`-th sample, without decimation filter."""

@@ -290,7 +290,8 @@ class Findings(Setting, Verified):
     @cached_property
     def completed(self) -> Structure:
         """The robot under the model with the named effects."""
-        return Structure.of(self.robot, self.model)
+        known = None if self.forward is None else self.forward.nearest
+        return Structure.of(self.robot, self.model) if known is None else known.structure
 
     @property
     def base_effects(self) -> tuple[Effect, ...]:

@@ -47,6 +47,8 @@ class ForwardGap:
         95 % of the change of the error, stretches drawn again and again.
     note : str
         Why there is nothing, where there is nothing.
+    nearest : Physical or None
+        The real robot with the named effects, where one was found.
     """
 
     horizon: float
@@ -56,6 +58,7 @@ class ForwardGap:
     after: Array
     interval: tuple[float, float] = (np.nan, np.nan)
     note: str = ""
+    nearest: Physical | None = None
 
     @staticmethod
     def none(note: str) -> ForwardGap:

@@ -25,7 +25,8 @@ def keep_completed(d: Findings) -> Fit:
     """
     structure = d.completed
     rung = full_rung(structure.base, "the diagnosed model")
-    regression = replace(structure.regression(d.samples), echo=None, instruments=None)
+    regression = structure.regression(d.samples, keep=True)
+    regression = replace(regression, echo=None, instruments=None)
     information = gather_information(regression)
     fit = estimate(information)
     values = _kept_values(d) if d.fixed else fit.value

@@ -40,14 +40,15 @@ def fit_physical(
     IdentifiabilityError
         If the solver finds none.
     """
-    information = gather_information(structure.regression(samples))
+    information = gather_information(structure.regression(samples, keep=True))
     rung, fit = full_rung(structure.base), estimate(information)
     model = FittedModel(structure, rung, information, information, fit)
     candidates = find_nearest(model, None if unseen else WEAK)
     chosen = 0
     if unseen:
         values = base_values([model], [candidates])[0]
-        (chosen,) = settle_prior([candidates], predict(structure.regression(unseen), values))
+        judged = predict(structure.regression(unseen, keep=True), values)
+        (chosen,) = settle_prior([candidates], judged)
     found = candidates[chosen]
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
@@ -97,9 +98,9 @@ def _kept(d: Findings) -> dict[str, float]:
 
 def nearest_dict(d: Findings) -> dict[str, Any]:
     """Return the real robot with the named effects, with its errors on the fitted logs."""
-    structure = d.completed
+    structure, known = d.completed, None if d.forward is None else d.forward.nearest
     try:
-        real = real_robot(d, structure)
+        real = real_robot(d, structure) if known is None else known
     except IdentifiabilityError as error:
         return {**real_robot_dict(d.robot, {}, (np.nan, np.nan), {}), "reason": str(error)}
     values = dict(real.values)

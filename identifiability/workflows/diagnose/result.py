@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -225,4 +226,4 @@ def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
         before, after = (real_robot(d, s) for s in (d.structure, d.completed))
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
-    return compare_forward(before, after, d.validation, rng)
+    return replace(compare_forward(before, after, d.validation, rng), nearest=after)

@@ -17,7 +17,6 @@ from identifiability.estimation.noise.residual_noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Samples
-from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.dictionary import Dictionary, Entries, compute_entries
@@ -52,8 +51,7 @@ class Table:
         known: KnownValues | None = None,
     ) -> Table:
         """Return the rows of some logs, without candidates; arguments are those of `build_rows`."""
-        kept = structure.base.kept
-        regression = Regression(structure.robot, structure.model, tuple(samples), kept)
+        regression = replace(structure.regression(samples, keep=True), echo=None, instruments=None)
         chunks = [
             (np.full(len(c.tau), c.log), c.W.copy(), c.tau, c.raw)
             for part in regression.parts()

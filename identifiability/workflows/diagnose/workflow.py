@@ -234,7 +234,8 @@ def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
     A log that is not fitted is asked for only where the fitted ones agree.
     """
     fitted = len(opening.samples)
-    regression = opening.structure.regression((*opening.samples, *opening.validation))
+    each = (*opening.samples, *opening.validation)
+    regression = opening.structure.regression(each, keep=True)
     every = gather_information(regression)
     information, estimator = every.take(every.log < fitted), find_estimator("wls")
     fit = estimator.fit(information)

@@ -19,6 +19,7 @@ class Piece:
 
     W: np.ndarray
     tau: np.ndarray
+    again: int = 0
 
     @property
     def at(self):
@@ -71,8 +72,9 @@ class Columns:
     def widths(self, _robot):
         return [len(self.made)]
 
-    def regressor(self, _robot, motion, out, widths=None):
+    def regressor(self, _robot, motion, out, widths=None, again=0):
         assert widths in (None, [len(self.made)])
+        assert not again
         out = out[: len(motion.W)]
         out[:] = motion.W
         return out
