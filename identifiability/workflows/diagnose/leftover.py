@@ -133,7 +133,7 @@ class Remains:
         """
         white, rows = self.bench.plain, self.bench.rows
         Q = orthonormal(white.columns([o for o in self.chosen if o is not c]))
-        own = orthonormal(project_out(Q, unit_columns(white.D[:, list(c.columns)])))
+        own = basis_beside(Q, white.D[:, list(c.columns)])
         explained = float(np.sum((own.T @ white.y) ** 2)) - own.shape[1]
         joints = np.flatnonzero(rows.D.take(c.columns).any(axis=(0, 2))).tolist()
         found = [one for one in map(self._in_joint, joints) if one is not None]
@@ -164,9 +164,7 @@ class Remains:
         columns = 1 + rows.X.shape[2] + named.shape[1]
         y, X, F = np.split(white, [1, columns], axis=1)
         Q = orthonormal(X)
-        U = project_out(Q, project_out(Q, unit_columns(F)))  # once would keep some of the model's
-        vectors, length, _ = np.linalg.svd(U, full_matrices=False)
-        general = vectors[:, length > THIN]
+        general = basis_beside(Q, F)
         k, dof = general.shape[1], len(y) - Q.shape[1] - general.shape[1]
         if not k or dof < ROWS * k:
             return None
@@ -179,6 +177,14 @@ class Remains:
             least, most = (np.sum(x**2, axis=0) for x in (general.T @ Z, project_out(Q, Z)))
             p = max(p, tail_of_sum(left / level, dof * least / (most - least)))
         return Left(left / level - k, max(1 - level / (whole / (dof + k)), 0.0), p)
+
+
+def basis_beside(Q: Array, A: Array) -> Array:
+    """Return an orthonormal basis of what columns A (R, k) add to orthonormal ones Q (R, b)."""
+    U = project_out(Q, project_out(Q, unit_columns(A)))  # once would keep some of the model's
+    vectors, length, _ = np.linalg.svd(U, full_matrices=False)
+    basis: Array = vectors[:, length > THIN]
+    return basis
 
 
 def general_columns(rows: Rows, model: Array, j: int) -> Array:

@@ -20,18 +20,11 @@ from scipy import stats
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import tail_of_sum
 from identifiability.workflows.diagnose.dictionary import Stacked
-from identifiability.workflows.diagnose.evidence import (
-    Whitened,
-    orthonormal,
-    project_out,
-    unit_columns,
-)
+from identifiability.workflows.diagnose.evidence import Whitened, orthonormal
 from identifiability.workflows.diagnose.gates import Chosen, list_units
+from identifiability.workflows.diagnose.leftover import basis_beside
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.rows import Candidate
-
-#: Directions of unit columns beside the model that are shorter are the model's.
-THIN = 1e-2
 
 
 def find_in_one_joint(
@@ -60,14 +53,14 @@ def is_in_one_joint(
     columns = [k for c in unit for k in c.columns]
     apart = split_by_joint(white.D, columns)
     Q = orthonormal(white.columns([c for c in chosen if c not in unit]))
-    whole = _span(project_out(Q, unit_columns(white.D[:, columns])))
-    alone = [_span(project_out(Q, unit_columns(part))) for part in apart]
+    whole = basis_beside(Q, white.D[:, columns])
+    alone = [basis_beside(Q, part) for part in apart]
     explained = [_squares(U, white.y) for U in alone]
     best = int(np.argmax(explained))
     beyond = float(_squares(whole, white.y) - explained[best])
     if len({c.group for c in unit}) > 1:
         return beyond < 2 * DECISIVE
-    own = _span(project_out(whole, alone[best]))
+    own = basis_beside(whole, alone[best])
     if not own.shape[1] or beyond >= 0:
         return False
     between = float(_squares(own, white.y))
@@ -89,13 +82,6 @@ def split_by_joint(D: Array | Stacked, at: Sequence[int]) -> list[Array]:
             here[stop - len(block.values) : stop] = 1.0
             out.append(columns * here)
     return out
-
-
-def _span(A: Array) -> Array:
-    """Return an orthonormal basis of what is not thin in columns that were of length one."""
-    vectors, length, _ = np.linalg.svd(A, full_matrices=False)
-    basis: Array = vectors[:, length > THIN]
-    return basis
 
 
 def _squares(U: Array, y: Array) -> Array:

@@ -96,6 +96,16 @@ def test_beside_the_right_name_another_true_one_stays(build, candidate):
     assert keep_complete(alone, named(second)).chosen == (second,)
 
 
+def test_what_the_model_has_of_a_name_is_not_explained_by_it(build, candidate):
+    """A second column that is the model's own adds nothing but a degree of freedom."""
+    m = build(lambda q, dq, ddq: dry(q, dq, ddq) + 1e3 * dq, [dry, lambda q, dq, ddq: 3.0 * dq])
+    found = [
+        m.remains((c,)).beside(c).explained
+        for c in (candidate("one", "j", 0), candidate("both", "j", 0, 1))
+    ]
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
+
+
 def test_what_every_joint_has_goes_for_nothing_that_is_left(build, candidate):
     basic = candidate("dry", "j", 0, basic=True)
     m = build(lambda *x: dry(*x) + 3 * cubic(*x), [dry])
