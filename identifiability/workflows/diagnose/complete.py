@@ -1,4 +1,4 @@
-"""Which names stay: those that explain more than they leave in their joint, and can be there."""
+"""Which names stay: those that are what is missing in their joint, and can be there."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ from identifiability.workflows.diagnose.material import Material
 
 
 def keep_complete(material: Material, naming: Naming) -> Naming:
-    """Return a naming without names in whose joint more is left than they explain.
+    """Return a naming without names that surely are not what is missing in their joint.
 
-    They are taken out one after the other, the one that leaves most over what it explains first.
-    What every joint has, friction and offsets, is there whatever else is missing.
+    They are taken out one after the other, the one that resembles it least first. What every joint
+    has, friction and offsets, is there whatever else is missing.
     """
     naming = keep_one_way(material, naming)
-    why = "more is left in its joint than it explains"
+    least = material.setting.rules.confusable
+    why = "what is missing in its joint resembles it too little"
     while naming.chosen:
         remains = material.remains(naming.chosen)
         found = [(c, remains.beside(c)) for c in naming.chosen if not c.family.basic]
-        against = [(one.ratio, c) for c, one in found if one is not None and one.outweighs]
+        against = [(one.similarity, c) for c, one in found if one and one.unlike(least)]
         if not against:
             break
-        gone = [max(against, key=lambda pair: pair[0])[1]]
+        gone = [min(against, key=lambda pair: pair[0])[1]]
         naming = keep_surviving(naming, gone, material.setting.structure.present, why)
     return naming
 

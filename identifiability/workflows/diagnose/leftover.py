@@ -2,9 +2,10 @@
 
 An effect that the dictionary does not have resembles some that it has, and the most similar one
 stands out and predicts better: so would the right one, but that leaves nothing. What is left is
-asked for without any name, by many smooth functions of motion and load at once, their short
-memory included. Rows are those whitened by the noise [Aitken 1936], and whatever the joint's own
-columns can say is left to them; noise is simulated with a memory as uncertain as the data leave it.
+asked for without any name: by each kind of functions of motion and load alone, for one effect is
+of one kind and few columns tell it from noise where a hundred cannot, and by all of them together.
+Rows are those whitened by the noise [Aitken 1936], and whatever the joint's own columns can say is
+left to them; noise is simulated with a memory as uncertain as the data leave it.
 """
 
 from __future__ import annotations
@@ -12,14 +13,13 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from scipy import signal, stats
+from scipy import stats
 
-from identifiability.effects.path_memory import follow_with_play
 from identifiability.estimation.noise.ar_noise import ARNoise
-from identifiability.estimation.noise.autoregression import Runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import tail_of_sum
 from identifiability.foundation.values import frozen
+from identifiability.workflows.diagnose.anything import list_kinds, list_together
 from identifiability.workflows.diagnose.evidence import (
     Bench,
     orthonormal,
@@ -27,28 +27,19 @@ from identifiability.workflows.diagnose.evidence import (
     unit_columns,
 )
 from identifiability.workflows.diagnose.held_out import HeldOut
-from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.workflows.diagnose.rows import Candidate
 
-#: Random waves [Rahimi & Recht 2007], what each depends on at most, and their seed.
-WAVES, INPUTS, SEED = 24, 3, 0
-#: Samples over which the recent past is averaged.
-PASTS = (2, 5, 15, 40)
-#: Speeds over their rms at which the direction turns.
-TURNS = (0.1, 0.5)
-#: Waves over the range of the position, in periods.
-PERIODS = (1, 2, 3, 4, 6, 8, 12, 16)
-#: Ways after a turn over which something builds up, as shares of the range.
-WAYS = (0.005, 0.02, 0.08)
-#: Columns of what other joints do, at most.
-OTHERS = 30
 #: Directions of unit columns beside the model that are shorter are the model's.
 THIN = 1e-2
 #: Rows for each column without which nothing can be said.
 ROWS = 2.0
-#: Level of the test that anything is left, and how much may be left over what is explained.
-LEVEL, MOST, TINY = 0.01, 1.0, 1e-12
-#: Level in a joint at which what is left is asked for by many columns.
+#: Level of the test that anything is left.
+LEVEL, TINY = 0.01, 1e-12
+#: Level in a joint at which what is left is asked for.
 ASKED = 0.05
+#: Times the rms beyond which a row says no more [Huber 1964]: where noise moves a reversal by a
+#: sample, dry friction leaves a pulse of ten on two rows, and whatever pulses there fits it.
+CLIPPED = 3.0
 
 
 @frozen
@@ -58,11 +49,13 @@ class Left:
     Attributes
     ----------
     squares : float
-        Of the whitened rows, beyond those that noise gives.
+        Of the whitened rows, beyond those that noise gives: by the kinds that surely explain
+        something, by all together where none does.
     share : float
-        Of what is left of the whitened rows, adjusted for the number of functions.
+        Of what is left of the whitened rows, by all together, adjusted for their number.
     p_value : float
-        That they explain no more than noise does.
+        That they explain no more than noise does: of each kind and of all together, after
+        Bonferroni's correction.
     """
 
     squares: float
@@ -88,15 +81,21 @@ class Leftover:
     left: float
     p_value: float
 
-    @property
-    def outweighs(self) -> bool:
-        """Whether surely something is left, and more than the name explains."""
-        return self.p_value < LEVEL and self.ratio > MOST
+    def unlike(self, least: float) -> bool:
+        """Whether surely something is left, and the name resembles what is missing less than that.
+
+        Parameters
+        ----------
+        least : float
+            Similarity from which on two names are one.
+        """
+        return self.p_value < LEVEL and self.similarity < least
 
     @property
-    def ratio(self) -> float:
-        """What is left over what the name explains."""
-        return self.left / max(self.explained, TINY)
+    def similarity(self) -> float:
+        """Cosine between the name and what is missing in its joint: itself and what is left."""
+        explained, left = max(self.explained, 0.0), max(self.left, 0.0)
+        return float(np.sqrt(explained / max(explained + left, TINY)))
 
 
 @frozen
@@ -159,24 +158,44 @@ class Remains:
     def _measure(self, j: int) -> Left | None:
         rows, noise = self.bench.rows, ARNoise((self.bench.noise.joints[j],))
         named = rows.D.take([k for c in self.chosen for k in c.columns])[:, j]
-        parts = [rows.tau[:, j, None], rows.X[:, j], named, general_columns(rows, self._model, j)]
+        kinds = list_kinds(rows, self._model, j)
+        every = (rows.tau[:, j, None], rows.X[:, j], named)
+        parts = [*every, *kinds, list_together(rows, self._model, j)]
         white = noise.whiten(np.column_stack(parts)[:, None], rows.runs)[:, 0]
-        columns = 1 + rows.X.shape[2] + named.shape[1]
-        y, X, F = np.split(white, [1, columns], axis=1)
+        columns = np.cumsum([sum(x.shape[1] for x in every), *(x.shape[1] for x in kinds)])
+        y, X, F = np.split(white, [1, columns[0]], axis=1)
         Q = orthonormal(X)
-        general = basis_beside(Q, F)
+        apart = np.split(F, columns[1:] - columns[0], axis=1)[:-1]
+        general, *several = (basis_beside(Q, A) for A in (F, *apart))
+        bases = [general, *(B for B in several if B.shape[1])]
         k, dof = general.shape[1], len(y) - Q.shape[1] - general.shape[1]
         if not k or dof < ROWS * k:
             return None
-        left, whole = (float(np.sum(x**2)) for x in (general.T @ y, project_out(Q, y)))
-        level = (whole - left) / dof
-        p = float(stats.f.sf(left / level / k, k, dof))
+        y = project_out(Q, y)
+        most = CLIPPED * _rms(y)
+        y = project_out(Q, np.clip(y, -most, most))
+        whole = float(np.sum(y**2))
+        squares = np.array([np.sum((B.T @ y) ** 2) for B in bases])
+        level = (whole - squares[0]) / dof
+        count = np.array([B.shape[1] for B in bases])
+        p = stats.f.sf(squares / level / count, count, dof)
         simulated = self.bench.simulated[:, j]
-        if p < ASKED and simulated.shape[1] > 1:  # slow noise is more likely to look like this
-            Z = noise.whiten(simulated.astype(float)[:, None], rows.runs)[:, 0]
-            least, most = (np.sum(x**2, axis=0) for x in (general.T @ Z, project_out(Q, Z)))
-            p = max(p, tail_of_sum(left / level, dof * least / (most - least)))
-        return Left(left / level - k, max(1 - level / (whole / (dof + k)), 0.0), p)
+        doubt = np.flatnonzero(len(p) * p < ASKED)
+        if len(doubt) and simulated.shape[1] > 1:  # slow noise is more likely to look like this
+            Z = project_out(Q, noise.whiten(simulated.astype(float)[:, None], rows.runs)[:, 0])
+            rest = np.sum(Z**2, axis=0) - np.sum((general.T @ Z) ** 2, axis=0)
+            for at in doubt:
+                drawn = dof * np.sum((bases[at].T @ Z) ** 2, axis=0) / rest
+                p[at] = max(p[at], tail_of_sum(squares[at] / level, drawn))
+        sure = [B for B, own in zip(bases, p, strict=True) if len(p) * own < LEVEL]
+        found = orthonormal(np.column_stack(sure)) if sure else general
+        left = float(np.sum((found.T @ y) ** 2)) / level - found.shape[1]
+        share = max(1 - level / (whole / (dof + k)), 0.0)
+        return Left(left, share, min(len(p) * float(p.min()), 1.0))
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))
 
 
 def basis_beside(Q: Array, A: Array) -> Array:
@@ -185,96 +204,3 @@ def basis_beside(Q: Array, A: Array) -> Array:
     vectors, length, _ = np.linalg.svd(U, full_matrices=False)
     basis: Array = vectors[:, length > THIN]
     return basis
-
-
-def general_columns(rows: Rows, model: Array, j: int) -> Array:
-    """Return what torque in joint j may depend on in whatever way, (N, k).
-
-    Parameters
-    ----------
-    rows : Rows
-    model : (N, n) [N·m or N]
-        Torque by the model: measured torque would bring its own noise.
-    j : int
-    """
-    q, v, a, load = (_standard(x[:, j]) for x in (rows.q, rows.dq, rows.ddq, model))
-    turns = [np.tanh(rows.dq[:, j] / (_rms(rows.dq[:, j]) * width)) for width in TURNS]
-    time = _standard(rows.t)
-    own = [v, q, a, load, *turns, np.abs(v), q * turns[0], np.abs(load) * turns[0]]
-    drift = [time, time * turns[0], time * v, time**2 * turns[0]]
-    recent = [_average(x, rows.runs, n) for n in PASTS for x in (turns[0], v, load)]
-    change = [_slope(x, rows.runs) for x in (_average(load, rows.runs, PASTS[0]), a)]
-    logs = [x for k in np.unique(rows.log) for x in (rows.log == k, (rows.log == k) * turns[0])]
-    way = float(np.ptp(rows.q[:, j]))
-    stuck = [_stuck(rows.q[:, j], rows.runs, share * way) for share in WAYS]
-    angle = 2 * np.pi * (rows.q[:, j] - rows.q[:, j].min()) / (way or 1.0)
-    ripple = [wave(k * angle) for k in PERIODS for wave in (np.sin, np.cos)]
-    several = _waves(np.column_stack([v, q, a, load, *turns]))
-    alone = [*own, *drift, *recent, *stuck, *change, *logs, *ripple]
-    return np.column_stack([*alone, several, _others(rows, model, j)])
-
-
-def _others(rows: Rows, model: Array, j: int) -> Array:
-    """Return what the other joints do, or as many random mixtures of it as may be, (N, k)."""
-    out = [np.empty((len(rows), 0))]
-    for k in range(rows.joints):
-        if k != j:
-            v = rows.dq[:, k]
-            turn = np.tanh(v / (_rms(v) * TURNS[0]))
-            seen = (v, turn, model[:, k], rows.ddq[:, k], rows.q[:, k])
-            out.append(np.column_stack([_standard(x) for x in seen]))
-    A = np.concatenate(out, axis=1)
-    if A.shape[1] <= OTHERS:
-        return A
-    mixed: Array = A @ np.random.default_rng(SEED).standard_normal((A.shape[1], OTHERS))
-    return mixed
-
-
-def _waves(inputs: Array) -> Array:
-    """Return waves of random direction over few of some standardised inputs (N, m), (N, WAVES)."""
-    rng = np.random.default_rng(SEED)
-    count = inputs.shape[1]
-    W = rng.standard_normal((count, WAVES)) * rng.choice([0.5, 1.0], WAVES)
-    for k in range(WAVES):
-        W[rng.permutation(count)[INPUTS:], k] = 0.0
-    waves: Array = np.cos(inputs @ W + rng.uniform(0.0, 2 * np.pi, WAVES))
-    return waves
-
-
-def _average(x: Array, runs: Runs, samples: int) -> Array:
-    """Return the exponential average of the last samples of x (N,), anew in every run."""
-    keep, out = float(np.exp(-1.0 / samples)), np.empty(len(x))
-    for start, stop in runs:
-        out[start:stop] = signal.lfilter([1.0 - keep], [1.0, -keep], x[start:stop])
-    return out
-
-
-def _stuck(x: Array, runs: Runs, width: float) -> Array:
-    """Return how far x (N,) has come since it turned, over a width where that is more."""
-    out = np.zeros(len(x))
-    for start, stop in runs if width > 0 else ():
-        own = x[start:stop]
-        out[start:stop] = (
-            own - follow_with_play(own, width, np.sign(own[min(1, len(own) - 1)] - own[0]))
-        ) / width
-    return out
-
-
-def _slope(x: Array, runs: Runs) -> Array:
-    """Return the change of x (N,) from sample to sample, not across the ends of runs."""
-    out = np.zeros(len(x))
-    for start, stop in runs:
-        if stop - start > 1:
-            out[start:stop] = np.gradient(x[start:stop])
-    return out
-
-
-def _standard(x: Array) -> Array:
-    """Return x (N,) about its mean in units of its spread."""
-    spread = float(np.std(x)) or 1.0
-    standard: Array = (x - x.mean()) / spread
-    return standard
-
-
-def _rms(x: Array) -> float:
-    return float(np.sqrt(np.mean(x**2))) or 1.0
