@@ -80,12 +80,12 @@ def _load_model(robot: Robot) -> Any:
 def rigid_torque(robot: Robot, motion: Motion) -> Array:
     """Return the rigid-body torque of the actuated joints by the file's masses, (N, n)."""
     model = _load_model(robot)
-    data = model.createData()
-    tree = [
-        pin.rnea(model, data, q, v, a) - model.armature * a  # rotors are no load
-        for q, v, a in zip(*tree_motion(robot, motion), strict=True)
-    ]
-    return project(robot, motion, np.array(tree).reshape(len(motion), model.nv))
+    data, tree = model.createData(), np.empty((len(motion), model.nv))
+    moved = tree_motion(robot, motion)
+    for k, (q, v, a) in enumerate(zip(*moved, strict=True)):
+        tree[k] = pin.rnea(model, data, q, v, a)
+    tree -= model.armature * moved[2]  # rotors are no load
+    return project(robot, motion, tree)
 
 
 def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
@@ -99,10 +99,10 @@ def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
     """
     model = _load_model(robot).copy()
     model.gravity.linear = gravity
-    data = model.createData()
-    positions = tree_motion(robot, motion)[0]
-    tree = [pin.computeGeneralizedGravity(model, data, q).copy() for q in positions]
-    return project(robot, motion, np.array(tree).reshape(len(motion), model.nv))
+    data, tree = model.createData(), np.empty((len(motion), model.nv))
+    for k, q in enumerate(tree_motion(robot, motion)[0]):
+        tree[k] = pin.computeGeneralizedGravity(model, data, q)
+    return project(robot, motion, tree)
 
 
 def gravity_vector(robot: Robot) -> Array:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from identifiability.robot import Robot
 PIECE, REACHES = 4096, 12
 #: Columns that are filtered together.
 TOGETHER = 64
+
+#: Pieces of each log, as long as it is there.
+_KNOWN: WeakKeyDictionary[Samples, tuple[Piece, ...]] = WeakKeyDictionary()
 
 #: Torque (N,) by joint and column, where it is not zero everywhere.
 Entries = dict[tuple[int, int], Array]
@@ -169,7 +173,7 @@ def compute_entries(
     rows = sum(s.outputs for s in samples)
     entries: Entries = {}
     start = 0
-    for piece in (piece for s in samples for piece in s.pieces(_size(s))):
+    for piece in (piece for s in samples for piece in _pieces(s)):
         outputs = len(piece.tau[piece.at])
         found: Entries = {}
         for effect, width, columns in layout:
@@ -188,10 +192,16 @@ def compute_entries(
     return entries
 
 
-def _size(samples: Samples) -> int:
-    """Return how many samples of a log columns are computed of at a time."""
-    d = samples.decimation
-    return PIECE if d is None else max(PIECE, REACHES * d.reach)
+def _pieces(samples: Samples) -> tuple[Piece, ...]:
+    """Return the pieces of a log that columns are computed of, the same ones whenever it is asked.
+
+    So what is known of a motion as long as it is there (`nominal.once`) is known then, too.
+    """
+    if samples not in _KNOWN:
+        d = samples.decimation
+        size = PIECE if d is None else max(PIECE, REACHES * d.reach)
+        _KNOWN[samples] = tuple(samples.pieces(size))
+    return _KNOWN[samples]
 
 
 def _write(entries: Entries, piece: Piece, found: Entries, start: int, rows: int) -> None:

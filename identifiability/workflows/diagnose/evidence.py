@@ -150,7 +150,8 @@ def compress(
     parts = [Z[:, k : k + AT_ONCE] for k in range(0, Z.shape[1], AT_ONCE)]
     Q = None
     if len(A) > max(MANY, TALL * A.shape[1]):
-        Q, A = np.linalg.qr(A)
+        # Where nothing else is asked for, Q would cost as much again.
+        Q, A = np.linalg.qr(A) if parts else (None, np.asarray(np.linalg.qr(A, mode="r")))
     found = (
         [change(part.astype(float)) for part in parts]
         if Q is None

@@ -19,6 +19,7 @@ from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_even
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
+from identifiability.workflows.diagnose.folds import Folds
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.known_fit import fit_known
 from identifiability.workflows.diagnose.real_fit import RealRobot
@@ -26,6 +27,8 @@ from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Share by which fits that the noise weighs must predict worse to be given up.
 WORSE = 0.02
+#: Models whose compressed rows are kept.
+REMEMBERED = 4
 
 
 @frozen
@@ -165,66 +168,62 @@ class HeldOut:
         folds = choose_folds(self.train.log)
         columns = self.train.columns(chosen)
         out = np.array(self.train.tau)
-        for fold in np.unique(folds):
+        for fold in np.unique(folds).tolist():
             test = folds == fold
-            out[test] -= columns[test] @ self.fit(chosen, ~test, real=real, beside=beside)
+            out[test] -= columns[test] @ self.fit(chosen, fold, real=real, beside=beside)
         return out
 
     def fit(
         self,
         chosen: Sequence[Candidate],
-        mask: np.ndarray | slice = slice(None),
+        left_out: int | None = None,
         *,
         real: bool = False,
         beside: Sequence[Candidate] | None = None,
     ) -> Array:
-        """Return the values of the model with some candidates from some of the fitted rows, (m,).
+        """Return the values of the model with some candidates from rows outside of a fold, (m,).
 
         Joints weigh by their own residual. With `real` it is the fit of a real robot; where the
         solver finds none, which is rare, the least-squares fit stands in.
         """
-        information = self._information(chosen, mask)
+        information = self._information(chosen, left_out)
         free = estimate(information)
         if self.train.root is not None:
             b = self.train.X.shape[2]
-            kept = None if beside is None else self.fit(beside, mask)[:b]
+            kept = None if beside is None else self.fit(beside, left_out)[:b]
             return fit_known(information, free, self.train.root, kept)
         found = self.real.fit(information, free, chosen) if real and self.real else None
         return free.value if found is None else found
 
-    def _information(self, chosen: Sequence[Candidate], mask: np.ndarray | slice) -> Information:
+    def _information(self, chosen: Sequence[Candidate], left_out: int | None) -> Information:
         """Return what some fitted rows say of the columns of a model, weighed by the noise."""
-        whole = self.train.columns(chosen), self.train.tau
-        if self.noise is None:
-            return information_of(*whole, mask)
         key = _columns(chosen)
-        if key not in self._weighed:
-            self._weighed.clear()
-            W, tau = whole
-            left = tau - W @ estimate(information_of(*whole)).value
-            white = self.noise.whiten(
-                np.concatenate([W, tau[:, :, None]], axis=2),
-                self.train.runs,
-                self.noise.misfit(left),
-            )
-            self._weighed[key] = white[:, :, :-1], white[:, :, -1]
-        return information_of(*self._weighed[key], mask)
+        if key not in self._folds:
+            if len(self._folds) >= REMEMBERED:
+                del self._folds[next(iter(self._folds))]
+            self._folds[key] = self._weigh(chosen)
+        return self._folds[key].without(left_out)
+
+    def _weigh(self, chosen: Sequence[Candidate]) -> Folds:
+        """Return the fitted rows of a model, weighed by the noise and by what it leaves."""
+        fold_of = choose_folds(self.train.log)
+        W, tau = self.train.columns(chosen), self.train.tau
+        rows = np.concatenate([W, tau[:, :, None]], axis=2)
+        plain = Folds.of(rows, fold_of)
+        if self.noise is None:
+            return plain
+        left = tau - W @ estimate(plain.without()).value
+        white = self.noise.whiten(rows, self.train.runs, self.noise.misfit(left))
+        return Folds.of(white, fold_of)
 
     @cached_property
-    def _weighed(self) -> dict[tuple[int, ...], tuple[Array, Array]]:
-        """Return the last rows that were weighed: folds ask for the same ones again."""
+    def _folds(self) -> dict[tuple[int, ...], Folds]:
+        """Return the last rows that were weighed: folds and bounds ask for the same ones again."""
         return {}
 
     def fitted_residual(self, chosen: Sequence[Candidate]) -> Array:
         """Return the errors on the rows that were fitted, (N, n)."""
         return self._predict(self.train, chosen, real=False)
-
-
-def information_of(W: Array, tau: Array, mask: np.ndarray | slice = slice(None)) -> Information:
-    """Return what some rows say: columns (N, n, m), torque (N, n), the rows that count."""
-    W, tau = W[mask], tau[mask]
-    names = tuple(map(str, range(W.shape[2])))
-    return Information.of_rows(names, W, tau, np.zeros(len(tau), int), len(tau))
 
 
 def _columns(chosen: Sequence[Candidate]) -> tuple[int, ...]:
