@@ -3,6 +3,7 @@
 from identifiability.effects.family import actuated_joints
 from identifiability.effects.registry import declare
 from identifiability.effects.smooth_function import (
+    CONTAINED,
     DEGREE,
     PIECES,
     fine_at_rest,
@@ -36,6 +37,7 @@ class FunctionOfOtherVelocity(FromJoint):
     source = "[de Boor 1978; Eilers & Marx 1996]"
     units = (("f", "N·m", "N"),)
     crossed = ("N·m", "N")
+    supersedes = CONTAINED
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every spline, with the joint that it comes from."""

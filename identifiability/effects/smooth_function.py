@@ -17,6 +17,8 @@ from identifiability.robot import Axis, Robot
 DEGREE, PIECES, PIECES_OF_TWO = 2, 4, 3
 #: Speed that motions are taken to reach where no limit is stated [rad/s, m/s].
 TYPICAL_SPEED = (2.0, 0.3)
+#: What every function contains: its splines add up to one.
+CONTAINED = ("torque_offset",)
 
 
 def splines(u: Array, pieces: int = PIECES) -> Array:
@@ -47,10 +49,11 @@ def largest_speed(robot: Robot, axis: Axis) -> float:
 
 
 class SmoothFunction(Shaped):
-    """``τ = f(u)``: quadratic splines of a coordinate from −1 to 1."""
+    """``τ = f(u)``: quadratic splines of a coordinate from −1 to 1; a constant is one of them."""
 
     equation = "τ = f(u), f = Σ cₖ Bₖ"
     source = "[de Boor 1978; Eilers & Marx 1996]"
+    supersedes = CONTAINED
     units = (("f", "N·m", "N"),)
 
     @abstractmethod

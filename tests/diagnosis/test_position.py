@@ -52,7 +52,6 @@ def find(what, joint, seed, c=None, effects=None):
 
 
 CASES = [("cable", 0), ("extension spring", 1), ("cable", 1), ("extension spring", 0)]
-TAKEN = ("cable", 1)
 #: What a curve over the position could be taken for.
 LIKE = (
     "position_torque", "joint_stiffness", "torque_offset", "free_spring", "gravity_spring",
@@ -60,15 +59,9 @@ LIKE = (
 )  # fmt: skip
 
 
-def _marks(case):
-    outside = [pytest.mark.everything]
-    why = "a function of position and speed, which follows this cable more finely, takes its place"
-    return [*outside, pytest.mark.xfail(strict=True, reason=why)] if case == TAKEN else outside
-
-
 @pytest.mark.parametrize(
     ("what", "joint", "effects"),
-    [(*CASES[0], LIKE), *(pytest.param(*c, None, marks=_marks(c)) for c in CASES)],
+    [(*CASES[0], LIKE), *(pytest.param(*c, None, marks=pytest.mark.everything) for c in CASES)],
 )
 def test_a_curve_is_learned_and_named_with_its_joint(what, joint, effects):
     """Its error on unseen motion is within a tenth of that without anything planted."""

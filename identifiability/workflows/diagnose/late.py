@@ -100,7 +100,7 @@ def _late(families: Sequence[Family]) -> tuple[Family, ...]:
 
 def _asks(material: Material, naming: Naming) -> bool:
     """Whether an effect of a position was named, or what is left depends on anything."""
-    return any(_is_curve(c) for c in naming.chosen) or what_is_left(material, naming)
+    return any(is_curve(c) for c in naming.chosen) or what_is_left(material, naming)
 
 
 def what_is_left(material: Material, naming: Naming) -> bool:
@@ -167,8 +167,8 @@ def _gather_curves(
     """
     chosen, p_values = list(naming.chosen), dict(naming.p_values)
     for place in dict.fromkeys(c.place for c in naming.chosen):
-        parts = [c for c in chosen if c.place == place and _is_curve(c)]
-        curves = [c for c in candidates if c.place == place and c.family.flexible and _is_curve(c)]
+        parts = [c for c in chosen if c.place == place and is_curve(c)]
+        curves = [c for c in candidates if c.place == place and c.family.flexible and is_curve(c)]
         if len(parts) < 2 or not curves:
             continue
         rest = [c for c in chosen if c not in parts]
@@ -182,7 +182,7 @@ def _gather_curves(
     return replace(naming, chosen=tuple(chosen), p_values=p_values)
 
 
-def _is_curve(c: Candidate) -> bool:
+def is_curve(c: Candidate) -> bool:
     """Whether a candidate is torque by the position alone."""
     alone = c.family.against == "position" and not c.family.dry
     return alone or c.family.name in PARTS

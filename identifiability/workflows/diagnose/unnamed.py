@@ -18,7 +18,7 @@ import numpy as np
 from identifiability.effects import find_families
 from identifiability.workflows.diagnose.evidence import score_candidates
 from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, keep_surviving
-from identifiability.workflows.diagnose.late import gain_over, what_is_left
+from identifiability.workflows.diagnose.late import gain_over, is_curve, what_is_left
 from identifiability.workflows.diagnose.material import DRAWS, Material
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.options import find_same, signature
@@ -28,6 +28,8 @@ from identifiability.workflows.diagnose.rows import Candidate
 MOST, NEAREST = 4, 3
 #: Share of the level of names at which functions are searched.
 SHARE = 0.2
+#: What a curve over the position is without its name.
+CURVE = "function_of_position"
 
 
 def name_unnamed(
@@ -77,20 +79,21 @@ def name_unnamed(
         taken = signature(start)
         options = [c for c in wider.candidates if c.family.unnamed or c.slot in taken]
         again = name_effects(wider.bench, options, wider.held, rules, present, say, start)
-        basic = signature([c for c in known if c.family.basic])
+        lost = [c for c in known if c.slot not in signature(again.chosen)]
+        parts = list_parts(lost, again.chosen)
+        if not any(c.family.unnamed for c in again.chosen):
+            continue
         # A function that stands in for what every joint has says nothing new.
-        if not any(c.family.unnamed for c in again.chosen) or basic - signature(again.chosen):
+        if any(c.family.basic for c in lost if c not in parts) or says_again(fitting, again.chosen):
             continue
         gain = gain_over(material.held, naming, wider.held, again)
         # Beside a name that does not fit a function need not predict better, only not surely
-        # worse; in its stead it must, if not surely; in that of names that nothing spoke against,
-        # surely.
-        least = max(setting.rules.gain, gain.error)
-        if not signature(known) <= signature(again.chosen):
-            least = -gain.error
+        # worse; in its stead, or with it as a part, it must, if not surely; in that of names that
+        # nothing spoke against, surely.
+        least = -gain.error if lost else max(setting.rules.gain, gain.error)
         if known != before:
             least = max(least, 0.0) if known == early else -gain.error
-        if known == fitting != before:
+        if known == fitting != before or parts:
             least = 0.0
         if gain.share > max(least, -np.inf if found is None else found[0]):
             found = gain.share, again
@@ -114,12 +117,35 @@ def name_unnamed(
 def several_curves(named: Sequence[Candidate]) -> Chosen:
     """Return what refines the friction of a joint by its speed where several names do.
 
-    What is two functions of one speed is rather one without an equation.
+    What is two functions of one speed is rather one without an equation; so is what is two of one
+    position, a spring and an offset among them, where the dictionary has no name for both.
     """
     own = [c for c in named if c.family.needs and c.family.against == "velocity"]
     own = [c for c in own if not (c.family.late or c.family.origin)]
-    places = [c.place for c in own]
-    return [c for c in own if places.count(c.place) > 1]
+    several: Chosen = []
+    for kind in (own, [c for c in named if is_curve(c)]):
+        places = [c.place for c in kind]
+        several += [c for c in kind if places.count(c.place) > 1]
+    return several
+
+
+def says_again(fitting: Sequence[Candidate], chosen: Sequence[Candidate]) -> bool:
+    """Whether a function of the position is in the stead of a curve of the same joint that fits."""
+    here = {f.place for f in chosen if f.family.name == CURVE}
+    names = [c for c in fitting if c.family.flexible and c.family.against == "position"]
+    return any(c.place in here for c in names if c.slot not in signature(chosen))
+
+
+def list_parts(lost: Sequence[Candidate], chosen: Sequence[Candidate]) -> Chosen:
+    """Return names that a function at their place contains: what it says as well.
+
+    The function stood out beside such a name, as more than it: an offset beside a spring is that
+    spring with another rest. Nothing that every joint has is denied by that.
+    """
+    whole = {
+        (name, f.place) for f in chosen if f.family.unnamed for name in f.family.effect.supersedes
+    }
+    return [c for c in lost if c.group in whole]
 
 
 def keep_fitting(m: Material, named: Sequence[Candidate], level: float) -> tuple[Candidate, ...]:

@@ -447,3 +447,13 @@ def test_friction_by_one_speed_under_several_names_is_several_curves(candidate):
     ]  # fmt: skip
     assert several_curves([bump, alone, smooth, *others]) == [bump, smooth]
     assert several_curves([alone, *others]) == []
+
+
+def test_torque_by_one_position_under_several_names_is_several_curves(candidate):
+    """An offset beside a spring is one of them; alone, or where something rubs, it is not."""
+    spring = candidate("joint_stiffness", "j", 0, against="position")
+    offset, other = (candidate("torque_offset", p, k, basic=True) for p, k in (("j", 1), ("l", 2)))
+    rubs = candidate("rough", "l", 3, against="position", dry=True)
+    bump = candidate("bump", "j", 4, needs="viscous")
+    assert several_curves([offset, other, spring, rubs, bump]) == [offset, spring]
+    assert several_curves([offset, other, rubs, bump]) == []

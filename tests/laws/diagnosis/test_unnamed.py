@@ -63,26 +63,63 @@ def test_a_function_in_the_stead_of_a_name_that_does_not_fit_predicts_better_if_
 ):
     """Gains are known to 0.02; in the stead of a late name that fits it is surely better."""
     name, function = candidate("a", "j", 0, late=late), candidate("f", "j", 1, unnamed=True)
+    chosen = searched(
+        monkeypatch, name, function, lambda start: start or (function,), Gain(share, 0.02), fits
+    )
+    assert chosen == ((function,) if given else (name,))
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "share", "given"),
+    [("part", "j", 0.01, True), ("part", "j", -0.01, False), ("part", "l", 0.05, False),
+     ("else", "j", 0.05, False)],
+)  # fmt: skip
+def test_what_every_joint_has_gives_way_to_a_function_that_contains_it_and_predicts_better(
+    monkeypatch, candidate, name, place, share, given
+):
+    """An offset to a spring in its own joint; not to one elsewhere, nor does friction."""
+    basic, function = candidate(name, place, 0, basic=True), candidate("f", "j", 1, unnamed=True)
+    function.family.effect.supersedes = ("part",)
+    chosen = searched(monkeypatch, basic, function, lambda start: (function,), Gain(share, 0.02))
+    assert chosen == ((function,) if given else (basic,))
+
+
+@pytest.mark.parametrize(
+    ("function", "place", "fits", "given"),
+    [("function_of_position", "j", True, False), ("function_of_position", "j", False, True),
+     ("function_of_position", "l", True, True), ("function_of_time", "j", True, True)],
+)  # fmt: skip
+def test_a_function_of_position_is_not_given_for_a_curve_of_its_joint_that_fits(
+    monkeypatch, candidate, function, place, fits, given
+):
+    """They say the same, and one has a name."""
+    name = candidate("curve", "j", 0, late=True, flexible=True, against="position")
+    new = candidate(function, place, 1, unnamed=True)
+    chosen = searched(monkeypatch, name, new, lambda start: (new,), Gain(0.1, 0.02), fits)
+    assert chosen == ((new,) if given else (name,))
+
+
+def searched(monkeypatch, name, function, search, gain, fits=True):
+    """Return what is named where a search finds a function beside a name or in its stead."""
     wider = SimpleNamespace(candidates=(name, function), bench=None, held=None)
     structure = SimpleNamespace(present=())
     setting = SimpleNamespace(rules=Rules(), structure=structure)
     material = SimpleNamespace(setting=setting, held=None, candidates=(name, function))
     material.anew, material.extended = lambda *_: wider, lambda found: material
 
-    def search(bench, options, held, rules, present, say, start):
-        return Naming(tuple(start) or (function,), {}, ())
+    def name_effects(bench, options, held, rules, present, say, start):
+        return Naming(search(tuple(start)), {}, ())
 
     told = {
         "find_families": lambda _: [function.family], "what_is_left": lambda *_: True,
-        "name_effects": search, "_begin": lambda *_: [],
+        "name_effects": name_effects, "_begin": lambda *_: [],
         "keep_fitting": lambda m, named, level: tuple(named) * fits, "_nearest": lambda *_: (),
-        "gain_over": lambda *_: Gain(share, 0.02),
+        "gain_over": lambda *_: gain,
     }  # fmt: skip
     for what, stub in told.items():
         monkeypatch.setattr(unnamed, what, stub)
     before = Naming((name,), {}, ())
-    found = unnamed.name_unnamed(material, before, np.random.default_rng(0))[1]
-    assert found.chosen == ((function,) if given else (name,))
+    return unnamed.name_unnamed(material, before, np.random.default_rng(0))[1].chosen
 
 
 def test_what_is_useful_beside_what_cannot_be_is_asked_again_without_it(world, candidate):

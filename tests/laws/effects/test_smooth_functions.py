@@ -6,6 +6,7 @@ import pytest
 from identifiability.effects import FAMILIES, Part, Placed, find_families
 from identifiability.effects.function_of_load import FunctionOfLoad
 from identifiability.effects.function_of_other_velocity import FunctionOfOtherVelocity
+from identifiability.effects.function_of_position import FunctionOfPosition
 from identifiability.effects.function_of_position_and_velocity import (
     FunctionOfPositionAndVelocity,
 )
@@ -48,6 +49,7 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
         (FunctionOfVelocity(0.8, "lift"), 6, root**2 - root),
         (FunctionOfLoad(90.0, "lift"), 6, (load / 90) ** 2),
         (FunctionOfTime(2.5, "lift"), 6, m.t**2 - m.t),
+        (FunctionOfPosition(0.6, "lift"), 6, (x + 0.1) ** 2),
         (FunctionOfOtherVelocity(2.0, "lift"), 6, other**2 + other),
         (FunctionOfPositionAndVelocity(0.6, "lift"), 15, x**2 * v - np.sign(v) * x),
         (FunctionOfVelocityAndLoad(90.0, "lift"), 15, load**2 * np.sign(v)),
@@ -64,7 +66,7 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
 def test_shapes_are_from_the_motion_and_functions_are_not_in_the_first_pass(polar, pair, move):
     m = move(polar, T)
     unnamed = [f for f in FAMILIES.values() if f.unnamed]
-    assert len(unnamed) == 7
+    assert len(unnamed) == 8
     assert not set(early(find_families(None))) & set(unnamed)
     found, refused = list_candidates(polar, unnamed, (), [m[:200], m[200:]], fixed=False)
     assert not refused
@@ -72,6 +74,7 @@ def test_shapes_are_from_the_motion_and_functions_are_not_in_the_first_pass(pola
     v, x = np.abs(m.actuated_v).max(0), np.abs(m.actuated_q - [0.3, -0.15]).max(0)
     for k, joint in enumerate(("lift", "reach")):
         assert shapes["function_of_velocity", joint] == pytest.approx(v[k])
+        assert shapes["function_of_position", joint] == pytest.approx(x[k])
         assert shapes["function_of_position_and_velocity", joint] == pytest.approx(x[k])
         assert shapes["function_of_time", joint] == pytest.approx(2.5)
         assert shapes["function_of_other_velocity", joint] == 2.0 - k
@@ -79,6 +82,14 @@ def test_shapes_are_from_the_motion_and_functions_are_not_in_the_first_pass(pola
     found, _ = list_candidates(pair, unnamed, (), [move(pair, T)], fixed=False)
     at_motor = {c.family.name for c in found if c.place == "m2"}
     assert at_motor == {f.name for f in unnamed} - {"function_of_other_velocity"}
+
+
+def test_a_model_with_a_function_has_its_constant_once():
+    """Splines add up to one, so that an offset beside them would be the same column again."""
+    for f in (f for f in FAMILIES.values() if f.unnamed):
+        assert Model.of("viscous_friction", "torque_offset", f.name).names == (
+            "viscous_friction", f.name
+        )  # fmt: skip
 
 
 def test_a_text_with_its_shape_gives_the_function_back(polar, move):
