@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,6 @@ from identifiability.physical.mass import real_robot_dict
 from identifiability.physical.project import Projection
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import full_rung
-from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.workflows.analyze.fit import base_values, settle_prior
 from identifiability.workflows.diagnose.findings import Findings
@@ -108,8 +108,8 @@ def nearest_dict(d: Findings) -> dict[str, Any]:
     names = structure.columns
     first = np.array([names.index(n) == k for k, n in enumerate(names)])
     phi = np.array([[v[n] for n in names] for v in (values, held_by_file(d.robot, values))]).T
-    regression = Regression(d.robot, d.model, d.samples)
-    errors = predict(regression, phi * first[:, None]).relative_error()
+    regression = replace(structure.regression(d.samples, keep=True), instruments=None, echo=None)
+    errors = predict(regression, structure.G @ (phi * first[:, None])).relative_error()
     held = (float(errors[0]), float(errors[1]))
     return real_robot_dict(d.robot, _fold(values), held, structure.shapes, real.cad_weight)
 
