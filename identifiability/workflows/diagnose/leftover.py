@@ -128,7 +128,8 @@ class Remains:
     def beside(self, c: Candidate) -> Leftover | None:
         """Return what one of the names explains, and what is left; None if few rows are there.
 
-        Of what acts in several joints it is the one where most is left.
+        Of what acts in several joints it is the one where most is left, which chance has as many
+        times [Bonferroni].
         """
         white, rows = self.bench.plain, self.bench.rows
         Q = orthonormal(white.columns([o for o in self.chosen if o is not c]))
@@ -137,7 +138,9 @@ class Remains:
         joints = np.flatnonzero(rows.D.take(c.columns).any(axis=(0, 2))).tolist()
         found = [one for one in map(self._in_joint, joints) if one is not None]
         most = max(found, key=lambda one: one.squares, default=None)
-        return None if most is None else Leftover(explained, most.squares, most.p_value)
+        if most is None:
+            return None
+        return Leftover(explained, most.squares, min(1.0, len(found) * most.p_value))
 
     @cached_property
     def _model(self) -> Array:

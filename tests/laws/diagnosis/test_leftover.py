@@ -15,7 +15,7 @@ from identifiability.workflows.diagnose.complete import keep_complete, keep_one_
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.gates import Naming, Step
 from identifiability.workflows.diagnose.held_out import HeldOut
-from identifiability.workflows.diagnose.leftover import Leftover, Remains
+from identifiability.workflows.diagnose.leftover import Left, Leftover, Remains
 
 N = 600
 
@@ -104,6 +104,21 @@ def test_what_the_model_has_of_a_name_is_not_explained_by_it(build, candidate):
         for c in (candidate("one", "j", 0), candidate("both", "j", 0, 1))
     ]
     assert found[1] == pytest.approx(found[0], rel=1e-9)
+
+
+def test_what_acts_in_several_joints_is_asked_as_often(rows_of, white_noise, candidate):
+    """Of two joints that say something one in a hundred is two in a hundred."""
+    rng = np.random.default_rng(0)
+    tau, X, D = (rng.standard_normal((N, 3, *more)) for more in ((), (1,), (2,)))
+    D[:, 1:, 1] = 0.0  # the second column acts in one joint
+    rows = rows_of(tau, X, D)
+    noise, held = white_noise(1.0, 1.0, 1.0), HeldOut(train=rows, choosing=None)
+    for column, left, p_value in ((0, 30.0, 0.008), (1, 20.0, 0.3)):
+        c = candidate("tilt", "base", column)
+        remains = Remains(held, Bench(rows, noise, np.zeros((N, 3, 0))), (c,))
+        remains._known.update({0: Left(20.0, 0.1, 0.3), 1: Left(30.0, 0.1, 0.004), 2: None})
+        found = remains.beside(c)
+        assert (found.left, found.p_value) == (left, pytest.approx(p_value))
 
 
 def test_what_every_joint_has_goes_for_nothing_that_is_left(build, candidate):
