@@ -35,13 +35,15 @@ from identifiability.workflows.diagnose.values import measure_strength, solve_ch
 
 #: Score that an effect must reach where no step was made that says so.
 CRITICAL = 8.0
+CONTRADICTED = "the motion that verifies contradicts it"
 
 
 def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis:
     """Return the diagnosis: refit, rungs of added effects, errors on unseen motion, remainder.
 
     What the motion that verifies surely contradicts, or makes what noise does too often, all of a
-    family or at one of its places, is taken out, one after the other.
+    family or at one of its places, is taken out, one after the other. What the fitted motion leaves
+    in doubt was asked of it alone, and is not called refuted.
     """
     structure, refuted = m.setting.structure, []
     (apart,) = rng.spawn(1)
@@ -51,9 +53,10 @@ def conclude(m: Material, naming: Naming, rng: np.random.Generator) -> Diagnosis
         if not against:
             break
         worst = max(against, key=lambda e: e.joints_interval[0])
-        refuted.append(worst)
+        if not worst.doubted:  # that was never given
+            refuted.append(worst)
         gone = [c for c in naming.chosen if c.group in {(worst.name, j) for j in worst.joints}]
-        why = "the motion that verifies contradicts it"
+        why = "the motion that verifies does not show it" if worst.doubted else CONTRADICTED
         naming = keep_surviving(naming, gone, structure.present, why)
     chosen, joints = naming.chosen, structure.robot.joints
     before, after = (m.held.fitted_residual(c) for c in ((), chosen))

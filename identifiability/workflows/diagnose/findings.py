@@ -17,11 +17,8 @@ from identifiability.workflows.diagnose.lookalikes import Alias, Rival
 from identifiability.workflows.diagnose.material import Setting
 from identifiability.workflows.diagnose.residual import Discrepancy, Remainder
 from identifiability.workflows.diagnose.rows import Refusal
-from identifiability.workflows.diagnose.shown import Both, Shown
+from identifiability.workflows.diagnose.shown import UNASKED, Both, Shown
 from identifiability.workflows.diagnose.turns import Turn
-
-#: Of an effect without a p-value nothing is asked.
-UNASKED = Both(float("nan"), 0.0, float("nan"))
 
 
 @frozen
@@ -34,7 +31,7 @@ class Placement:
     shape : float
         nan for families without one.
     p_value : float
-        Family-wise, at the step that named it.
+        Family-wise, at the step that named it; one where the fitted motion leaves it in doubt.
     parameters, units : tuple of str
     values, errors : (k,)
         Generalised least squares, with standard errors.
@@ -113,14 +110,11 @@ class NamedEffect:
     joints_before, joints_after, joints_interval
         The same of the error over each joint's own scale.
     shown : Shown
-        The same at the joints where it is, by which it is confirmed or refuted: elsewhere other
-        errors may hide it.
+        The same at the joints where it is: elsewhere other errors may hide it.
     real : (float, float)
-        The same errors where every fit is a real robot; nan where the model has no bodies or
-        keeps its values.
+        The same where every fit is a real robot; nan without bodies or with values that are kept.
     unnamed, rare : bool
-        Whether it is a function without a name; whether it must be confirmed: such a function, or
-        of a family of the second pass.
+        Whether it has no name; whether it has none or is of a family of the second pass.
     nearest : tuple of Nearest
         Names that were refused in its stead.
     both : Both
@@ -155,17 +149,22 @@ class NamedEffect:
 
         It surely has more error with it, or what is shown where it is contradicts it, unless the
         effect is surely there beside noise so slow that the error rises with it; or noise makes the
-        like too often. What is rare must be confirmed by motion that can; a function without a name
-        by any, or be likely with no more error.
+        like too often. What is in doubt must be likely and alike, whatever the error does; what is
+        rare be confirmed by motion that can; a function by any, or be likely with no more error.
         """
-        if self.confirmed:
-            return False
-        if self.both.unlikely:
+        if self.doubted and (self.both.unlikely or not self.shown.alike):
             return True
+        if self.confirmed or self.both.unlikely:
+            return not self.confirmed
         likely = self.both.likely and self.shown.after <= self.shown.before
         needed = not likely if self.unnamed else self.rare and self.shown.telling
         against = self.joints_interval[0] > 0 or self.shown.contradicts
         return needed or (against and not self.shown.there)
+
+    @property
+    def doubted(self) -> bool:
+        """Whether the fitted motion alone would not have given it: then it takes both motions."""
+        return not self.unnamed and self.both.p_value > self.both.level
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -174,7 +173,9 @@ class NamedEffect:
 
     @property
     def p_value(self) -> float:
-        """The largest over its places."""
+        """The largest over its places; of both motions where the fitted one leaves it in doubt."""
+        if self.doubted:
+            return min(self.both.chance, 1.0)
         return max(p.p_value for p in self.placements)
 
     @cached_property

@@ -81,15 +81,17 @@ def name_late(
         wider.held, merge_springs(again, wider.candidates), wider.candidates, rules.gain
     )
     again = _settle_knots(wider.held, again, wider.candidates)
+    if naming.p_values:
+        least = max(naming.p_values.values())  # of what has another name now
+        p_values = {c.group: naming.p_values.get(c.group, least) for c in again.chosen}
+        again = replace(again, p_values={**p_values, **again.p_values})
     named = any(c.family.late for c in again.chosen)
     if named and predicts_better(material.held, naming, wider.held, again, rules.gain):
         return wider, again
     # No late name is given, but each may be another name for what is: its rival. Where fewer names
     # say it, beside noise that is fitted beside all families, it is these.
     if not named and len(again.chosen) < len(naming.chosen):
-        least = max(naming.p_values.values(), default=np.nan)  # of what is now one
-        p_values = {c.group: naming.p_values.get(c.group, least) for c in again.chosen}
-        return wider, replace(again, p_values={**p_values, **again.p_values})
+        return wider, again
     start = [find_same(c, wider.candidates) for c in naming.chosen]
     return wider, merge_springs(replace(naming, chosen=tuple(start)), wider.candidates)
 

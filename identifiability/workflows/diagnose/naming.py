@@ -42,7 +42,9 @@ Say = Callable[[str, float], None]
 
 
 @dataclass
-class _Search:
+class Selection:
+    """What is chosen so far, and how it is gone on from."""
+
     bench: Bench
     candidates: Sequence[Candidate]
     held: HeldOut
@@ -55,6 +57,8 @@ class _Search:
     p_values: dict[tuple[str, str], float] = field(default_factory=dict)
     steps: list[Step] = field(default_factory=list)
     joined: set[str] = field(default_factory=set)
+    #: Most p-value with which a name goes on, where that is more than its level.
+    asked: float = 0.0
 
     def eligible(self, beside: Sequence[Candidate]) -> list[Candidate]:
         """Return what may stand beside some choices: not yet there, and what it refines is."""
@@ -104,9 +108,11 @@ class _Search:
             p_value=p,
             reason="no candidate stands out from the noise",
         )
-        if p > level:
+        if p > max(level, self.asked):
             self.steps.append(step)
             return False
+        if p > level:
+            critical = float(np.quantile(highest, 1 - self.asked))
         members = best.members or (best,)
         # A member of a family that was added everywhere needs to stand out among these only.
         limit = float(-np.log(level / len(members))) if best.members else critical
@@ -241,7 +247,7 @@ def name_effects(
     start : sequence of Candidate
         What is named already; what is added may make it needless.
     """
-    search = _Search(bench, candidates, held, rules, present, chosen=list(start))
+    search = Selection(bench, candidates, held, rules, present, chosen=list(start))
     best, waited = list(search.chosen), 0
     seen = [signature(search.chosen)]
     for k in range(rules.most):
@@ -268,17 +274,17 @@ def name_effects(
         options, begin = ([c for c in some if c.group not in alone] for some in (candidates, start))
         again = name_effects(bench, options, held, rules, present, say, begin)
         why = {name: "one of its joints has it, and the others do not" for name, _ in alone}
-        tried = tuple(_judge(step, (), why) for step in search.steps if step.best[0] in why)
+        tried = tuple(judge_step(step, (), why) for step in search.steps if step.best[0] in why)
         refused = (*(c for c in search.chosen if c.group in alone), *again.refused)
         return replace(again, steps=(*tried, *again.steps), refused=refused)
     why = dict.fromkeys(search.joined, "another effect explains what it does")
     withdrawn = [c.family.name for c in useful if c not in search.chosen]
     why |= dict.fromkeys(withdrawn, "its gain vanishes once bodies must be possible")
-    steps = tuple(_judge(step, search.chosen, why) for step in search.steps)
+    steps = tuple(judge_step(step, search.chosen, why) for step in search.steps)
     return Naming(tuple(search.chosen), dict(search.p_values), steps)
 
 
-def _judge(step: Step, chosen: Sequence[Candidate], why: Mapping[str, str]) -> Step:
+def judge_step(step: Step, chosen: Sequence[Candidate], why: Mapping[str, str]) -> Step:
     """Return a step with what became of its effect."""
     if step.reason:
         return step

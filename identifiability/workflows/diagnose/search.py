@@ -14,6 +14,7 @@ from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.repeats import Recording
 from identifiability.workflows.diagnose.complete import keep_complete
 from identifiability.workflows.diagnose.conclude import conclude
+from identifiability.workflows.diagnose.doubted import name_doubted
 from identifiability.workflows.diagnose.finer import find_finer
 from identifiability.workflows.diagnose.gates import Naming
 from identifiability.workflows.diagnose.goes_on import Earlier
@@ -83,6 +84,8 @@ class Search:
         naming = keep_complete(m, naming)
         functions = () if self.earlier is None else self.earlier.functions
         m, naming = name_unnamed(m, naming, streams[5], effects, self.draws, say, functions)
+        if not naming.chosen:
+            naming = self._name_doubted(m, naming)
         say("changing the preparation", 0.8)
         naming = stress_named(m, naming, self.logs, self.how, streams[1])
         say("verifying", 0.9)
@@ -100,6 +103,15 @@ class Search:
         options = [c for c in m.candidates if c.family.name in first or c.group in groups]
         rules, present = m.setting.rules, m.setting.structure.present
         return name_effects(m.bench, options, m.held, rules, present, self.say, start)
+
+    def _name_doubted(self, m: Material, naming: Naming) -> Naming:
+        """Return what is left to the motion that verifies, if it explains more than it leaves."""
+        self.say("naming what is in doubt", 0.75)
+        refused = {c.group for c in naming.refused}
+        options = [c for c in m.candidates if not c.family.unnamed and c.group not in refused]
+        rules, present = m.setting.rules, m.setting.structure.present
+        found = keep_complete(m, name_doubted(m.bench, options, m.held, rules, present))
+        return naming.then(found) if found.chosen else naming
 
     def run_doubted(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
         """Name effects without a log that disagrees, unless what is named with it explains it.

@@ -46,6 +46,16 @@ class Shown:
         return self.interval[1] < 0 or (self.there and self.after <= self.before)
 
     @property
+    def alike(self) -> bool:
+        """Whether it may be as large here as where it was fitted, within 95 % of either.
+
+        What only resembles the missing effect takes another size on every motion.
+        """
+        low, high = self.news
+        reach = REACH / max(self.strength, REACH)
+        return not (low > 1 + reach or high < 1 - reach)
+
+    @property
     def least(self) -> float:
         """The change were its true size at the near end of its 95 % interval; zero or less."""
         true = 1 - REACH / self.strength if self.strength > 0 else 0.0
@@ -106,3 +116,7 @@ class Both:
     def likely(self) -> bool:
         """Whether noise does not, and the motion that verifies speaks for it by itself, too."""
         return self.chance <= self.level and self.evidence > 0
+
+
+#: Of an effect without a p-value nothing is asked.
+UNASKED = Both(float("nan"), 0.0, float("nan"))

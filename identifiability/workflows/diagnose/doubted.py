@@ -1,0 +1,64 @@
+"""A name that the fitted motion leaves in doubt, for the motion that verifies to decide.
+
+What is half as large as the noise is missed by a step whose p-value is .1, and more often by gates
+on errors that slow noise hides, though unseen motion shows it beyond doubt. So where nothing is
+named one name goes on, with a p-value of one, as if the fitted motion had said nothing but which
+one it is: `Both` divides by the likelihood ratio of the motion that verifies, which alone must
+exceed one over the level [Markov; Vovk & Wang 2021].
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from identifiability.workflows.diagnose.evidence import Bench
+from identifiability.workflows.diagnose.gates import Naming
+from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.material import Rules
+from identifiability.workflows.diagnose.naming import Selection, judge_step
+from identifiability.workflows.diagnose.rows import Candidate, Present
+
+#: Most p-value with which a name goes on: beyond it noise alone does better more often than not.
+#: The level does not depend on it.
+EVEN = 0.5
+
+
+def name_doubted(
+    bench: Bench,
+    candidates: Sequence[Candidate],
+    held: HeldOut,
+    rules: Rules,
+    present: Present = (),
+) -> Naming:
+    """Return the name at one place that explains most, for unseen motion to decide.
+
+    It keeps its p-value where that is at the level and what chooses surely speaks for it: a name of
+    the first pass that only the noise of the second lets stand out.
+
+    None where no motion verifies, or where what chooses is surely predicted worse with it, in a fit
+    of its own or in that of a real robot.
+
+    Parameters
+    ----------
+    bench, candidates, held, rules, present
+        As for `name_effects`.
+    """
+    if held.verifying is None:
+        return Naming((), {}, ())
+    search = Selection(bench, candidates, held, rules, present, asked=EVEN)
+    search.step()
+    search.join()
+    steps = tuple(judge_step(step, search.chosen, {}) for step in search.steps)
+    found = Naming(tuple(search.chosen), dict(search.p_values), steps)
+    # At several places it would have several chances.
+    if len(found.chosen) != 1 or search.in_one_joint():
+        return replace(found, chosen=())
+    # What every joint has need not prove itself in a real robot, as in `gates.keep_possible`.
+    (one,) = found.chosen
+    special = not one.family.basic
+    gains = [held.gain([], found.chosen, real=real) for real in {False, special}]
+    if any(gain.share < -gain.error for gain in gains):
+        return replace(found, chosen=())
+    likely = found.p_values[one.group] <= rules.level
+    if likely and all(gain.share > max(rules.gain, gain.error) for gain in gains):
+        return found
+    return replace(found, p_values={**found.p_values, one.group: 1.0})
