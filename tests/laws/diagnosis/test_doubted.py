@@ -80,6 +80,23 @@ def test_a_name_goes_on_as_if_the_fitted_motion_had_said_nothing(world, candidat
     assert little.p_values["a", "j0"] == 1.0
 
 
+def test_what_chooses_cannot_make_up_for_a_weak_p_value(world, candidate):
+    """It surely predicts better with the name, which the fitted motion gives at p ≈ .2."""
+    columns, options = list(world.basis.T[:8]), [candidate("a", f"j{k}", k) for k in range(8)]
+    across = np.random.default_rng(16).standard_normal(world.rows)
+    across -= world.basis @ (world.basis.T @ across)
+    for level, kept in ((2.2, False), (6.0, True)):  # of eight, p = .2 and none
+        rows = world.make(across + level * columns[0], columns)
+        choosing = replace(rows, tau=100.0 * columns[0][:, None])
+        held = replace(world.held(rows), choosing=choosing, verifying=rows)
+        naming = name_doubted(world.bench(rows, 99), options, held, Rules())
+        p = naming.steps[0].p_value
+        assert bool(p <= 0.05) == kept
+        assert naming.p_values["a", "j0"] == (p if kept else 1.0)
+        gain = held.gain([], naming.chosen)
+        assert gain.share > max(gain.error, Rules().gain)
+
+
 def test_nothing_goes_on_without_motion_that_verifies_or_where_what_chooses_is_worse(
     world, candidate
 ):
