@@ -149,12 +149,12 @@ class NamedEffect:
 
         It surely has more error with it, or what is shown where it is contradicts it, unless the
         effect is surely there beside noise so slow that the error rises with it; or noise makes the
-        like too often. What is in doubt must be likely and alike, whatever the error does; what is
-        rare be confirmed by motion that can; a function by any, or be likely with no more error.
+        like too often, or nothing there speaks for it. What is in doubt must be likely and alike;
+        what is rare be confirmed by motion that can; a function by any, or be likely.
         """
         if self.doubted and (self.both.unlikely or not self.shown.alike):
             return True
-        if self.confirmed or self.both.unlikely:
+        if self.confirmed or self.both.unlikely or self.both.opposes(self.shown):
             return not self.confirmed
         likely = self.both.likely and self.shown.after <= self.shown.before
         needed = not likely if self.unnamed else self.rare and self.shown.telling

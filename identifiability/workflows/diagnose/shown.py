@@ -7,6 +7,8 @@ from identifiability.foundation.values import frozen
 
 #: Evidence beyond which more changes nothing [nats].
 MOST = 500.0
+#: Times itself within which a motion tells the size of an effect, if it says anything of it.
+BLIND = 4.0
 
 
 @frozen
@@ -39,6 +41,12 @@ class Shown:
     def there(self) -> bool:
         """Whether some of the effect is surely there in what the memory of the noise leaves."""
         return self.news[0] > 0
+
+    @property
+    def seen(self) -> bool:
+        """Whether this motion says anything of its size."""
+        low, high = self.news
+        return high - low < 2 * BLIND
 
     @property
     def better(self) -> bool:
@@ -116,6 +124,13 @@ class Both:
     def likely(self) -> bool:
         """Whether noise does not, and the motion that verifies speaks for it by itself, too."""
         return self.chance <= self.level and self.evidence > 0
+
+    def opposes(self, shown: Shown) -> bool:
+        """Whether unseen motion is likelier without it, and shows none of it for sure but could.
+
+        What chance makes of hundreds of options is there on the fitted motion alone.
+        """
+        return self.evidence < 0 and shown.seen and not shown.there
 
 
 #: Of an effect without a p-value nothing is asked.

@@ -167,6 +167,11 @@ def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
             f"{start} too little speaks for it: on both motions together noise does as much in "
             f"{how} of logs, where {most} are allowed."
         )
+    if e.both.opposes(own) and not (e.joints_interval[0] > 0 or own.contradicts):
+        return (
+            f"{start} the torque is likelier without it (likelihood ratio "
+            f"{np.exp(e.both.evidence):.2g}), and nothing of it is surely there."
+        )
     if e.joints_interval[0] > 0 and own.interval[0] <= 0:
         change = _change(e.joints_before, e.joints_after, e.joints_interval)
         return f"{start} it raises the error, every joint on its own scale, {change}."

@@ -225,3 +225,28 @@ def test_the_nearest_names_are_said_to_predict_better_where_they_do():
     near = (Nearest("B", 0.076), Nearest("C", -0.074))
     told = words._state_nearest(SimpleNamespace(nearest=near, joints=("j",)))
     assert told.endswith("is another: B (7.6 % more) and C (7.4 % less).")
+
+
+@pytest.mark.parametrize(
+    ("evidence", "news", "opposed"),
+    [(-0.1, (-1.0, 2.0), True), (0.1, (-1.0, 2.0), False), (-0.1, (0.1, 2.0), False),
+     (-0.1, (-4.0, 4.1), False), (-0.1, (-4.0, 3.9), True), (-0.1, (np.nan, np.nan), False)],
+)  # fmt: skip
+def test_a_name_for_which_unseen_motion_says_nothing_is_refuted_where_it_could(
+    evidence, news, opposed
+):
+    """It could where it tells the size within four times itself; what it confirms is not asked."""
+    place = SimpleNamespace(place="j", p_value=0.005, rivals=(), rows=(), open=())
+    shown = Shown(0.2, 0.199, (-0.3, 0.1), -0.01, strength=4.0, news=news)
+    effect = NamedEffect(name="a", title="A", placements=(place,), before=0.2, after=0.19,
+                         interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.19,
+                         joints_interval=(-0.5, 0.1), shown=shown,
+                         both=Both(0.005, evidence, 0.05))  # fmt: skip
+    assert not effect.both.unlikely
+    assert effect.refuted == opposed
+    assert not replace(effect, joints_interval=(-0.5, -0.1)).refuted
+    if opposed:
+        said = words._state_contradicted(effect, "motion 5")
+        assert said.endswith(
+            "likelier without it (likelihood ratio 0.9), and nothing of it is surely there."
+        )
