@@ -237,7 +237,7 @@ def test_a_name_for_which_unseen_motion_says_nothing_is_refuted_where_it_could(
 ):
     """It could where it tells the size within four times itself; what it confirms is not asked."""
     place = SimpleNamespace(place="j", p_value=0.005, rivals=(), rows=(), open=())
-    shown = Shown(0.2, 0.199, (-0.3, 0.1), -0.01, strength=4.0, news=news)
+    shown = Shown(0.2, 0.201, (-0.3, 0.1), -0.01, strength=4.0, news=news)
     effect = NamedEffect(name="a", title="A", placements=(place,), before=0.2, after=0.19,
                          interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.19,
                          joints_interval=(-0.5, 0.1), shown=shown,
