@@ -130,10 +130,17 @@ def several_curves(named: Sequence[Candidate]) -> Chosen:
 
 
 def says_again(fitting: Sequence[Candidate], chosen: Sequence[Candidate]) -> bool:
-    """Whether a function of the position is in the stead of a curve of the same joint that fits."""
-    here = {f.place for f in chosen if f.family.name == CURVE}
-    names = [c for c in fitting if c.family.flexible and c.family.against == "position"]
-    return any(c.place in here for c in names if c.slot not in signature(chosen))
+    """Whether a function is in the stead of a name of its joint that fits and says the same.
+
+    That is a curve of the position, and a drift: whatever fits them better by chance is a function
+    of position or time.
+    """
+    functions = [c for c in chosen if c.family.unnamed]
+    here = {(f.place, "position") for f in functions if f.family.name == CURVE}
+    here |= {(f.place, "time") for f in functions if f.family.against == "time"}
+    names = [c for c in fitting if c.family.flexible or c.family.against == "time"]
+    lost = [c for c in names if c.slot not in signature(chosen)]
+    return any((c.place, c.family.against) in here for c in lost)
 
 
 def list_parts(lost: Sequence[Candidate], chosen: Sequence[Candidate]) -> Chosen:

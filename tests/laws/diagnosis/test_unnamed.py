@@ -85,16 +85,23 @@ def test_what_every_joint_has_gives_way_to_a_function_that_contains_it_and_predi
 
 
 @pytest.mark.parametrize(
-    ("function", "place", "fits", "given"),
-    [("function_of_position", "j", True, False), ("function_of_position", "j", False, True),
-     ("function_of_position", "l", True, True), ("function_of_time", "j", True, True)],
+    ("against", "flexible", "function", "of", "place", "fits", "given"),
+    [("position", True, "function_of_position", "position", "j", True, False),
+     ("position", True, "function_of_position", "position", "j", False, True),
+     ("position", True, "function_of_position", "position", "l", True, True),
+     ("position", True, "function_of_time", "time", "j", True, True),
+     ("position", False, "function_of_position", "position", "j", True, True),
+     ("time", False, "function_of_time", "time", "j", True, False),
+     ("time", False, "function_of_time", "time", "j", False, True),
+     ("time", False, "function_of_time", "time", "l", True, True),
+     ("time", False, "function_of_position", "position", "j", True, True)],
 )  # fmt: skip
-def test_a_function_of_position_is_not_given_for_a_curve_of_its_joint_that_fits(
-    monkeypatch, candidate, function, place, fits, given
+def test_a_function_is_not_given_for_a_curve_or_a_drift_of_its_joint_that_fits(
+    monkeypatch, candidate, against, flexible, function, of, place, fits, given
 ):
     """They say the same, and one has a name."""
-    name = candidate("curve", "j", 0, late=True, flexible=True, against="position")
-    new = candidate(function, place, 1, unnamed=True)
+    name = candidate("name", "j", 0, late=True, flexible=flexible, against=against)
+    new = candidate(function, place, 1, unnamed=True, against=of)
     chosen = searched(monkeypatch, name, new, lambda start: (new,), Gain(0.1, 0.02), fits)
     assert chosen == ((new,) if given else (name,))
 
