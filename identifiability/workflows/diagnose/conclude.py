@@ -105,6 +105,7 @@ def _verify(
         own = [at for at, c in enumerate(naming.chosen) if c.family.name == name]
         places = [placed[at][0] for at in own]
         unnamed = naming.chosen[own[0]].family.unnamed
+        there, noise = beside.at(_seen(m, places)), _noise(m, places)
         effect = NamedEffect(
             name=name,
             title=naming.chosen[own[0]].family.title,
@@ -122,10 +123,14 @@ def _verify(
             nearest=tuple(n for at in own for n in naming.nearest.get(naming.chosen[at].group, ())),
             both=Both(
                 p_value=max(p.p_value for p in places),
-                evidence=beside.at(_seen(m, places)).evidence(_noise(m, places), k, len(order)),
+                evidence=there.evidence(noise, k, len(order)),
                 level=m.setting.rules.level * (SHARE if unnamed else 1.0),
+                noise=there.is_noise(noise, len(order)),
             ),
         )
+        if effect.doubted:  # the p-value that is told is that of both motions
+            told = tuple(replace(p, p_value=effect.p_value) for p in places)
+            effect = replace(effect, placements=told)
         effects.append(effect)
     return Verified(
         effects=tuple(effects),

@@ -149,10 +149,10 @@ class NamedEffect:
 
         It surely has more error with it, or what is shown where it is contradicts it, unless the
         effect is surely there beside noise so slow that the error rises with it; or noise makes the
-        like too often, or nothing there speaks for it. What is in doubt must be likely and alike;
-        what is rare be confirmed by motion that can; a function by any, or be likely.
+        like too often, or nothing there speaks for it. What is in doubt must be likely, alike and
+        beside noise; what is rare be confirmed by motion that can; a function by any, or be likely.
         """
-        if self.doubted and (self.both.unlikely or not self.shown.alike):
+        if self.doubted and not (self.both.noise and self.both.likely and self.shown.alike):
             return True
         if self.confirmed or self.both.unlikely or self.both.opposes(self.shown):
             return not self.confirmed

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy import stats
 
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.estimation.torque_errors import (
@@ -20,6 +21,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.signals import is_constant
 from identifiability.workflows.diagnose.rows import Rows
+
+#: Level at which what a model leaves is more than noise.
+SURE = 0.001
 
 
 @frozen
@@ -102,6 +106,14 @@ class Gap:
         white = noise.whiten(left, self.rows.runs, noise.misfit(left[:, :, 1]))
         before, after = (white**2).sum((0, 1)).tolist()
         return float(0.5 * (before - after) / max(1.0, after / white[:, :, 1].size))
+
+    def is_noise(self, noise: ARNoise, model: int) -> bool:
+        """Whether what a model leaves is no more than noise: only then is a likelihood one of it.
+
+        From few rows fitted values are off on other motion by more than that.
+        """
+        white = noise.whiten(self.residual[:, :, [model]], self.rows.runs)
+        return bool(stats.chi2.sf(np.sum(white**2), white.size) > SURE)
 
     def expected_change(self, first: int, second: int) -> float:
         """Return how the error over joints would change, were what the second model adds there.

@@ -1,12 +1,14 @@
 """What the fitted motion leaves in doubt: given at the level of both motions, and only then."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from identifiability.workflows.diagnose.doubted import EVEN, name_doubted
 from identifiability.workflows.diagnose.findings import NamedEffect
+from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.shown import Both, Shown
 
@@ -154,4 +156,21 @@ def test_what_is_in_doubt_is_as_large_on_both_motions(news, strength, alike):
                              interval=(-0.3, -0.1), joints_before=0.2, joints_after=0.1,
                              joints_interval=(-0.3, -0.1), shown=shown,
                              both=Both(p, 9.0, 0.05))  # fmt: skip
+        assert effect.refuted == refuted
+
+
+@pytest.mark.parametrize(("size", "noise"), [(1.0, True), (1.2, True), (1.6, False)])
+def test_what_is_in_doubt_needs_unseen_motion_that_leaves_no_more_than_noise(
+    white_noise, size, noise
+):
+    """Of 53 rows: values that few rows were fitted to are off by more, and so are ratios of it."""
+    rows = SimpleNamespace(runs=[(0, 53)], measured=np.zeros((53, 1)))
+    left = np.full(53, size)
+    gap = Gap(rows, np.stack([left + 9.0, left], axis=1)[:, None, :])
+    assert gap.is_noise(white_noise(1.0), 1) == noise
+    for p, refuted in ((1.0, not noise), (0.04, False)):
+        effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
+                             interval=(-0.3, -0.1), joints_before=0.2, joints_after=0.1,
+                             joints_interval=(-0.3, -0.1), both=Both(p, 9.0, 0.05, noise),
+                             shown=Shown(0.2, 0.1, (-0.3, -0.1), -0.1))  # fmt: skip
         assert effect.refuted == refuted
