@@ -34,6 +34,40 @@ COPY = 0.9
 Recording = Log | LogFile
 
 
+def check_held_out(train: Sequence[Recording], held: Sequence[Recording]) -> None:
+    """Refuse a log that is given twice: its repetition would pass for new evidence.
+
+    Stretches of one log that share no time are no repetition.
+
+    Raises
+    ------
+    LogError
+    """
+    for k, s in enumerate(train):
+        for other in train[:k]:
+            if s.sha256 and _same(s, other):
+                raise LogError(
+                    f"The log {s.name} is given twice (as {other.name} before); give each log once."
+                )
+    for s in held:
+        for other in train:
+            if _same(s, other):
+                raise LogError(
+                    f"The validation log {s.name} is the log {other.name} that is fitted; its "
+                    "error would say nothing about unseen motion: give another log, or none for "
+                    "cross-validation."
+                )
+
+
+def _same(one: Recording, other: Recording) -> bool:
+    """Whether two logs are from one record and share some of its time."""
+    if one.sha256 != other.sha256:
+        return False
+    if not (isinstance(one, Log) and isinstance(other, Log) and len(one) and len(other)):
+        return True
+    return bool(one.t[0] <= other.t[-1] and other.t[0] <= one.t[-1])
+
+
 def drop_repeats(
     logs: Sequence[Recording], held: Sequence[Recording] = ()
 ) -> tuple[list[Recording], list[Recording], tuple[str, ...]]:

@@ -27,7 +27,7 @@ from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
 from identifiability.logs.prepare.survey import explain_silence, torque_varies
-from identifiability.logs.repeats import Recording, drop_repeats
+from identifiability.logs.repeats import Recording, check_held_out, drop_repeats
 from identifiability.logs.unwrap import unwrap_logs
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.regression import Regression
@@ -177,38 +177,6 @@ def state_reading(read: Sequence[tuple[str, str]]) -> list[str]:
         f"How {listing(names, 4)} {'was' if len(names) == 1 else 'were'} read: {text}."
         for text, names in said.items()
     ]
-
-
-def check_held_out(
-    train: Sequence[Prepared | Log | LogFile], held: Sequence[Prepared | Log | LogFile]
-) -> None:
-    """Refuse a log that is given twice: its repetition would pass for new evidence.
-
-    Stretches of one log that share no time are no repetition.
-    """
-    for k, s in enumerate(train):
-        for other in train[:k]:
-            if s.sha256 and _same(s, other):
-                raise LogError(
-                    f"The log {s.name} is given twice (as {other.name} before); give each log once."
-                )
-    for s in held:
-        for other in train:
-            if _same(s, other):
-                raise LogError(
-                    f"The validation log {s.name} is the log {other.name} that is fitted; its "
-                    "error would say nothing about unseen motion: give another log, or none for "
-                    "cross-validation."
-                )
-
-
-def _same(one: Prepared | Log | LogFile, other: Prepared | Log | LogFile) -> bool:
-    """Whether two logs are from one record and share some of its time."""
-    if one.sha256 != other.sha256:
-        return False
-    if not (isinstance(one, Log) and isinstance(other, Log) and len(one) and len(other)):
-        return True
-    return bool(one.t[0] <= other.t[-1] and other.t[0] <= one.t[-1])
 
 
 Held = TypeVar("Held", Log, Samples)

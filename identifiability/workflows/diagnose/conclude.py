@@ -125,7 +125,7 @@ def _verify(
                 p_value=max(p.p_value for p in places),
                 evidence=there.evidence(noise, k, len(order)),
                 level=m.setting.rules.level * (SHARE if unnamed else 1.0),
-                noise=there.is_noise(noise, len(order)),
+                within_noise=there.is_within_noise(noise, len(order)),
             ),
         )
         if effect.doubted:  # the p-value that is told is that of both motions

@@ -4,7 +4,7 @@ What is half as large as the noise is missed by a step whose p-value is .1, and 
 on errors that slow noise hides, though unseen motion shows it beyond doubt. So where nothing is
 named one name goes on, with a p-value of one, as if the fitted motion had said nothing but which
 one it is: `Both` divides by the likelihood ratio of the motion that verifies, which alone must
-exceed one over the level [Markov; Vovk & Wang 2021].
+exceed one over the level [Vovk & Wang 2021].
 """
 
 from collections.abc import Sequence

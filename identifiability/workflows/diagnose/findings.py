@@ -31,7 +31,7 @@ class Placement:
     shape : float
         nan for families without one.
     p_value : float
-        Family-wise, at the step that named it; one where the fitted motion leaves it in doubt.
+        Family-wise, at the step that named it; of what is in doubt that of both motions.
     parameters, units : tuple of str
     values, errors : (k,)
         Generalised least squares, with standard errors.
@@ -152,7 +152,7 @@ class NamedEffect:
         like too often, or nothing there speaks for it. What is in doubt must be likely, alike and
         beside noise; what is rare be confirmed by motion that can; a function by any, or be likely.
         """
-        if self.doubted and not (self.both.noise and self.both.likely and self.shown.alike):
+        if self.doubted and not (self.both.within_noise and self.both.likely and self.shown.alike):
             return True
         if self.confirmed or self.both.unlikely or self.both.opposes(self.shown):
             return not self.confirmed

@@ -107,7 +107,7 @@ class Gap:
         before, after = (white**2).sum((0, 1)).tolist()
         return float(0.5 * (before - after) / max(1.0, after / white[:, :, 1].size))
 
-    def is_noise(self, noise: ARNoise, model: int) -> bool:
+    def is_within_noise(self, noise: ARNoise, model: int) -> bool:
         """Whether what a model leaves is no more than noise: only then is a likelihood one of it.
 
         From few rows fitted values are off on other motion by more than that.

@@ -99,15 +99,15 @@ class Both:
         it was fitted over that without it.
     level : float
         Most chance with which it is given.
-    noise : bool
-        Whether the motion that verifies is predicted within noise beside it: else the likelihood
-        ratio is not what noise would make.
+    within_noise : bool
+        Whether the motion that verifies is predicted so beside it: else the likelihood ratio is
+        not what noise would make.
     """
 
     p_value: float
     evidence: float
     level: float
-    noise: bool = True
+    within_noise: bool = True
 
     @property
     def chance(self) -> float:

@@ -167,7 +167,7 @@ def test_what_is_in_doubt_needs_unseen_motion_that_leaves_no_more_than_noise(
     rows = SimpleNamespace(runs=[(0, 53)], measured=np.zeros((53, 1)))
     left = np.full(53, size)
     gap = Gap(rows, np.stack([left + 9.0, left], axis=1)[:, None, :])
-    assert gap.is_noise(white_noise(1.0), 1) == noise
+    assert gap.is_within_noise(white_noise(1.0), 1) == noise
     for p, refuted in ((1.0, not noise), (0.04, False)):
         effect = NamedEffect(name="a", title="A", placements=(), before=0.2, after=0.1,
                              interval=(-0.3, -0.1), joints_before=0.2, joints_after=0.1,
