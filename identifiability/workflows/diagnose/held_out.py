@@ -197,7 +197,7 @@ class HeldOut:
 
     def _information(self, chosen: Sequence[Candidate], left_out: int | None) -> Information:
         """Return what some fitted rows say of the columns of a model, weighed by the noise."""
-        key = _columns(chosen)
+        key = tuple(k for c in chosen for k in c.columns)  # in the order of the values
         if key not in self._folds:
             if len(self._folds) >= REMEMBERED:
                 del self._folds[next(iter(self._folds))]

@@ -49,6 +49,15 @@ def test_joints_weigh_by_the_residual_that_they_have_in_a_plain_fit(rng, rows_of
     np.testing.assert_allclose(exact.fit(c), [1.0, 2.0])  # no residual at all
 
 
+def test_values_come_in_the_order_in_which_candidates_are_given(rng, rows_of, candidate):
+    rows, a, b = data(rng, rows_of), candidate("a", "j", 0), candidate("b", "j", 1)
+    held = HeldOut(train=rows, choosing=None)
+    first, second = held.fit([a, b]), held.fit([b, a])
+    np.testing.assert_allclose(second, first[[0, 2, 1]], rtol=1e-9)
+    np.testing.assert_allclose(first[1:], [1.0, 0.0], atol=0.05)
+    assert held.errors([b, a]) is held.errors([a, b])  # they are one model
+
+
 def test_the_error_while_choosing_is_in_units_of_each_joint_without_candidates(
     rng, rows_of, candidate
 ):
