@@ -193,3 +193,15 @@ def test_regressions_come_as_data_frames(rps, paper_model, noisy_log):
     assert list(frame.columns) == ["log", "sample", "joint", *base.names, "tau"]
     assert len(frame) == 3 * len(noisy_log)
     assert frame["joint"].iloc[:3].tolist() == list(rps.joints)
+
+
+def test_a_joint_without_masses_has_no_load_and_not_that_of_rounding():
+    """Roll, wrist and jaws of this file have none: noise would be a billion times 1e-14 N·m.
+
+    What the load moves in the next joint is still there.
+    """
+    robot = Robot.load("dvrk-psm")
+    along = random_motion(robot, np.random.default_rng(0), 30)
+    W, names = columns(robot, along, "load_dependent_friction")
+    loaded = {name for k, name in enumerate(names) if W[:, :, k].any()}
+    assert loaded == {f"{j}.Fl" for j in ("yaw", "pitch", "insertion")}

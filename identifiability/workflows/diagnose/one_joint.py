@@ -8,6 +8,8 @@ none, so that in that joint alone it explains more than in all of them.
 
 Several such causes together can be whatever one motor does: forces that cancel in all others. That
 independent causes cancel would be chance, so the data must decide that any other joint has them.
+Where a family is surely in several joints one more of its places is not asked alone: what else the
+model misses there, however little of all that the family explains, would speak against it.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.shares import tail_of_sum
 from identifiability.workflows.diagnose.dictionary import Stacked
 from identifiability.workflows.diagnose.evidence import Whitened, orthonormal
-from identifiability.workflows.diagnose.gates import Chosen, list_units
+from identifiability.workflows.diagnose.gates import Chosen
 from identifiability.workflows.diagnose.leftover import basis_beside
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.rows import Candidate
@@ -30,7 +32,7 @@ from identifiability.workflows.diagnose.rows import Candidate
 def find_in_one_joint(
     white: Whitened, chosen: Sequence[Candidate], level: float
 ) -> list[Candidate]:
-    """Return the names, one by one, of a family or all, of what one of their joints alone has.
+    """Return the names, of a family or all, of what one of their joints alone has.
 
     Parameters
     ----------
@@ -41,7 +43,9 @@ def find_in_one_joint(
         Of the test that the joint has the size of the others.
     """
     whole = [c for c in chosen if len(split_by_joint(white.D, c.columns)) > 1]
-    units = [*list_units(whole), *([whole] if len(whole) > 1 else [])]
+    families = dict.fromkeys(c.family.name for c in whole)
+    units = [[c for c in whole if c.family.name == name] for name in families]
+    units += [whole] if len(units) > 1 else []
     units = [unit for unit in units if is_in_one_joint(white, chosen, unit, level)]
     return [c for c in chosen if any(c in unit for unit in units)]
 

@@ -16,13 +16,13 @@ N, JOINTS = 400, 2
 
 @pytest.fixture
 def bench(world, rows_of, white_noise):
-    """Rows of joints from levels of e1 in each, and columns from signs of e1, e2 … in each."""
+    """Rows of joints from levels of e1 and e2 in each, columns from signs of e1, e2 … in each."""
 
-    def made(levels, columns, spread=1.0):
+    def made(levels, columns, spread=1.0, more=(0.0, 0.0)):
         e, rng = world.basis, np.random.default_rng(1)
         quiet = rng.standard_normal((N, JOINTS))
         quiet -= e @ (e.T @ quiet)
-        tau = quiet + e[:, :1] * levels
+        tau = quiet + e[:, :1] * levels + e[:, 1:2] * more
         D = np.stack([e[:, k, None] * np.array(signs) for signs, k in columns], axis=2)
         X = np.zeros((N, JOINTS, 1))
         X[:, :, 0] = world.model
@@ -69,6 +69,15 @@ def test_causes_that_cancel_in_all_joints_but_one_must_be_needed_there(
     some = [candidate(name, f"b{k}", k) for k, name in enumerate(names)]
     white = bench((10.0, other), [((1, 1), 0), ((1, -1), 0)]).plain
     assert find_in_one_joint(white, some, 0.05) == some * alone
+
+
+def test_one_more_place_of_a_family_that_is_in_several_joints_is_not_asked_alone(bench, candidate):
+    """The second hinge by itself would be of the first joint, by another thing that is missing."""
+    hinges = [candidate("friction", f"hinge{k}", k) for k in range(2)]
+    columns = [((1, 1), 0), ((1, 1), 1)]
+    white = bench((30.0, 30.0), columns, more=(10.0, 0.0)).plain
+    assert find_in_one_joint(white, hinges, 0.05) == []
+    assert find_in_one_joint(white, hinges[1:], 0.05) == hinges[1:]
 
 
 def told(bench, options, **rules):
