@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from identifiability.effects import Part, Placed
-from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
@@ -23,12 +22,14 @@ from identifiability.workflows.diagnose.gates import Naming, keep_surviving
 from identifiability.workflows.diagnose.lookalikes import find_rivals, leave_to_model
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.payload import fit_body, is_body
+from identifiability.workflows.diagnose.predictive import Told
 from identifiability.workflows.diagnose.residual import (
     Remainder,
     find_discrepancies,
     smallest_sizes,
 )
 from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.shown import Both, Shown
 from identifiability.workflows.diagnose.unnamed import SHARE
 from identifiability.workflows.diagnose.values import measure_strength, solve_chosen, undetermined
@@ -98,14 +99,12 @@ def _verify(
     if m.held.real is not None:
         real = m.held.gap(rungs, real=True).relative_error().tolist()
     placed = _place(m, naming, fitted[:, :, -1])
-    rests = [[c for c in naming.chosen if c.family.name != name] for name in order]
-    beside = gap if len(order) < 2 else m.held.gap([*rests, naming.chosen])
     effects = []
     for k, name in enumerate(order):
         own = [at for at, c in enumerate(naming.chosen) if c.family.name == name]
         places = [placed[at][0] for at in own]
         unnamed = naming.chosen[own[0]].family.unnamed
-        there, noise = beside.at(_seen(m, places)), _noise(m, places)
+        told = _tell(m, naming.chosen, {naming.chosen[at].group for at in own})
         effect = NamedEffect(
             name=name,
             title=naming.chosen[own[0]].family.title,
@@ -116,21 +115,21 @@ def _verify(
             joints_before=joints[k],
             joints_after=joints[k + 1],
             joints_interval=gap.interval_over_joints(k, k + 1, rng),
-            shown=_show(gap, m, places, k, k + 1, apart),
+            shown=_show(gap, m, places, k, k + 1, apart, told),
             real=(real[k], real[k + 1]),
             unnamed=unnamed,
             rare=unnamed or naming.chosen[own[0]].family.late,
             nearest=tuple(n for at in own for n in naming.nearest.get(naming.chosen[at].group, ())),
             both=Both(
                 p_value=max(p.p_value for p in places),
-                evidence=there.evidence(noise, k, len(order)),
+                evidence=told.evidence,
                 level=m.setting.rules.level * (SHARE if unnamed else 1.0),
-                within_noise=there.is_within_noise(noise, len(order)),
+                within_noise=m.unseen(naming.chosen).within_noise,
             ),
         )
         if effect.doubted:  # the p-value that is told is that of both motions
-            told = tuple(replace(p, p_value=effect.p_value) for p in places)
-            effect = replace(effect, placements=told)
+            both = tuple(replace(p, p_value=effect.p_value) for p in places)
+            effect = replace(effect, placements=both)
         effects.append(effect)
     return Verified(
         effects=tuple(effects),
@@ -155,6 +154,7 @@ def _each_place(
     rests = [[c for c in naming.chosen if c.group != (e.name, place)] for e, place in units]
     own = [[p for p in e.placements if p.place == place] for e, place in units]
     gap, last = m.held.gap([*rests, naming.chosen]), len(rests)
+    told = [_tell(m, naming.chosen, {(e.name, place)}) for e, place in units]
     errors, joints = gap.relative_error().tolist(), gap.error_over_joints().tolist()
     return [
         replace(
@@ -166,12 +166,12 @@ def _each_place(
             joints_before=joints[k],
             joints_after=joints[last],
             joints_interval=gap.interval_over_joints(k, last, rng),
-            shown=_show(gap, m, own[k], k, last, rng),
+            shown=_show(gap, m, own[k], k, last, rng, told[k]),
             real=(float("nan"), float("nan")),
             both=replace(
                 e.both,
                 p_value=max(p.p_value for p in own[k]),
-                evidence=gap.at(_seen(m, own[k])).evidence(_noise(m, own[k]), k, last),
+                evidence=told[k].evidence,
             ),
         )
         for k, (e, _) in enumerate(units)
@@ -185,6 +185,7 @@ def _show(
     first: int,
     second: int,
     rng: np.random.Generator,
+    told: Told,
 ) -> Shown:
     """Return what a gap shows from one model to another at the joints of some places."""
     own = gap.at(_seen(m, placements))
@@ -195,7 +196,7 @@ def _show(
         interval=own.interval_over_joints(first, second, rng),
         expected=own.expected_change(first, second),
         strength=float(np.linalg.norm([p.strength for p in placements])),
-        news=own.news(_noise(m, placements), first, second, rng),
+        news=told.news,
     )
 
 
@@ -206,8 +207,11 @@ def _seen(m: Material, placements: Sequence[Placement]) -> list[int]:
     return at if set(places) <= set(joints) else list(range(len(joints)))
 
 
-def _noise(m: Material, placements: Sequence[Placement]) -> ARNoise:
-    return ARNoise(tuple(m.noise.joints[k] for k in _seen(m, placements)))
+def _tell(m: Material, chosen: Sequence[Candidate], groups: Collection[tuple[str, str]]) -> Told:
+    """Return what the motion that verifies tells of some names beside all that was chosen."""
+    every = [c.group for c in chosen for _ in c.columns]
+    own = [k for k, group in enumerate(every, m.train.X.shape[2]) if group in groups]
+    return m.unseen(chosen).of_effect(own)
 
 
 def _place(m: Material, naming: Naming, residual: Array) -> list[tuple[Placement, Curve]]:

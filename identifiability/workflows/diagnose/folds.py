@@ -42,6 +42,17 @@ class Folds:
         edges = np.cumsum([0, *counts]).tolist()
         return Folds(tuple(_compress(rows[a:b]) for a, b in pairwise(edges)), tuple(counts))
 
+    @property
+    def width(self) -> int:
+        """Columns and torque."""
+        return int(self.parts[0].shape[2])
+
+    def rows(self, left_out: int | None = None) -> Array:
+        """Return rows (·, k + 1) with the products of all rows, or of all but those of a fold."""
+        kept = [part for k, part in enumerate(self.parts) if k != left_out]
+        rows: Array = np.concatenate(kept).reshape(-1, self.width)
+        return rows
+
     def without(self, fold: int | None = None) -> Information:
         """Return what all rows say, or all but those of one fold."""
         kept = [k for k in range(len(self.parts)) if k != fold]

@@ -8,6 +8,7 @@ every fit, without it and with it, is the real robot nearest to the data [Traver
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -16,12 +17,14 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.layout import choose_folds
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_evenly
+from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.workflows.diagnose.folds import Folds
 from identifiability.workflows.diagnose.gap import Gap
-from identifiability.workflows.diagnose.known_fit import fit_known
+from identifiability.workflows.diagnose.known_fit import fit_known, solve_in_units
+from identifiability.workflows.diagnose.predictive import Predictive
 from identifiability.workflows.diagnose.real_fit import RealRobot
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
@@ -153,6 +156,22 @@ class HeldOut:
         where = self.verifying if self.verifying is not None else self.train
         return Gap(where, np.stack(parts, axis=2))
 
+    def predictive(self, chosen: Sequence[Candidate], noise: ARNoise) -> Predictive:
+        """Return what unseen motion adds to the fitted one, in units of the noise."""
+        fitted = (self if self.noise is noise else replace(self, noise=noise))._weighed(chosen)
+        root = np.zeros((0, 0)) if self.train.root is None else self.train.root
+        known = np.zeros((len(root), fitted.width))
+        known[:, : root.shape[1]] = root
+        if self.verifying is None:
+            parts = [
+                (np.concatenate([fitted.rows(k), known]), fitted.parts[k].reshape(-1, fitted.width))
+                for k in range(len(fitted.parts))
+            ]
+            return Predictive.of(parts, self.train.tau.size)
+        before = np.concatenate([fitted.rows(), known])
+        unseen = _whiten_beside(before, self.verifying, chosen, noise)
+        return Predictive.of([(before, unseen)], self.verifying.tau.size)
+
     def _predict(
         self,
         where: Rows | None,
@@ -197,22 +216,23 @@ class HeldOut:
 
     def _information(self, chosen: Sequence[Candidate], left_out: int | None) -> Information:
         """Return what some fitted rows say of the columns of a model, weighed by the noise."""
+        return self._weighed(chosen).without(left_out)
+
+    def _weighed(self, chosen: Sequence[Candidate]) -> Folds:
+        """Return the fitted rows of a model, weighed by the noise and by what it leaves."""
         key = tuple(k for c in chosen for k in c.columns)  # in the order of the values
         if key not in self._folds:
             if len(self._folds) >= REMEMBERED:
                 del self._folds[next(iter(self._folds))]
             self._folds[key] = self._weigh(chosen)
-        return self._folds[key].without(left_out)
+        return self._folds[key]
 
     def _weigh(self, chosen: Sequence[Candidate]) -> Folds:
-        """Return the fitted rows of a model, weighed by the noise and by what it leaves."""
-        fold_of = choose_folds(self.train.log)
-        W, tau = self.train.columns(chosen), self.train.tau
-        rows = np.concatenate([W, tau[:, :, None]], axis=2)
+        fold_of, rows = choose_folds(self.train.log), _model_rows(self.train, chosen)
         plain = Folds.of(rows, fold_of)
         if self.noise is None:
             return plain
-        left = tau - W @ estimate(plain.without()).value
+        left = _leave(rows, estimate(plain.without()).value)
         white = self.noise.whiten(rows, self.train.runs, self.noise.misfit(left))
         return Folds.of(white, fold_of)
 
@@ -224,6 +244,33 @@ class HeldOut:
     def fitted_residual(self, chosen: Sequence[Candidate]) -> Array:
         """Return the errors on the rows that were fitted, (N, n)."""
         return self._predict(self.train, chosen, real=False)
+
+
+def _whiten_beside(
+    before: Array, unseen: Rows, chosen: Sequence[Candidate], noise: ARNoise
+) -> Array:
+    """Return unseen rows (·, k + 1) of a model, weighed by the noise and by what it leaves there.
+
+    Beside values of both motions: what the fitted ones are off by is no fault of the model.
+    """
+    rows = _model_rows(unseen, chosen)
+    white = noise.whiten(rows, unseen.runs)
+    both = triangular_factor(np.concatenate([before, white.reshape(-1, white.shape[2])]))
+    misfit = noise.misfit(_leave(rows, solve_in_units(both[:, :-1], both[:, -1])))
+    if misfit.any():
+        white = noise.whiten(rows, unseen.runs, misfit)
+    return white.reshape(-1, white.shape[2])
+
+
+def _model_rows(rows: Rows, chosen: Sequence[Candidate]) -> Array:
+    """Return the columns of a model and the torque, (N, n, k + 1)."""
+    return np.concatenate([rows.columns(chosen), rows.tau[:, :, None]], axis=2)
+
+
+def _leave(rows: Array, value: Array) -> Array:
+    """Return what values (k,) leave of such rows, (N, n)."""
+    left: Array = rows[:, :, -1] - rows[:, :, :-1] @ value
+    return left
 
 
 def _columns(chosen: Sequence[Candidate]) -> tuple[int, ...]:

@@ -32,11 +32,12 @@ def fit_known(
     both = np.concatenate([R, known])
     if kept is not None:
         b = len(kept)
-        return np.concatenate([kept, _solve(R[:, b:k], R[:, k] - R[:, :b] @ kept)])
-    return _solve(both[:, :k], both[:, k])
+        return np.concatenate([kept, solve_in_units(R[:, b:k], R[:, k] - R[:, :b] @ kept)])
+    return solve_in_units(both[:, :k], both[:, k])
 
 
-def _solve(A: Array, y: Array) -> Array:
+def solve_in_units(A: Array, y: Array) -> Array:
+    """Return the least-squares values (k,) of columns (R, k), whatever their units; least norm."""
     length = np.linalg.norm(A, axis=0)
     length = np.where(length > 0, length, 1.0)
     value: Array = np.linalg.lstsq(A / length, y, rcond=1e-9)[0] / length

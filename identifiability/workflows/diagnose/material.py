@@ -19,6 +19,7 @@ from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.known_values import KnownValues
 from identifiability.workflows.diagnose.leftover import Remains
 from identifiability.workflows.diagnose.lookalikes import Alias, find_aliases
+from identifiability.workflows.diagnose.predictive import Predictive
 from identifiability.workflows.diagnose.real_fit import RealRobot
 from identifiability.workflows.diagnose.rows import (
     Candidate,
@@ -194,6 +195,17 @@ class Material:
 
     @cached_property
     def _remains(self) -> dict[tuple[Candidate, ...], Remains]:
+        return {}
+
+    def unseen(self, chosen: Sequence[Candidate]) -> Predictive:
+        """Return what the motion that verifies adds to the fitted one, beside some names."""
+        key = tuple(chosen)
+        if key not in self._unseen:
+            self._unseen[key] = self.held.predictive(key, self.noise)
+        return self._unseen[key]
+
+    @cached_property
+    def _unseen(self) -> dict[tuple[Candidate, ...], Predictive]:
         return {}
 
     def extended(self, more: Sequence[Candidate]) -> "Material":

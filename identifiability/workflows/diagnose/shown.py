@@ -27,7 +27,8 @@ class Shown:
         That size in standard errors of the fit.
     news : (float, float)
         95 % of how much of the effect of the fitted size is there, one being all of it, in what
-        the memory of the noise does not foretell: slow noise hides a small change in the error.
+        neither the memory of the noise nor errors of other values foretell: slow noise hides a
+        small change in the error, and motion that the fitted one tells little of a large one.
     """
 
     before: float
@@ -95,13 +96,13 @@ class Both:
     p_value : float
         Family-wise, of the fitted motion.
     evidence : float
-        Logarithm of the likelihood ratio of the motion that verifies: the model with the effect as
-        it was fitted over that without it.
+        Logarithm of the likelihood ratio of the motion that verifies given the fitted one: the
+        model with the effect over that without it.
     level : float
         Most chance with which it is given.
     within_noise : bool
-        Whether the motion that verifies is predicted so beside it: else the likelihood ratio is
-        not what noise would make.
+        Whether the motion that verifies is predicted so beside it, but for errors of the fit: else
+        the likelihood ratio is not what noise would make.
     """
 
     p_value: float

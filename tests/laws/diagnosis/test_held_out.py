@@ -206,19 +206,3 @@ def test_noise_weighs_unless_equal_weights_surely_predict_better(rng, rows_of):
     spoilt = replace(rows, X=(slow + 0.3 * rng.standard_normal((n, 2)))[:, :, None], tau=30 * slow)
     quiet = ARNoise(tuple(replace(j, left=1e3) for j in noise.joints))
     assert HeldOut.weighed(spoilt, None, None, None, quiet).noise is None
-
-
-def test_news_is_how_much_of_an_effect_is_there(rng):
-    """Also where slow noise hides it in the error itself."""
-    n, rows = 480, SimpleNamespace(measured=rng.standard_normal((480, 2)), runs=[(0, 480)])
-    slow, noise = slow_noise(rng, n)
-    added = 2.0 * rng.standard_normal((n, 2))
-    for there in (1.0, 0.5, 0.0):
-        before = slow + there * added
-        gap = Gap(rows, np.stack([before, before - added], axis=2))
-        low, high = gap.news(noise, 0, 1, np.random.default_rng(0))
-        assert low < there < high < low + 0.2
-        assert (low > 0) == (there > 0)
-    faint = np.stack([slow + 0.1 * added, slow], axis=2)
-    assert Gap(rows, faint).news(noise, 0, 1, np.random.default_rng(0))[0] > 0
-    assert Gap(rows, faint).interval_over_joints(0, 1, np.random.default_rng(0))[1] > -0.02

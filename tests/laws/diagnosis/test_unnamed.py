@@ -8,7 +8,6 @@ import pytest
 
 from identifiability.workflows.diagnose import unnamed, words
 from identifiability.workflows.diagnose.findings import NamedEffect
-from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.gates import Naming, Nearest
 from identifiability.workflows.diagnose.held_out import Gain, HeldOut
 from identifiability.workflows.diagnose.material import Rules
@@ -147,34 +146,6 @@ def test_what_is_useful_beside_what_cannot_be_is_asked_again_without_it(world, c
     assert name_effects(world.bench(rows, 99), options, held, Rules()).chosen == ()
     errors["a",] = 0.95
     assert name_effects(world.bench(rows, 99), options, held, Rules()).chosen == (options[0],)
-
-
-@pytest.fixture
-def gap_of(white_noise):
-    """The gap of one joint with residuals before and after (N,), and the evidence in it."""
-
-    def evidence(before, after, sigma=1.0, left=1e9):
-        rows = SimpleNamespace(measured=np.zeros((len(before), 1)), runs=[(0, len(before))])
-        gap = Gap(rows, np.stack([before, after], axis=1)[:, None, :])
-        return gap.evidence(white_noise(sigma, left=left), 0, 1)
-
-    return evidence
-
-
-def test_unseen_motion_weighs_an_effect_by_its_likelihood(gap_of):
-    """If noise alone made it the likelihood ratio is one in the mean, whatever was fitted."""
-    rng = np.random.default_rng(5)
-    noise, made = rng.standard_normal((4000, 200)), rng.standard_normal(200)
-    made *= 0.6 / np.linalg.norm(made)
-    found = [gap_of(e, e - made) for e in noise]
-    assert np.mean(np.exp(found)) == pytest.approx(1.0, abs=0.04)
-    assert np.mean(found) == pytest.approx(-0.18, abs=0.04)
-    there = [gap_of(e + 10 * made, e) for e in noise[:400]]
-    assert np.mean(there) == pytest.approx(18.0, abs=1.0)
-    # Noise that is three times what was said weighs as much as if that had been said.
-    e = 3.0 * noise[0]
-    apart = np.linalg.norm(e - 9 * made) ** 2 / len(e) / 9
-    assert gap_of(e, e - 9 * made) == pytest.approx(gap_of(e, e - 9 * made, 3.0) / apart, rel=0.05)
 
 
 def test_both_motions_together_say_what_noise_would_make(candidate):
