@@ -18,6 +18,7 @@ from identifiability.workflows.diagnose.doubted import name_doubted
 from identifiability.workflows.diagnose.finer import find_finer
 from identifiability.workflows.diagnose.gates import Naming
 from identifiability.workflows.diagnose.goes_on import Earlier
+from identifiability.workflows.diagnose.in_bodies import keep_off_bodies
 from identifiability.workflows.diagnose.late import early, name_late
 from identifiability.workflows.diagnose.material import Material, Setting, gather
 from identifiability.workflows.diagnose.naming import Say, name_effects
@@ -77,11 +78,11 @@ class Search:
         if self.earlier is not None:
             naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
         # What resembles the missing effect makes room for it before the next pass.
-        complete = keep_complete(m, naming)
+        complete = _keep(m, naming)
         refused = [c for c in naming.chosen if c not in complete.chosen]
         refused += naming.refused
         m, naming = name_late(m, complete, streams[4], effects, self.draws, say, refused)
-        naming = keep_complete(m, naming)
+        naming = _keep(m, naming)
         functions = () if self.earlier is None else self.earlier.functions
         m, naming = name_unnamed(m, naming, streams[5], effects, self.draws, say, functions)
         if not naming.chosen:
@@ -110,7 +111,7 @@ class Search:
         refused = {c.group for c in naming.refused}
         options = [c for c in m.candidates if not c.family.unnamed and c.group not in refused]
         rules, present = m.setting.rules, m.setting.structure.present
-        found = keep_complete(m, name_doubted(m.bench, options, m.held, rules, present))
+        found = _keep(m, name_doubted(m.bench, options, m.held, rules, present))
         return naming.then(found) if found.chosen else naming
 
     def run_doubted(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
@@ -137,6 +138,11 @@ class Search:
         others = replace(self, logs=drop(self.logs, odd.number))
         found = others.run(replace(setting, samples=samples, left_out=(odd.name,)))
         return found, odd.left_out
+
+
+def _keep(m: Material, naming: Naming) -> Naming:
+    """Return a naming without names that are not what is missing, in their joint or in several."""
+    return keep_off_bodies(m, keep_complete(m, naming))
 
 
 def drop(several: Sequence[T], number: int) -> tuple[T, ...]:

@@ -13,6 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from identifiability.effects import Part
+from identifiability.effects.forces_on_bodies import ForcesOnBodies
 from identifiability.estimation.noise.residual_noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -23,6 +25,8 @@ from identifiability.workflows.diagnose.dictionary import Dictionary, Entries, c
 from identifiability.workflows.diagnose.known_values import KnownValues
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
+#: Squares of the largest direction of some columns below which others make a direction up.
+SAME = 1e-10
 #: What a candidate's columns depend on along some logs: family, place, kinds and shape.
 Key = tuple[str, str, tuple[str, ...], float | None]
 
@@ -118,6 +122,22 @@ class Table:
         for (j, at), x in compute_entries(self.robot, parts, self.samples).items():
             key, k = owner[at]
             self._known[key][j, k] = x
+
+    @cached_property
+    def forces(self) -> Array:
+        """Torque of forces on the bodies in any direction, as few columns as say it, (N, n, k)."""
+        effect = ForcesOnBodies()
+        named = effect.parameters(self.robot)
+        parts = [(Part(effect, p.owner, (p.kind,)), [k]) for k, p in enumerate(named)]
+        found = np.zeros((len(self.bare), self.bare.joints, len(named)))
+        for (j, k), x in compute_entries(self.robot, parts, self.samples).items():
+            found[:, j, k] = x
+        flat = found.reshape(-1, len(named))
+        size = np.linalg.norm(flat, axis=0)
+        flat = flat[:, size > 0] / size[size > 0]
+        squares, V = np.linalg.eigh(flat.T @ flat)
+        own: Array = flat @ V[:, squares > SAME * squares.max(initial=0.0)]
+        return own.reshape(*found.shape[:2], -1)
 
     @cached_property
     def _known(self) -> dict[Key, Entries]:

@@ -19,10 +19,12 @@ from identifiability.effects import find_families
 from identifiability.workflows.diagnose.evidence import score_candidates
 from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, keep_surviving
 from identifiability.workflows.diagnose.late import gain_over, is_curve, what_is_left
+from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import DRAWS, Material
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.options import find_same, signature
 from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.whole import together
 
 #: Steps of the search, and names that are said beside a function.
 MOST, NEAREST = 4, 3
@@ -56,7 +58,8 @@ def name_unnamed(
     """
     asked = [f.name for f in find_families(effects) if f.unnamed]
     functions = list(dict.fromkeys([*asked, *(name for name, _ in told)]))
-    if not functions or not (told or what_is_left(material, naming)):
+    curves = several_curves(naming.chosen)
+    if not functions or not (told or curves or what_is_left(material, naming)):
         return material, naming
     setting = material.setting
     named = list(dict.fromkeys(c.family.name for c in naming.chosen))
@@ -66,14 +69,13 @@ def name_unnamed(
     )
     present = setting.structure.present
     found: tuple[float, Naming] | None = None
-    before, curves = naming.chosen, several_curves(naming.chosen)
+    before = naming.chosen
+    without = tuple(c for c in before if c not in curves)
     early = tuple(c for c in before if not c.family.late)
     own = [find_same(c, wider.candidates) for c in before]
     fits = keep_fitting(wider, own, rules.level)
     fitting = tuple(c for c, same in zip(before, own, strict=True) if same in fits)
-    for known in dict.fromkeys(
-        (before, early, tuple(c for c in before if c not in curves), fitting)
-    ):
+    for known in dict.fromkeys((before, early, without, fitting)):
         start = [find_same(c, wider.candidates) for c in known]
         start += _begin(wider, start, told)
         taken = signature(start)
@@ -92,9 +94,12 @@ def name_unnamed(
         # nothing spoke against, surely.
         least = -gain.error if lost else max(setting.rules.gain, gain.error)
         if known != before:
-            least = max(least, 0.0) if known == early else -gain.error
+            least = max(least, 0.0) if known == early != without else -gain.error
         if known == fitting != before or parts:
             least = 0.0
+        if known == without != before:
+            several = [same for c, same in zip(before, own, strict=True) if c in curves]
+            least = least if decide_for(wider, several, again.chosen) else -np.inf
         if gain.share > max(least, -np.inf if found is None else found[0]):
             found = gain.share, again
     if found is None:
@@ -127,6 +132,23 @@ def several_curves(named: Sequence[Candidate]) -> Chosen:
         places = [c.place for c in kind]
         several += [c for c in kind if places.count(c.place) > 1]
     return several
+
+
+def decide_for(m: Material, several: Sequence[Candidate], chosen: Sequence[Candidate]) -> bool:
+    """Whether the data decide for several names over the functions in their joints.
+
+    These have more columns, for which likelihoods compared by their tails let them pay. So would
+    predictions, for noise is fitted by them: a true function predicts a little worse than two laws
+    that happen to make it up.
+    """
+    places = {c.place for c in several}
+    functions = [c for c in chosen if c.family.unnamed and c.place in places]
+    if not functions:
+        return True
+    model = m.white.columns([c for c in chosen if c not in functions])
+    both = [together(several), together(functions)]
+    names, one = score_candidates(m.white, model, both, null=False).fit
+    return bool(names > one + DECISIVE)
 
 
 def says_again(fitting: Sequence[Candidate], chosen: Sequence[Candidate]) -> bool:

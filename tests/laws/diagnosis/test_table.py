@@ -145,3 +145,21 @@ def test_other_torque_along_the_same_motion_needs_no_new_columns(made, asked, fi
     for what in ("tau", "measured", "raw", "X", "q", "t"):
         np.testing.assert_allclose(getattr(found, what), getattr(own, what), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found.D.take([0]), own.D.take([0]), rtol=1e-9, atol=1e-12)
+
+
+def test_forces_on_bodies_are_all_that_gravity_can_be(made):
+    """Tilted about any axis, with the file's masses or others; and nothing that is made up."""
+    structure, samples = made
+    rows = Table.of(structure, [samples])
+    found = rows.forces.reshape(-1, rows.forces.shape[2])
+    assert np.linalg.matrix_rank(found) == found.shape[1] <= 6
+    robot = replace(ROBOT, model=ROBOT.model.copy())
+    robot.model.gravity.linear = np.array([3.0, 1.0, -2.0])
+    rest = complete_motion(robot, samples.motion.t, samples.motion.q, *2 * [0 * samples.motion.v])
+    body = Model.of("rigid_body").regressor(robot, rest)
+    rng = np.random.default_rng(0)
+    for torque in (
+        body.reshape(len(found), -1) @ rng.standard_normal((body.shape[2], 3)).T[:, :, None]
+    ):
+        left = torque[:, 0] - found @ np.linalg.lstsq(found, torque[:, 0], rcond=None)[0]
+        assert np.linalg.norm(left) < 1e-6 * np.linalg.norm(torque)

@@ -105,26 +105,54 @@ def test_a_function_is_not_given_for_a_curve_or_a_drift_of_its_joint_that_fits(
     assert chosen == ((new,) if given else (name,))
 
 
-def searched(monkeypatch, name, function, search, gain, fits=True):
+@pytest.mark.parametrize(
+    ("level", "names", "given"),
+    [(0.0, 2, True), (6.0, 2, False), (6.0, 1, False), (0.0, 1, False)],
+)
+def test_a_function_is_given_for_two_names_of_one_position_unless_the_data_decide_for_these(
+    monkeypatch, world, candidate, level, names, given
+):
+    """It predicts a little worse and has a column more; nothing is left beside the names.
+
+    They say what it says and the square of the level beside it.
+    """
+    e = world.basis
+    two = [candidate(n, "j", k, against="position") for k, n in enumerate(("a", "b"))]
+    function = candidate("f", "j", 2, 3, 4, unnamed=True, against="position")
+    columns = [e[:, 0], e[:, 1], world.unit(1, 0, 1), e[:, 1], e[:, 3]]
+    if not level:
+        columns[2] = e[:, 0]
+    torque = e[:, :2] @ ((level or 10.0), 10.0)
+    bench = world.bench(world.make(torque, columns), 2)
+    chosen = searched(
+        monkeypatch, tuple(two[:names]), function, lambda start: start or (function,),
+        Gain(-0.05, 0.02), bench=bench, left=False,
+    )  # fmt: skip
+    assert chosen == ((function,) if given else tuple(two[:names]))
+
+
+def searched(monkeypatch, name, function, search, gain, fits=True, bench=None, left=True):
     """Return what is named where a search finds a function beside a name or in its stead."""
-    wider = SimpleNamespace(candidates=(name, function), bench=None, held=None)
+    names = name if isinstance(name, tuple) else (name,)
+    wider = SimpleNamespace(candidates=(*names, function), bench=bench, held=None)
+    wider.white = bench and bench.plain
     structure = SimpleNamespace(present=())
     setting = SimpleNamespace(rules=Rules(), structure=structure)
-    material = SimpleNamespace(setting=setting, held=None, candidates=(name, function))
+    material = SimpleNamespace(setting=setting, held=None, candidates=(*names, function))
     material.anew, material.extended = lambda *_: wider, lambda found: material
 
     def name_effects(bench, options, held, rules, present, say, start):
         return Naming(search(tuple(start)), {}, ())
 
     told = {
-        "find_families": lambda _: [function.family], "what_is_left": lambda *_: True,
+        "find_families": lambda _: [function.family], "what_is_left": lambda *_: left,
         "name_effects": name_effects, "_begin": lambda *_: [],
         "keep_fitting": lambda m, named, level: tuple(named) * fits, "_nearest": lambda *_: (),
         "gain_over": lambda *_: gain,
     }  # fmt: skip
     for what, stub in told.items():
         monkeypatch.setattr(unnamed, what, stub)
-    before = Naming((name,), {}, ())
+    before = Naming(names, {}, ())
     return unnamed.name_unnamed(material, before, np.random.default_rng(0))[1].chosen
 
 

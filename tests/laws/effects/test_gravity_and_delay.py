@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability.effects.forces_on_bodies import ForcesOnBodies
 from identifiability.effects.gravity_tilt import GravityTilt, horizontal_axes
+from identifiability.effects.nominal import gravity_torque
 from identifiability.effects.payload import Payload
 from identifiability.effects.rigid_body import RigidBody
 from identifiability.effects.time_delay import TimeDelay
@@ -187,3 +189,25 @@ def test_the_delayed_torque_has_a_level_for_each_direction_where_the_file_states
     expected = by_hand.polar(m.t, m.actuated_q, v, m.actuated_a)[:, 0]
     expected = expected + dry + 0.7 * v[:, 0] + 0.11 * m.actuated_a[:, 0]
     np.testing.assert_allclose(nominal_torque(robot, m)[:, 0], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("robot", ["polar", "pair"])
+def test_forces_on_bodies_are_gravity_times_what_it_pulls_at(robot, move, columns, request):
+    """Each component of another gravity times each mass and first moment of the file."""
+    robot = request.getfixturevalue(robot)
+    m, g = move(robot, T), np.array([3.0, -4.0, 1.0])
+    found = columns(robot, m, ForcesOnBodies())
+    values = {p.name: robot.nominal[p.name] for p in RigidBody().parameters(robot)}
+    pulled = {
+        f"{body}.{kind}_g{axis}": values[f"{body}.{kind}"] * x
+        for axis, x in zip("xyz", g, strict=True)
+        for body in robot.bodies
+        for kind in ("m", "mx", "my", "mz")
+    }
+    assert set(found) == set(pulled)
+    assert (found[f"{robot.bodies[0]}.m_gx"][0], found[f"{robot.bodies[0]}.mx_gx"][0]) == (
+        "N",
+        "N·m",
+    )
+    added = sum(found[name][1] * x for name, x in pulled.items())
+    np.testing.assert_allclose(added, gravity_torque(robot, m, g), atol=1e-9)

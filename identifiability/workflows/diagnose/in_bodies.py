@@ -1,0 +1,149 @@
+"""What pulls at the bodies reaches several joints, and in one of them it looks like a spring.
+
+A base that is tilted, a load that was forgotten, a rope to a body: forces that do not turn with
+what they act on. Each motor feels a function of the posture, which in that joint alone resembles an
+offset, a spring or a counterweight. Such a name is doubted where forces leave it nothing to say,
+and surely explain more than it does in this joint or in others; or where there are such names in
+several joints, each of which would be a cause of its own: every one beyond the first takes what
+decides between two names. Which force it is need not be known: mass and first moments of every body
+may be pulled at in any direction. If that is the cause, it leaves nothing: where curves of the
+positions surely explain what it leaves, as in a robot of which the model misses much, names stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial import legendre
+from scipy import stats
+
+from identifiability.foundation.names import BASE, Array
+from identifiability.foundation.shares import tail_of_sum
+from identifiability.workflows.diagnose.evidence import log_tail, orthonormal, project_out
+from identifiability.workflows.diagnose.gates import Chosen, Naming, keep_surviving
+from identifiability.workflows.diagnose.late import is_curve
+from identifiability.workflows.diagnose.leftover import LEVEL, ROWS, basis_beside
+from identifiability.workflows.diagnose.lookalikes import DECISIVE
+from identifiability.workflows.diagnose.material import Material
+from identifiability.workflows.diagnose.rows import Candidate
+
+#: Of polynomials of a position, which a force would leave nothing to.
+DEGREE = 8
+#: What does not change along an axis that no motor has, and so by the posture in every motor.
+CONSTANT = "constant_force"
+
+
+def keep_off_bodies(material: Material, naming: Naming) -> Naming:
+    """Return a naming without names of one joint that forces on the bodies say, and more.
+
+    Only where the masses are fitted: if values are kept, a wrong one has a name.
+    """
+    structure, fixed = material.setting.structure, material.setting.fixed
+    if fixed or "rigid_body" not in structure.model.names:
+        return naming
+    names = [c for c in naming.chosen if _is_posture(c) and c.place != BASE]
+    gone = find_on_bodies(material, naming.chosen, names) if names else []
+    why = "forces on the bodies, which several joints feel, explain what it does, and more"
+    return keep_surviving(naming, gone, structure.present, why)
+
+
+def _is_posture(c: Candidate) -> bool:
+    """Whether a name is of torque by the posture alone, or of one that does not change at all."""
+    return (is_curve(c) and not c.family.unnamed) or c.family.name == CONSTANT
+
+
+def find_on_bodies(
+    material: Material, chosen: Sequence[Candidate], names: Sequence[Candidate]
+) -> Chosen:
+    """Return the names that say nothing beside forces on the bodies, if these are the better one.
+
+    The least needed name is left out first, until what is left is needed by what decides between
+    two names.
+
+    Parameters
+    ----------
+    material : Material
+    chosen : sequence of Candidate
+        All that was named.
+    names : sequence of Candidate
+        Those of them that are asked for.
+    """
+    rows, noise = material.train, material.noise
+    rest = rows.columns([c for c in chosen if c not in names])
+    own = [rows.D.take(c.columns) for c in names]
+    curves = _curves(rows.q)
+    y, X, F, C, *own = (
+        noise.whiten(part, rows.runs).reshape(-1, part.shape[2])
+        for part in (rows.tau[:, :, None], rest, material.tables.train.forces, curves, *own)
+    )
+    both = orthonormal(np.column_stack([X, F, *own]))
+    left, dof = project_out(both, y), len(y) - both.shape[1]
+    if dof < ROWS * F.shape[1]:
+        return []
+    y = y / np.sqrt(float(np.sum(left**2)) / dof)
+    one, all_of_them = (_say([X], part, y) for part in (F, np.column_stack(own)))
+    more = len({c.place for c in names}) - 1
+    simpler = more > 0 and one > all_of_them - DECISIVE * more
+    if not simpler and not _says_more(material, [X, *own], F, y):
+        return []
+    if _says_more(material, [X, F, *own], C, y):
+        return []
+    needed = list(range(len(names)))
+    while needed:
+        said = [_say([X, F, *(own[o] for o in needed if o != k)], own[k], y) for k in needed]
+        least = int(np.argmin(said))
+        if said[least] > DECISIVE:
+            break
+        del needed[least]
+    return [c for k, c in enumerate(names) if k not in needed]
+
+
+def _curves(q: Array) -> Array:
+    """Return polynomials of the position of each joint (N, n) in that joint, (N, n, k)."""
+    n, wide = q.shape[1], np.ptp(q, axis=0)
+    x = 2 * (q - q.min(axis=0)) / np.where(wide > 0, wide, 1.0) - 1
+    own = legendre.legvander(x, DEGREE)
+    columns: Array = np.einsum("tjk,ij->tijk", own, np.eye(n)).reshape(*q.shape, -1)
+    return columns
+
+
+def _says_more(material: Material, named: Sequence[Array], F: Array, y: Array) -> bool:
+    """Whether some columns surely explain something beside all that was named.
+
+    By an F-test, and by simulated noise: what is slow looks like a posture.
+
+    Parameters
+    ----------
+    named : sequence of (R, k)
+        Columns of the model with its names.
+    F : (R, k)
+    y : (R, 1)
+        In units of what the model with both leaves.
+    """
+    Q = orthonormal(np.column_stack(named))
+    U = basis_beside(Q, F)
+    k, dof = U.shape[1], len(y) - Q.shape[1] - U.shape[1]
+    explained = _squares(U, y)[0]
+    if not k or stats.f.sf(explained / k, k, dof) >= LEVEL:
+        return False
+    rows, simulated = material.train, material.bench.simulated
+    if simulated.shape[2] < 2:
+        return True
+    white = material.noise.whiten(simulated.astype(float), rows.runs)
+    Z = project_out(Q, white.reshape(-1, white.shape[2]))
+    drawn = _squares(U, Z)
+    drawn *= dof / (np.sum(Z**2, axis=0) - drawn)
+    return tail_of_sum(explained, drawn) < LEVEL
+
+
+def _say(beside: Sequence[Array], A: Array, y: Array) -> float:
+    """Return what columns A (R, k) say of y (R, 1) beside others: minus the log of the tail."""
+    U = basis_beside(orthonormal(np.column_stack(beside)), A)
+    return -float(log_tail(_squares(U, y), U.shape[1])[0]) if U.shape[1] else 0.0
+
+
+def _squares(U: Array, y: Array) -> Array:
+    """Return the squares of y (R, k) in the span of orthonormal columns U, (k,)."""
+    squares: Array = np.sum((U.T @ y) ** 2, axis=0)
+    return squares
