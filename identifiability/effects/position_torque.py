@@ -56,8 +56,9 @@ class PositionTorque(Shaped):
     Cables, hoses, springs over levers, cams: what has no equation of its own here. Its shape is the
     distance of the knots [rad or m], by default an eighth of the joint's limits (a circle or two
     metres about home where there are none). Beyond the limits it goes on as at the end. A
-    diagnosis chooses the distance that predicts motion best that was not fitted. Springs and
-    the gravity of a joint are among its curves: what the model has already stays with the model.
+    diagnosis chooses the distance that predicts motion best that was not fitted, and holds
+    neighbours to a straight line as closely as the motion says. Springs and the gravity of a joint
+    are among its curves: what the model has already stays with the model.
     """
 
     name = "position_torque"

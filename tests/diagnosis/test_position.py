@@ -1,5 +1,6 @@
 """Torque that depends on a position: learned where it is, named nowhere else; as one name."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from identifiability import Robot, diagnose
 from identifiability.effects import find_families
+from identifiability.estimation.prediction import predict
 from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.regression.regression import Model
 from identifiability.simulation import Campaign, Noise, random_trajectory
@@ -86,6 +88,23 @@ def test_a_curve_is_learned_and_named_with_its_joint(what, joint, effects):
     assert d.model.names[-1] == "position_torque"
     names = [p.name for p in d.model.parameters(d.robot)]
     assert set(d.effects[0].placements[0].parameters) <= set(names)
+
+
+def test_the_model_that_is_kept_predicts_farther_than_was_fitted_as_was_verified():
+    """Splines that the fitted motion hardly reaches are anything unless they are smooth."""
+    c = source("palletizer")
+    hidden = c.hidden(["position_friction@turntable=0.05"])
+    logs = c.logs(hidden, NOISE, np.random.default_rng(0))
+    fitted = max(np.abs(log.q[:, 0]).max() for log in logs[:4])
+    assert np.abs(logs[4].q[:, 0]).max() > 1.05 * fitted
+    names = ("position_friction",)
+    d = diagnose(c.robot, logs[:4], logs[4:], effects=names, forward=False, quick=True)
+    assert [(e.name, e.joints) for e in d.effects] == [(names[0], ("turntable",))]
+    unseen = replace(d.completed.regression(d.validation, keep=True), echo=None, instruments=None)
+    kept = predict(unseen, d.fit.values[:, None]).joint_rms()[0, 0]
+    before, verified = d.gap.joint_rms()[0, [0, -1]]
+    assert verified < 0.5 * before
+    assert kept < 1.1 * verified
 
 
 def test_a_spring_of_negative_stiffness_is_one_effect_with_its_rest():

@@ -27,6 +27,7 @@ from identifiability.workflows.diagnose.known_fit import fit_known, solve_in_uni
 from identifiability.workflows.diagnose.predictive import Predictive
 from identifiability.workflows.diagnose.real_fit import RealRobot
 from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.workflows.diagnose.smooth import find_straight, fit_straight, with_straight
 
 #: Share by which fits that the noise weighs must predict worse to be given up.
 WORSE = 0.02
@@ -162,13 +163,17 @@ class HeldOut:
         root = np.zeros((0, 0)) if self.train.root is None else self.train.root
         known = np.zeros((len(root), fitted.width))
         known[:, : root.shape[1]] = root
+
+        def told(left_out: int | None) -> Array:
+            return with_straight(np.concatenate([fitted.rows(left_out), known]), chosen)
+
         if self.verifying is None:
             parts = [
-                (np.concatenate([fitted.rows(k), known]), fitted.parts[k].reshape(-1, fitted.width))
+                (told(k), fitted.parts[k].reshape(-1, fitted.width))
                 for k in range(len(fitted.parts))
             ]
             return Predictive.of(parts, self.train.tau.size)
-        before = np.concatenate([fitted.rows(), known])
+        before = told(None)
         unseen = _whiten_beside(before, self.verifying, chosen, noise)
         return Predictive.of([(before, unseen)], self.verifying.tau.size)
 
@@ -207,12 +212,16 @@ class HeldOut:
         """
         information = self._information(chosen, left_out)
         free = estimate(information)
+        straight = find_straight(information, free, chosen)
         if self.train.root is not None:
             b = self.train.X.shape[2]
             kept = None if beside is None else self.fit(beside, left_out)[:b]
-            return fit_known(information, free, self.train.root, kept)
-        found = self.real.fit(information, free, chosen) if real and self.real else None
-        return free.value if found is None else found
+            return fit_known(information, free, self.train.root, kept, straight)
+        if real and self.real:
+            found = self.real.fit(information, free, chosen, straight)
+            if found is not None:
+                return found
+        return free.value if straight is None else fit_straight(information, free, straight)
 
     def _information(self, chosen: Sequence[Candidate], left_out: int | None) -> Information:
         """Return what some fitted rows say of the columns of a model, weighed by the noise."""

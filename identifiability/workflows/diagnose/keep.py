@@ -6,14 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 
+from identifiability.effects import find_family
 from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.prediction import predict
 from identifiability.estimation.spread import Spread, measure_spread
 from identifiability.estimation.uncertainty import assess_uncertainty
 from identifiability.foundation.names import Array
 from identifiability.regression.gather import gather_information
+from identifiability.regression.information import Information
 from identifiability.regression.reduction import full_rung
 from identifiability.workflows.diagnose.findings import Findings
+from identifiability.workflows.diagnose.smooth import (
+    ORDER,
+    list_bends,
+    solve_with,
+    unit_of,
+    weigh_bends,
+)
 from identifiability.workflows.predict.fit import Fit, settled
 
 
@@ -29,7 +39,7 @@ def keep_completed(d: Findings) -> Fit:
     regression = replace(regression, echo=None, instruments=None)
     information = gather_information(regression)
     fit = estimate(information)
-    values = _kept_values(d) if d.fixed else fit.value
+    values = _kept_values(d) if d.fixed else _smooth_values(d, information, fit)
     found = predict(regression, values[:, None])
     low, raw = found.joint_rms()[:, 0], found.joint_rms(raw=True)[:, 0]
     unseen = d.gap.joint_rms()[:, -1]
@@ -49,6 +59,29 @@ def keep_completed(d: Findings) -> Fit:
         base_covariance=spread.covariance,
         base_unknown=spread.unknown,
     )
+
+
+def _smooth_values(d: Findings, information: Information, free: Estimate) -> Array:
+    """Return the base parameters of the data, with curves as smooth as in the diagnosis, (b,)."""
+    places = [p for e in d.effects if find_family(e.name).flexible and not e.unnamed
+              for p in e.placements if len(p.parameters) > ORDER]  # fmt: skip
+    if not places:
+        return free.value
+    last = {name: k for k, name in enumerate(d.completed.columns)}
+    # In the parameters of the diagnosis: its base parameters, and those of what it named.
+    added = [last[name] for e in d.effects for p in e.placements for name in p.parameters]
+    standard = _standard(d)
+    first = standard.shape[1]
+    phi = np.zeros((len(d.completed.columns), first + len(added)))
+    phi[_first(d), :first] = standard
+    phi[added, range(first, phi.shape[1])] = 1.0
+    curves = [[first + added.index(last[name]) for name in p.parameters] for p in places]
+    base: Array = d.completed.G @ phi
+    F = free.estimator.loss(information, free) / unit_of(free)
+    F = np.column_stack([F[:, :-1] @ base, F[:, -1]])
+    straight = weigh_bends(F, list_bends(curves, base.shape[1]))
+    values: Array = base @ solve_with(F, straight)
+    return values
 
 
 def _named(d: Findings) -> list[tuple[int, float, float]]:

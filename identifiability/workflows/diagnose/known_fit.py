@@ -10,7 +10,11 @@ from identifiability.regression.information import Information
 
 
 def fit_known(
-    information: Information, free: Estimate, root: Array, kept: Array | None = None
+    information: Information,
+    free: Estimate,
+    root: Array,
+    kept: Array | None = None,
+    more: Array | None = None,
 ) -> Array:
     """Return the values (b + m,) of least squares where the first b have known errors.
 
@@ -22,11 +26,15 @@ def fit_known(
     root : (d, b)
     kept : (b,), optional
         The first b values, where they are not fitted again.
+    more : (r, b + m), optional
+        Further observations of zero, in units of the noise.
     """
     variance = free.variance * free.times
     least = 1e-12 * float(variance.max()) or 1.0
     R = information.factor(1.0 / np.maximum(variance, least))
     k = information.size
+    if more is not None:
+        R = np.concatenate([R, np.pad(more, ((0, 0), (0, 1)))])
     known = np.zeros((len(root), k + 1))
     known[:, : root.shape[1]] = root
     both = np.concatenate([R, known])

@@ -17,12 +17,14 @@ from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
     Whitened,
     compress,
+    log_tail,
     orthonormal,
     project_out,
     score_candidates,
     unit_columns,
 )
 from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.workflows.diagnose.smooth import Bends, bend, is_smooth, straight_lines
 from identifiability.workflows.diagnose.values import solve_values
 
 #: Logarithm of the likelihood ratio that decides between two similar names: about 50 to 1.
@@ -154,8 +156,7 @@ def find_rivals(
     ]
     if not others:
         return []
-    score = float(score_candidates(white, model, [named], null=False).fit[0])
-    scores = score_candidates(white, model, others, null=False).fit
+    score, *scores = _score_smooth(white, model, Q, [named, *others])
     out: dict[tuple[str, str], Rival] = {}
     for c, s in zip(others, scores, strict=True):
         directions = _directions(Q, white, c)
@@ -168,7 +169,7 @@ def find_rivals(
         contains = own.shape[1] < directions.shape[1] and float(shared[-1]) > SAME
         undecided = similarity > similar and s > score - DECISIVE
         if undecided and contains:
-            undecided = not _shows_no_more(white, model, (named, c), own, directions)
+            undecided = not _shows_no_more(white, model, (named, c), own, Q)
         before = out.get(c.group, Rival(*c.group, 0.0, False))
         similarity = min(max(similarity, before.similarity), 1.0)
         out[c.group] = Rival(
@@ -180,23 +181,50 @@ def find_rivals(
     return sorted(out.values(), key=lambda r: -r.similarity)
 
 
+def _score_smooth(
+    white: Whitened, model: Array, Q: Array, candidates: Sequence[Candidate]
+) -> list[float]:
+    """Return the fit of each candidate, of a curve by as many columns as it has freedom.
+
+    Parameters
+    ----------
+    model, Q : (R, m), (R, ·)
+        Columns beside which they stand, and an orthonormal basis of them.
+    """
+    fit: list[float] = score_candidates(white, model, candidates, null=False).fit.tolist()
+    for k, c in enumerate(candidates):
+        if is_smooth(c):
+            Z = project_out(Q, white.D[:, list(c.columns)])
+            found = Bends.of(Z, project_out(Q, white.y), bend(len(c.columns)))
+            if found is not None:
+                squares = found.squares
+                fit[k] = float(-log_tail(squares.sum(), len(squares)))
+    return fit
+
+
 def _shows_no_more(
-    white: Whitened, model: Array, both: Sequence[Candidate], own: Array, other: Array
+    white: Whitened, model: Array, both: Sequence[Candidate], own: Array, Q: Array
 ) -> bool:
     """Whether a rival of which the named effect is a part would have to explain more than it does.
 
     It is taken to be as large as what was named, each of its columns with an equal share: then the
-    directions that only it has would explain so much more. Where they do not, the part is it.
+    directions that only it has would explain so much more. Where they do not, the part is it. A
+    curve may bend as little as it likes: of that only what is straight would have to be there.
 
     Parameters
     ----------
     model : (R, m)
     both : (Candidate, Candidate)
         Named, and the rival.
-    own, other : (R, k)
-        Orthonormal bases of what each adds.
+    own : (R, k)
+        Orthonormal basis of what the named one adds.
+    Q : (R, ·)
+        That of the model.
     """
     named, rival = (white.D[:, list(c.columns)] for c in both)
+    if is_smooth(both[1]):
+        rival = rival @ straight_lines(rival.shape[1])
+    other = _basis(Q, rival)
     vectors, s, _ = np.linalg.svd(project_out(own, other), full_matrices=False)
     only = vectors[:, s > 0.5]  # of two bases of which one holds the other these are one or zero
     level = solve_values(white, np.column_stack([model, named]))[0][model.shape[1] :]
@@ -245,7 +273,10 @@ def leave_to_model(
 
 def _directions(Q: Array, white: Whitened, c: Candidate) -> Array:
     """Return an orthonormal basis of what a candidate adds to the span of Q."""
-    U = project_out(Q, unit_columns(white.D[:, list(c.columns)]))
-    vectors, s, _ = np.linalg.svd(U, full_matrices=False)
+    return _basis(Q, white.D[:, list(c.columns)])
+
+
+def _basis(Q: Array, D: Array) -> Array:
+    vectors, s, _ = np.linalg.svd(project_out(Q, unit_columns(D)), full_matrices=False)
     basis: Array = vectors[:, s > NEGLIGIBLE]
     return basis

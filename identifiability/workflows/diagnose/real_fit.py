@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from identifiability.estimation.estimator import Estimate
+from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.fitted_model import physical_set
@@ -17,6 +18,7 @@ from identifiability.physical.project import Projection
 from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.smooth import unit_of
 
 
 @dataclass
@@ -49,7 +51,11 @@ class RealRobot:
         return RealRobot(region, structure.nominal, structure.G)
 
     def fit(
-        self, information: Information, free: Estimate, chosen: Sequence[Candidate]
+        self,
+        information: Information,
+        free: Estimate,
+        chosen: Sequence[Candidate],
+        straight: Array | None = None,
     ) -> Array | None:
         """Return the values (b + m,) of the real robot nearest to the data.
 
@@ -62,9 +68,14 @@ class RealRobot:
             From it, without any bound.
         chosen : sequence of Candidate
             Whose m columns follow those of the base parameters.
+        straight : (r, b + m), optional
+            Observations of zero, in units of the noise.
         """
         m, b = information.size, len(self.G)
         R, G = free.estimator.loss(information, free), block_diag(self.G, np.eye(m - b))
+        if straight is not None:
+            rows = np.pad(unit_of(free) * straight, ((0, 0), (0, 1)))
+            R = triangular_factor(np.concatenate([R, rows]))
         rest = float(information.rows - m)
         data = LeastSquares(R[:m, :m] @ G, R[:m, m], float(R[m, m] ** 2), rest)
         try:

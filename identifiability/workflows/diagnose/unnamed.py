@@ -9,7 +9,7 @@ verifies, or likely by both motions together, not only not refuted.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 
@@ -30,8 +30,8 @@ from identifiability.workflows.diagnose.whole import together
 MOST, NEAREST = 4, 3
 #: Share of the level of names at which functions are searched.
 SHARE = 0.2
-#: What a curve over the position is without its name.
-CURVE = "function_of_position"
+#: A curve over the position, without and with its name.
+CURVE, NAMED_CURVE = "function_of_position", "position_torque"
 
 
 def name_unnamed(
@@ -105,18 +105,57 @@ def name_unnamed(
     if found is None:
         return material, naming
     again = found[1]
-    whole = material.extended([c for c in again.chosen if c.family.unnamed])
-    chosen = tuple(find_same(c, whole.candidates) for c in again.chosen)
+    whole, chosen, p_values = name_curves(material, again)
     groups = {c.group for c in chosen}
     gone = [c for c in naming.chosen if c.group not in groups]
     left = keep_surviving(naming, gone, present, "a function without a name explains it better")
     final = Naming(
         chosen=chosen,
-        p_values={**again.p_values, **naming.p_values},
+        p_values={**p_values, **naming.p_values},
         steps=(*left.steps, *again.steps),
         nearest={c.group: _nearest(whole, chosen, c) for c in chosen if c.family.unnamed},
     )
     return whole, final
+
+
+def name_curves(
+    material: Material, again: Naming
+) -> tuple[Material, tuple[Candidate, ...], Mapping[tuple[str, str], float]]:
+    """Return what is chosen with functions, curves over the position by the name that they have.
+
+    Whatever depends on the position of a joint alone is what that name means: where it may be
+    named, a function says no more. It has as many pieces as predict best, and the p-value.
+
+    Returns
+    -------
+    whole : Material
+        With the functions that are left.
+    chosen : tuple of Candidate
+        Of it.
+    p_values : mapping of (family, place) to float
+    """
+    taken = {c.group for c in again.chosen}
+    curves = {
+        (CURVE, c.place): c.group
+        for c in material.candidates
+        if c.family.name == NAMED_CURVE and c.group not in taken
+    }
+    left = [c for c in again.chosen if c.family.unnamed and c.group not in curves]
+    whole, p_values = material.extended(left), dict(again.p_values)
+    options = []
+    for c in again.chosen:
+        name = curves.get(c.group)
+        options.append([o for o in whole.candidates if o.group == name])
+        if name is None:
+            options[-1] = [find_same(c, whole.candidates)]
+        else:
+            p_values[name] = p_values.get(c.group, float("nan"))
+    chosen = [several[0] for several in options]
+    for at, several in enumerate(options):
+        if len(several) > 1:
+            rest = [*chosen[:at], *chosen[at + 1 :]]
+            chosen[at] = min(([*rest, o] for o in several), key=whole.held.error)[-1]
+    return whole, tuple(chosen), p_values
 
 
 def several_curves(named: Sequence[Candidate]) -> Chosen:

@@ -10,19 +10,33 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.workflows.diagnose.evidence import Whitened, orthonormal, project_out
 from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.smooth import list_bends, list_curves, weigh_bends
 
 #: Singular values of unit columns below this share of the largest are zero; and the share of a
 #: column in what they leave open from which on it is not determined by itself.
 SINGULAR, SHARED = 1e-8, 1e-6
 
 
-def solve_values(white: Whitened, model: Array) -> tuple[Array, Array]:
-    """Return generalised least-squares values (m,) and their standard errors."""
+def solve_values(
+    white: Whitened, model: Array, straight: Array | None = None
+) -> tuple[Array, Array]:
+    """Return generalised least-squares values (m,) and their standard errors.
+
+    Parameters
+    ----------
+    white : Whitened
+    model : (R, m)
+    straight : (r, m), optional
+        Observations of zero, in units of the noise.
+    """
+    y = white.y
+    if straight is not None:
+        model, y = np.concatenate([model, straight]), np.append(y, np.zeros(len(straight)))
     length = np.linalg.norm(model, axis=0)
     length = np.where(length > 0, length, 1.0)
     U, s, Vt = np.linalg.svd(model / length, full_matrices=False)
     inverse = np.where(s > SINGULAR * s.max(initial=0.0), 1 / np.where(s > 0, s, 1.0), 0.0)
-    value = Vt.T @ (inverse * (U.T @ white.y)) / length
+    value = Vt.T @ (inverse * (U.T @ y)) / length
     error = np.sqrt(((Vt.T * inverse) ** 2).sum(1)) / length
     return value, error
 
@@ -37,8 +51,15 @@ def undetermined(model: Array) -> np.ndarray:
 
 
 def solve_chosen(white: Whitened, chosen: Sequence[Candidate]) -> list[tuple[Array, Array]]:
-    """Return values and standard errors (k,) of every choice beside the model and the others."""
-    value, error = solve_values(white, white.columns(chosen))
+    """Return values and standard errors (k,) of every choice beside the model and the others.
+
+    Curves are as smooth as the data say; their errors are those of what is known beforehand and of
+    the data together [Wahba 1983].
+    """
+    model = white.columns(chosen)
+    bends = list_bends(list_curves(chosen, model.shape[1]), model.shape[1])
+    straight = weigh_bends(np.column_stack([model, white.y]), bends) if bends else None
+    value, error = solve_values(white, model, straight)
     ends = white.X.shape[1] + np.cumsum([0, *(len(c.columns) for c in chosen)])
     return [(value[a:b], error[a:b]) for a, b in pairwise(ends)]
 

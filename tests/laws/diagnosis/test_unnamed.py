@@ -131,6 +131,32 @@ def test_a_function_is_given_for_two_names_of_one_position_unless_the_data_decid
     assert chosen == ((function,) if given else tuple(two[:names]))
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_a_function_of_the_position_has_the_name_of_a_curve_where_it_may_have_it(candidate, known):
+    function, other = (
+        candidate(f"function_of_{of}", "j", k, unnamed=True, against=of)
+        for k, of in enumerate(("position", "load"))
+    )
+    coarse, fine = (candidate("position_torque", "j", k, k + 1, flexible=True) for k in (2, 4))
+    coarse, fine = replace(coarse, shape=2.0), replace(fine, shape=1.0)
+    away = candidate("position_torque", "l", 6, 7, flexible=True)
+    names = (coarse, fine, away) if known else (away,)
+
+    def extended(found):
+        held = SimpleNamespace(error=lambda chosen: 0.9 if fine in chosen else 1.0)
+        return SimpleNamespace(candidates=(*names, *found), held=held)
+
+    m = SimpleNamespace(candidates=names, extended=extended)
+    again = Naming((function, other), {function.group: 0.01, other.group: 0.02}, ())
+    whole, chosen, p_values = unnamed.name_curves(m, again)
+    assert chosen == ((fine if known else function), other)
+    assert p_values[chosen[0].group] == 0.01
+    assert (function in whole.candidates) != known  # what it is called by name is no rival
+    if known:  # not twice
+        beside = replace(again, chosen=(coarse, function))
+        assert unnamed.name_curves(m, beside)[1] == (coarse, function)
+
+
 def searched(monkeypatch, name, function, search, gain, fits=True, bench=None, left=True):
     """Return what is named where a search finds a function beside a name or in its stead."""
     names = name if isinstance(name, tuple) else (name,)
