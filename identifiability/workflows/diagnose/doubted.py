@@ -2,9 +2,11 @@
 
 What is half as large as the noise is missed by a step whose p-value is .1, and more often by gates
 on errors that slow noise hides, though unseen motion shows it beyond doubt. So where nothing is
-named one name goes on, with a p-value of one, as if the fitted motion had said nothing but which
-one it is: `Both` divides by the likelihood ratio of the motion that verifies, which alone must
-exceed one over the level [Vovk & Wang 2021].
+named one name goes on: `Both` divides its p-value by the likelihood ratio of the motion that
+verifies [Vovk & Wang 2021; Ignatiadis, Wang & Ramdas 2024]. It is that of the fitted motion for two
+ways to be given, never less than two levels, so that unseen motion must speak for it by two to one;
+and one where what chooses is not predicted better, as if the fitted motion had said nothing but
+which name it is.
 """
 
 from collections.abc import Sequence
@@ -18,8 +20,10 @@ from identifiability.workflows.diagnose.naming import Selection, judge_step
 from identifiability.workflows.diagnose.rows import Candidate, Present
 
 #: Most p-value with which a name goes on: beyond it noise alone does better more often than not.
-#: The level does not depend on it.
 EVEN = 0.5
+#: Ways to be given: the fitted motion names it, or leaves it in doubt and unseen motion shows it
+#: [Bonferroni].
+WAYS = 2
 
 
 def name_doubted(
@@ -32,7 +36,7 @@ def name_doubted(
     """Return the name at one place that explains most, for unseen motion to decide.
 
     It keeps its p-value where that is at the level and what chooses surely speaks for it: a name of
-    the first pass that only the noise of the second lets stand out.
+    the first pass that only the noise of the second lets stand out. Elsewhere it is in doubt.
 
     None where no motion verifies, or where what chooses is surely predicted worse with it, in a fit
     of its own or in that of a real robot.
@@ -58,7 +62,9 @@ def name_doubted(
     gains = [held.gain([], found.chosen, real=real) for real in {False, special}]
     if any(gain.share < -gain.error for gain in gains):
         return replace(found, chosen=())
-    likely = found.p_values[one.group] <= rules.level
-    if likely and all(gain.share > max(rules.gain, gain.error) for gain in gains):
+    p = found.p_values[one.group]
+    if p <= rules.level and all(gain.share > max(rules.gain, gain.error) for gain in gains):
         return found
-    return replace(found, p_values={**found.p_values, one.group: 1.0})
+    better = all(gain.share > rules.gain for gain in gains)
+    p = min(WAYS * max(p, rules.level), 1.0) if better else 1.0
+    return replace(found, p_values={**found.p_values, one.group: p})

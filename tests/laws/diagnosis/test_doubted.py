@@ -7,6 +7,7 @@ import pytest
 
 from identifiability.workflows.diagnose.doubted import EVEN, name_doubted
 from identifiability.workflows.diagnose.findings import NamedEffect
+from identifiability.workflows.diagnose.held_out import Gain, HeldOut
 from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.shown import Both, Shown
 
@@ -61,7 +62,7 @@ def test_what_is_weak_in_both_motions_is_given_more_often_than_by_the_first_alon
     assert right > 0.9 * together
 
 
-def test_a_name_goes_on_as_if_the_fitted_motion_had_said_nothing(world, candidate):
+def test_a_name_goes_on_with_the_p_value_of_two_ways(world, candidate):
     """Up to a p-value of one half; it keeps its own at the level, if what chooses is sure."""
     rng = np.random.default_rng(13)
     seen = []
@@ -71,7 +72,7 @@ def test_a_name_goes_on_as_if_the_fitted_motion_had_said_nothing(world, candidat
         assert bool(naming.chosen) <= (p <= EVEN)
         if naming.chosen:
             seen.append(p)
-            assert naming.p_values[naming.chosen[0].group] == (p if p <= 0.05 else 1.0)
+            assert naming.p_values[naming.chosen[0].group] == (p if p <= 0.05 else 2 * p)
     assert max(seen) > 0.05
     sure, _, _ = doubt(world, candidate, rng, (12.0,), gain=0.0)
     assert sure.p_values["a", "j0"] == 0.01
@@ -92,9 +93,19 @@ def test_what_chooses_cannot_make_up_for_a_weak_p_value(world, candidate):
         naming = name_doubted(world.bench(rows, 99), options, held, Rules())
         p = naming.steps[0].p_value
         assert bool(p <= 0.05) == kept
-        assert naming.p_values["a", "j0"] == (p if kept else 1.0)
+        assert naming.p_values["a", "j0"] == (p if kept else 2 * p)
         gain = held.gain([], naming.chosen)
         assert gain.share > max(gain.error, Rules().gain)
+
+
+@pytest.mark.parametrize(
+    ("gain", "p"), [((0.03, 0.02), 0.01), ((0.01, 0.02), 0.1), ((0.0, 0.02), 1.0)]
+)
+def test_what_chooses_is_sure_or_better_or_silent(world, candidate, monkeypatch, gain, p):
+    """Then p is that of the fitted motion, of two ways at the level, or says nothing."""
+    monkeypatch.setattr(HeldOut, "gain", lambda *_, **__: Gain(*gain))
+    naming, _, _ = doubt(world, candidate, np.random.default_rng(13), (12.0,))
+    assert naming.p_values["a", "j0"] == p
 
 
 def test_nothing_goes_on_without_motion_that_verifies_or_where_what_chooses_is_worse(
