@@ -9,7 +9,7 @@ verifies, or likely by both motions together, not only not refuted.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 
@@ -18,6 +18,7 @@ import numpy as np
 from identifiability.effects import find_families
 from identifiability.workflows.diagnose.evidence import score_candidates
 from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, keep_surviving
+from identifiability.workflows.diagnose.in_bodies import keep_off_bodies
 from identifiability.workflows.diagnose.late import gain_over, is_curve, what_is_left
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import DRAWS, Material
@@ -124,7 +125,8 @@ def name_curves(
     """Return what is chosen with functions, curves over the position by the name that they have.
 
     Whatever depends on the position of a joint alone is what that name means: where it may be
-    named, a function says no more. It has as many pieces as predict best, and the p-value.
+    named, a function says no more. It has as many pieces as predict best, and the p-value. What
+    forces on the bodies say, and more, several joints feel: that keeps no name in one of them.
 
     Returns
     -------
@@ -134,11 +136,23 @@ def name_curves(
         Of it.
     p_values : mapping of (family, place) to float
     """
+    found = whole, chosen, p_values = _name_curves(material, again, ())
+    if all(c.slot in signature(again.chosen) for c in chosen):
+        return found
+    kept = keep_off_bodies(whole, Naming(chosen, p_values, ())).chosen
+    shared = {c.place for c in chosen if c not in kept}
+    return _name_curves(material, again, shared) if shared else found
+
+
+def _name_curves(
+    material: Material, again: Naming, but: Collection[str]
+) -> tuple[Material, tuple[Candidate, ...], Mapping[tuple[str, str], float]]:
+    """Return the same, whatever other joints feel, but for some joints."""
     taken = {c.group for c in again.chosen}
     curves = {
         (CURVE, c.place): c.group
         for c in material.candidates
-        if c.family.name == NAMED_CURVE and c.group not in taken
+        if c.family.name == NAMED_CURVE and c.group not in taken and c.place not in but
     }
     left = [c for c in again.chosen if c.family.unnamed and c.group not in curves]
     whole, p_values = material.extended(left), dict(again.p_values)

@@ -131,8 +131,11 @@ def test_a_function_is_given_for_two_names_of_one_position_unless_the_data_decid
     assert chosen == ((function,) if given else tuple(two[:names]))
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_a_function_of_the_position_has_the_name_of_a_curve_where_it_may_have_it(candidate, known):
+@pytest.mark.parametrize(("known", "shared"), [(True, False), (True, True), (False, False)])
+def test_a_function_of_the_position_has_the_name_of_a_curve_where_it_may_have_it(
+    monkeypatch, candidate, known, shared
+):
+    """It may not where forces on the bodies, which other joints feel as well, say what it does."""
     function, other = (
         candidate(f"function_of_{of}", "j", k, unnamed=True, against=of)
         for k, of in enumerate(("position", "load"))
@@ -146,7 +149,13 @@ def test_a_function_of_the_position_has_the_name_of_a_curve_where_it_may_have_it
         held = SimpleNamespace(error=lambda chosen: 0.9 if fine in chosen else 1.0)
         return SimpleNamespace(candidates=(*names, *found), held=held)
 
+    def off_bodies(_, naming):
+        kept = [c for c in naming.chosen if not shared or c.family.name != "position_torque"]
+        return replace(naming, chosen=tuple(kept))
+
+    monkeypatch.setattr(unnamed, "keep_off_bodies", off_bodies)
     m = SimpleNamespace(candidates=names, extended=extended)
+    known = known and not shared
     again = Naming((function, other), {function.group: 0.01, other.group: 0.02}, ())
     whole, chosen, p_values = unnamed.name_curves(m, again)
     assert chosen == ((fine if known else function), other)
