@@ -10,7 +10,14 @@ from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.base_parameters import find_base_parameters, random_motion
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
-from identifiability.simulation import MujocoRobot, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.simulation import (
+    Campaign,
+    MujocoRobot,
+    PrescribedMotion,
+    random_trajectory,
+    shipped_trajectory,
+    simulate,
+)
 
 
 @pytest.fixture
@@ -205,3 +212,7 @@ def test_a_joint_without_masses_has_no_load_and_not_that_of_rounding():
     W, names = columns(robot, along, "load_dependent_friction")
     loaded = {name for k, name in enumerate(names) if W[:, :, k].any()}
     assert loaded == {f"{j}.Fl" for j in ("yaw", "pitch", "insertion")}
+    # Nor where the loops of the arm round what the others carry into it.
+    moved = [random_trajectory(robot, np.random.default_rng(k)) for k in range(2)]
+    hidden = Campaign.of(robot, moved).hidden(["backlash@roll=1", "backlash@jaw2=1"])
+    assert not hidden.any()

@@ -5,6 +5,7 @@ import numpy as np
 from identifiability.effects.effect import Along, AlongAxes, put
 from identifiability.effects.nominal import needs_masses, rigid_torque
 from identifiability.effects.registry import declare
+from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array
 from identifiability.robot import Motion, Robot
 
@@ -16,7 +17,7 @@ def carried_load(load: Array, at: Along) -> Array:
     """Return what an axis alone would carry of the torque of the joints (N, n), (N,)."""
     row = at.load
     carried: Array = (load * row).sum(1) / np.maximum((row * row).sum(-1), SMALLEST)
-    return carried
+    return without_rounding(carried[:, None], load)[:, 0]
 
 
 @declare(

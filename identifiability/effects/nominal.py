@@ -10,11 +10,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pinocchio as pin
 
+from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.robot import Motion, Robot
 
-#: Share of a robot's largest torque below which that of a joint is rounding: it has no load.
-ROUNDING = 1e-11
 #: Torque of a robot along a motion, (N, n) [N·m or N].
 Torque = Callable[[Robot, Motion], Array]
 
@@ -87,9 +86,8 @@ def rigid_torque(robot: Robot, motion: Motion) -> Array:
     for k, (q, v, a) in enumerate(zip(*moved, strict=True)):
         tree[k] = pin.rnea(model, data, q, v, a)
     tree -= model.armature * moved[2]  # rotors are no load
-    most = np.abs(tree).max(axis=0, initial=0.0)
-    tree[:, most < ROUNDING * most.max(initial=0.0)] = 0.0  # scaled up it would look like noise
-    return project(robot, motion, tree)
+    tau = project(robot, motion, tree)
+    return without_rounding(tau, tau)
 
 
 def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:

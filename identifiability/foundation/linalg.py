@@ -22,6 +22,9 @@ CLEARLY = 10.0
 #: Matrices beyond this size together are worked on in turn [bytes].
 MOST_BYTES = 2**26
 
+#: Share of the largest torque below which that of a joint is rounding: it has no load.
+ROUNDING = 1e-11
+
 
 def few_at_once(count: int, nbytes: int) -> Iterator[slice]:
     """Yield which of many matrices of so many bytes to work on at a time."""
@@ -81,3 +84,17 @@ def unit_coordinates(R: Array) -> Array:
     """Return T, (k, k), with columns ``A T`` of length one and at right angles, ``AᵀA = RᵀR``."""
     T: Array = solve_triangular(R, np.eye(len(R))) if len(R) else R
     return T
+
+
+def without_rounding(torque: Array, of: Array) -> Array:
+    """Return torque (N, n) of which columns of rounding are zero: scaled up they look like noise.
+
+    Parameters
+    ----------
+    torque : (N, n) [N·m or N]
+    of : (N, m) [N·m or N]
+        Torque that it is computed from.
+    """
+    most = np.abs(torque).max(axis=0, initial=0.0)
+    kept: Array = torque * (most > ROUNDING * np.abs(of).max(initial=0.0))
+    return kept

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
+from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
@@ -195,7 +196,8 @@ def hidden_torque(
     for k in _chosen(robot.joints, hidden, robot):
         law = hidden.law or HIDDEN.get(hidden.name)
         if law is not None:
-            force = law(move.dq[:, k], move.q[:, k] - home[k], rigid.tau[:, k])
+            load = without_rounding(rigid.tau, rigid.tau)[:, k]
+            force = law(move.dq[:, k], move.q[:, k] - home[k], load)
         else:
             force = _record(move, tau, k, hidden.name)
         out[:, k] = scaled(force, tau[:, k], hidden.share)

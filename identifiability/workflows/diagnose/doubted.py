@@ -38,8 +38,7 @@ def name_doubted(
     It keeps its p-value where that is at the level and what chooses surely speaks for it: a name of
     the first pass that only the noise of the second lets stand out. Elsewhere it is in doubt.
 
-    None where no motion verifies, or where what chooses is surely predicted worse with it, in a fit
-    of its own or in that of a real robot.
+    None where no motion verifies.
 
     Parameters
     ----------
@@ -60,8 +59,6 @@ def name_doubted(
     (one,) = found.chosen
     special = not one.family.basic
     gains = [held.gain([], found.chosen, real=real) for real in {False, special}]
-    if any(gain.share < -gain.error for gain in gains):
-        return replace(found, chosen=())
     p = found.p_values[one.group]
     if p <= rules.level and all(gain.share > max(rules.gain, gain.error) for gain in gains):
         return found

@@ -7,6 +7,9 @@ from identifiability.foundation.values import frozen
 
 #: Evidence beyond which more changes nothing [nats].
 MOST = 500.0
+#: Evidence below which a likelihood ratio is barely worth mentioning: half a decade
+#: [Jeffreys 1961].
+BARELY = 0.5 * float(np.log(10.0))
 #: Times itself within which a motion tells the size of an effect, if it says anything of it.
 BLIND = 4.0
 
@@ -133,9 +136,11 @@ class Both:
     def opposes(self, shown: Shown) -> bool:
         """Whether unseen motion is likelier without it, and shows none of it for sure but could.
 
-        What chance makes of hundreds of options is there on the fitted motion alone.
+        What chance makes of hundreds of options is there on the fitted motion alone. A ratio that
+        is barely worth mentioning is no opposition: half of all true effects that a motion hardly
+        shows have one.
         """
-        return self.evidence < 0 and shown.seen and not shown.there
+        return self.evidence < -BARELY and shown.seen and not shown.there
 
 
 #: Of an effect without a p-value nothing is asked.

@@ -108,9 +108,8 @@ def test_what_chooses_is_sure_or_better_or_silent(world, candidate, monkeypatch,
     assert naming.p_values["a", "j0"] == p
 
 
-def test_nothing_goes_on_without_motion_that_verifies_or_where_what_chooses_is_worse(
-    world, candidate
-):
+def test_nothing_goes_on_without_motion_that_verifies(world, candidate):
+    """Where what chooses is worse, as by noise so slow that errors hide it, it decides alone."""
     rng = np.random.default_rng(14)
     columns, c = [world.basis[:, 0]], [candidate("a", "j", 0)]
     rows = world.make(9 * columns[0] + rng.standard_normal(world.rows), columns)
@@ -118,7 +117,7 @@ def test_nothing_goes_on_without_motion_that_verifies_or_where_what_chooses_is_w
     assert name_doubted(bench, c, held, Rules()).chosen
     assert not name_doubted(bench, c, replace(held, verifying=None), Rules()).chosen
     other = replace(rows, tau=rows.tau - 40 * rows.D.take([0])[:, :, 0])
-    assert not name_doubted(bench, c, replace(held, choosing=other), Rules()).chosen
+    assert name_doubted(bench, c, replace(held, choosing=other), Rules()).p_values["a", "j"] == 1.0
 
 
 def test_at_several_places_nothing_is_in_doubt(world, candidate):

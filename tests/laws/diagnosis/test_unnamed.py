@@ -270,13 +270,16 @@ def test_the_nearest_names_are_said_to_predict_better_where_they_do():
 
 @pytest.mark.parametrize(
     ("evidence", "news", "opposed"),
-    [(-0.1, (-1.0, 2.0), True), (0.1, (-1.0, 2.0), False), (-0.1, (0.1, 2.0), False),
-     (-0.1, (-4.0, 4.1), False), (-0.1, (-4.0, 3.9), True), (-0.1, (np.nan, np.nan), False)],
+    [(-1.2, (-1.0, 2.0), True), (-1.1, (-1.0, 2.0), False), (-1.2, (0.1, 2.0), False),
+     (-1.2, (-4.0, 4.1), False), (-1.2, (-4.0, 3.9), True), (-1.2, (np.nan, np.nan), False)],
 )  # fmt: skip
 def test_a_name_for_which_unseen_motion_says_nothing_is_refuted_where_it_could(
     evidence, news, opposed
 ):
-    """It could where it tells the size within four times itself; what it confirms is not asked."""
+    """By half a decade; it could where it tells the size within four times itself.
+
+    What it confirms is not asked.
+    """
     place = SimpleNamespace(place="j", p_value=0.005, rivals=(), rows=(), open=())
     shown = Shown(0.2, 0.201, (-0.3, 0.1), -0.01, strength=4.0, news=news)
     effect = NamedEffect(name="a", title="A", placements=(place,), before=0.2, after=0.19,
@@ -289,5 +292,5 @@ def test_a_name_for_which_unseen_motion_says_nothing_is_refuted_where_it_could(
     if opposed:
         said = words._state_contradicted(effect, "motion 5")
         assert said.endswith(
-            "likelier without it (likelihood ratio 0.9), and nothing of it is surely there."
+            "likelier without it (likelihood ratio 0.3), and nothing of it is surely there."
         )
