@@ -245,3 +245,13 @@ def test_the_first_line_is_no_surer_than_the_name(others, said):
     names = " or ".join(["A", *(o.upper() for o in others)])
     effect = SimpleNamespace(title="A", names=names, alternatives=others)
     assert missing._call(effect) == said
+
+
+def test_the_first_line_counts_places_once(monkeypatch):
+    """Dry and viscous friction of one hinge are two placements at one place."""
+    monkeypatch.setattr(missing, "headline", lambda _: "")
+    places = ("a", "b", "c", "d")
+    twice = tuple(SimpleNamespace(place=place) for place in (*places, *places))
+    effect = SimpleNamespace(names="friction", alternatives=(), joints=places, placements=twice)
+    said = missing._what(SimpleNamespace(effects=(effect,))).short
+    assert said == "Friction in a, b and 2 more."

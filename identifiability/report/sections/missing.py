@@ -27,7 +27,7 @@ def _what(d: Diagnosis) -> Answer:
     question = "What is missing?"
     if not d.effects:
         return Answer(question, "Nothing that can be named.", headline(d), "grey")
-    named = [f"{_call(e)} in {join([p.place for p in e.placements], PLACES)}" for e in d.effects]
+    named = [f"{_call(e)} in {join(e.joints, PLACES)}" for e in d.effects]
     short = join(named)
     return Answer(question, f"{short[0].upper()}{short[1:]}.", headline(d), "vermilion")
 
