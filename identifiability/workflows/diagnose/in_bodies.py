@@ -23,7 +23,7 @@ from identifiability.foundation.shares import tail_of_sum
 from identifiability.workflows.diagnose.evidence import log_tail, orthonormal, project_out
 from identifiability.workflows.diagnose.gates import Chosen, Naming, keep_surviving
 from identifiability.workflows.diagnose.late import is_curve
-from identifiability.workflows.diagnose.leftover import LEVEL, ROWS, basis_beside
+from identifiability.workflows.diagnose.leftover import LEVEL, ROWS, basis_beside, squares_along
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.rows import Candidate
@@ -124,7 +124,7 @@ def _says_more(material: Material, named: Sequence[Array], F: Array, y: Array) -
     Q = orthonormal(np.column_stack(named))
     U = basis_beside(Q, F)
     k, dof = U.shape[1], len(y) - Q.shape[1] - U.shape[1]
-    explained = _squares(U, y)[0]
+    explained = squares_along(U, y)[0]
     if not k or stats.f.sf(explained / k, k, dof) >= LEVEL:
         return False
     rows, simulated = material.train, material.bench.simulated
@@ -132,7 +132,7 @@ def _says_more(material: Material, named: Sequence[Array], F: Array, y: Array) -
         return True
     white = material.noise.whiten(simulated.astype(float), rows.runs)
     Z = project_out(Q, white.reshape(-1, white.shape[2]))
-    drawn = _squares(U, Z)
+    drawn = squares_along(U, Z)
     drawn *= dof / (np.sum(Z**2, axis=0) - drawn)
     return tail_of_sum(explained, drawn) < LEVEL
 
@@ -140,10 +140,4 @@ def _says_more(material: Material, named: Sequence[Array], F: Array, y: Array) -
 def _say(beside: Sequence[Array], A: Array, y: Array) -> float:
     """Return what columns A (R, k) say of y (R, 1) beside others: minus the log of the tail."""
     U = basis_beside(orthonormal(np.column_stack(beside)), A)
-    return -float(log_tail(_squares(U, y), U.shape[1])[0]) if U.shape[1] else 0.0
-
-
-def _squares(U: Array, y: Array) -> Array:
-    """Return the squares of y (R, k) in the span of orthonormal columns U, (k,)."""
-    squares: Array = np.sum((U.T @ y) ** 2, axis=0)
-    return squares
+    return -float(log_tail(squares_along(U, y), U.shape[1])[0]) if U.shape[1] else 0.0

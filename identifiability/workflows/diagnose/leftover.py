@@ -186,9 +186,9 @@ class Remains:
         doubt = np.flatnonzero(len(p) * p < ASKED)
         if len(doubt) and simulated.shape[1] > 1:  # slow noise is more likely to look like this
             Z = project_out(Q, noise.whiten(simulated.astype(float)[:, None], rows.runs)[:, 0])
-            rest = np.sum(Z**2, axis=0) - np.sum((general.T @ Z) ** 2, axis=0)
+            rest = np.sum(Z**2, axis=0) - squares_along(general, Z)
             for at in doubt:
-                drawn = dof * np.sum((bases[at].T @ Z) ** 2, axis=0) / rest
+                drawn = dof * squares_along(bases[at], Z) / rest
                 p[at] = max(p[at], tail_of_sum(squares[at] / level, drawn))
         sure = [B for B, own in zip(bases, p, strict=True) if len(p) * own < LEVEL]
         found = orthonormal(np.column_stack(sure)) if sure else general
@@ -207,3 +207,9 @@ def basis_beside(Q: Array, A: Array) -> Array:
     vectors, length, _ = np.linalg.svd(U, full_matrices=False)
     basis: Array = vectors[:, length > THIN]
     return basis
+
+
+def squares_along(U: Array, y: Array) -> Array:
+    """Return the squares of y (R, …) in the span of orthonormal columns U (R, k)."""
+    squares: Array = np.sum((U.T @ y) ** 2, axis=0)
+    return squares

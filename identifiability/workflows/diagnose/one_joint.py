@@ -24,7 +24,7 @@ from identifiability.foundation.shares import tail_of_sum
 from identifiability.workflows.diagnose.dictionary import Stacked
 from identifiability.workflows.diagnose.evidence import Whitened, orthonormal
 from identifiability.workflows.diagnose.gates import Chosen
-from identifiability.workflows.diagnose.leftover import basis_beside
+from identifiability.workflows.diagnose.leftover import basis_beside, squares_along
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.rows import Candidate
 
@@ -59,17 +59,17 @@ def is_in_one_joint(
     Q = orthonormal(white.columns([c for c in chosen if c not in unit]))
     whole = basis_beside(Q, white.D[:, columns])
     alone = [basis_beside(Q, part) for part in apart]
-    explained = [_squares(U, white.y) for U in alone]
+    explained = [squares_along(U, white.y) for U in alone]
     best = int(np.argmax(explained))
-    beyond = float(_squares(whole, white.y) - explained[best])
+    beyond = float(squares_along(whole, white.y) - explained[best])
     if len({c.group for c in unit}) > 1:
         return beyond < 2 * DECISIVE
     own = basis_beside(whole, alone[best])
     if not own.shape[1] or beyond >= 0:
         return False
-    between = float(_squares(own, white.y))
+    between = float(squares_along(own, white.y))
     p = float(stats.chi2.sf(between, own.shape[1]))
-    drawn = _squares(own, np.column_stack([white.scale, white.noise]))
+    drawn = squares_along(own, np.column_stack([white.scale, white.noise]))
     return p < level and (drawn.size < 2 or tail_of_sum(between, drawn) < level)
 
 
@@ -86,9 +86,3 @@ def split_by_joint(D: Array | Stacked, at: Sequence[int]) -> list[Array]:
             here[stop - len(block.values) : stop] = 1.0
             out.append(columns * here)
     return out
-
-
-def _squares(U: Array, y: Array) -> Array:
-    """Return the squares of y (R, …) in the span of orthonormal columns U (R, k)."""
-    squares: Array = np.sum((U.T @ y) ** 2, axis=0)
-    return squares
