@@ -12,6 +12,8 @@ from identifiability.robot import Motion, Robot
 
 #: What gravity pulls at: a mass and its first moments.
 PULLED = INERTIAL_KINDS[:4]
+#: Samples at a time.
+AT_ONCE = 512
 
 
 class ForcesOnBodies(Effect):
@@ -35,14 +37,43 @@ class ForcesOnBodies(Effect):
         )
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write the torque at rest, 4 columns a body and direction."""
-        model, (q, v, _) = robot.model.copy(), tree_motion(robot, motion)
-        rest, count = np.zeros(v.shape[1]), len(INERTIAL_KINDS)
-        pulled = [k for k in range(count * len(robot.bodies)) if k % count < len(PULLED)]
-        for axis in range(3):
-            model.gravity.linear = np.eye(3)[axis]
-            data = model.createData()
-            K = np.stack([pin.computeJointTorqueRegressor(model, data, x, rest, rest) for x in q])
-            start = axis * len(pulled)
-            for k, column in enumerate(pulled):
-                out[:, :, start + k] = project(robot, motion, K[:, :, column])
+        """Write the torque at rest, 4 columns a body and direction.
+
+        With gravity the energy is ``−g·S(q) π``, S π being the first moment of all bodies in the
+        base. What lies at r in it moves by ``v + ω × r`` with a joint that carries it.
+        """
+        model = _of_mass_one(robot)
+        data, carried = model.createData(), _carried(model)
+        size = carried.shape[1]
+        for start in range(0, len(motion), AT_ONCE):
+            part = motion[start : start + AT_ONCE]
+            S, J = np.empty((len(part), 3, size)), np.empty((len(part), 6, model.nv))
+            for k, q in enumerate(tree_motion(robot, part)[0]):
+                S[k] = pin.computeStaticRegressor(model, data, q)
+                J[k] = pin.computeJointJacobians(model, data, q)
+            moved = np.cross(J[:, 3:, :, None], S[:, :, None, :], axis=1)
+            moved[..., :: len(PULLED)] += J[:, :3, :, None]  # directions only turn
+            moved *= -carried
+            for axis in range(3):
+                for k in range(size):
+                    tau = project(robot, part, moved[:, axis, :, k])
+                    out[start : start + AT_ONCE, :, axis * size + k] = tau
+
+
+def _of_mass_one(robot: Robot) -> pin.Model:
+    """Return the Pinocchio model with one mass of all bodies: its static regressor is S."""
+    model, bodies = robot.model.copy(), robot.model.njoints - 1
+    model.inertias[0] = pin.Inertia.Zero()
+    for k in range(bodies):
+        model.inertias[k + 1] = pin.Inertia(1.0 / bodies, np.zeros(3), np.eye(3))
+    return model
+
+
+def _carried(model: pin.Model) -> Array:
+    """Return one where a joint carries a body and zero elsewhere, 4 columns a body, (nv, 4 b)."""
+    out = np.zeros((model.nv, model.njoints - 1))
+    for body in range(1, model.njoints):
+        for joint in list(model.supports[body])[1:]:
+            start = model.idx_vs[joint]
+            out[start : start + model.nvs[joint], body - 1] = 1.0
+    return np.repeat(out, len(PULLED), axis=1)
