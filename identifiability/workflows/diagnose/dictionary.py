@@ -6,8 +6,9 @@ neither stored nor filtered. Of motion that only judges few columns are ever loo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -70,15 +71,47 @@ class Stacked:
     def __getitem__(self, key: tuple[slice, int | Sequence[int]]) -> Array:
         """Return some columns ``[:, columns]`` over all rows, (R, k), or one, (R,)."""
         at = np.atleast_1d(np.asarray(key[1], int))
-        rows = np.cumsum([0, *(len(b.values) for b in self.blocks)])
-        out = np.zeros((rows[-1] + self.known, len(at)))
-        for start, stop, block in zip(rows[:-1], rows[1:], self.blocks, strict=True):
+        out = np.zeros((self._ends[-1] + self.known, len(at)))
+        for rows, here, own in self._acting(at):
+            out[rows, here] = own
+        return out if np.ndim(key[1]) else out[:, 0]
+
+    def times(self, columns: Sequence[int], other: Array) -> Array:
+        """Return the products of some columns with those of others over all rows (R, m), (k, m)."""
+        out = np.zeros((len(columns), other.shape[1]))
+        for rows, here, own in self._acting(np.asarray(columns, int)):
+            out[here] += own.T @ other[rows]
+        return out
+
+    def gram(self, columns: Sequence[int]) -> Array:
+        """Return the products of some columns with one another, (k, k)."""
+        out = np.zeros((len(columns), len(columns)))
+        for _, here, own in self._acting(np.asarray(columns, int)):
+            out[np.ix_(here, here)] += own.T @ own
+        return out
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Return the length of each column, (c,)."""
+        squares = np.zeros(self.width)
+        for block in self.blocks:
+            squares[block.columns] += np.sum(block.values**2, axis=0)
+        return np.sqrt(squares)
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        ends: list[int] = np.cumsum([0, *(len(b.values) for b in self.blocks)]).tolist()
+        return ends
+
+    def _acting(self, at: np.ndarray) -> Iterator[tuple[slice, np.ndarray, Array]]:
+        """Yield rows of a joint, which of some columns act there, and these (·, k) in its rows."""
+        for start, stop, block in zip(self._ends, self._ends[1:], self.blocks, strict=False):
             if not len(block.columns):
                 continue
             where = np.minimum(np.searchsorted(block.columns, at), len(block.columns) - 1)
             here = np.flatnonzero(block.columns[where] == at)
-            out[start:stop, here] = block.values[:, where[here]]
-        return out if np.ndim(key[1]) else out[:, 0]
+            if len(here):
+                yield slice(start, stop), here, block.values[:, where[here]]
 
 
 @dataclass

@@ -16,10 +16,9 @@ import numpy as np
 from scipy.special import chdtrc, gammaln, log_ndtr
 
 from identifiability.estimation.noise.ar_noise import ARNoise
-from identifiability.foundation.linalg import MOST_BYTES
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.dictionary import Stacked
+from identifiability.workflows.diagnose.dictionary import Block, Stacked
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
 #: Directions of a candidate below this share of its length are not there.
@@ -208,22 +207,27 @@ def score_candidates(
     Q = orthonormal(model)
     targets = np.column_stack([white.y, white.scale, *([white.noise] if null else [])])
     targets, draws = project_out(Q, targets), white.scale.shape[1]
-    # Options for all joints have hundreds of columns, others one.
-    before = np.cumsum([0, *(len(c.columns) for c in candidates)])[:-1]
-    together = before * white.y.nbytes // MOST_BYTES
-    edges = np.flatnonzero(np.diff(together)) + 1
-    parts = np.split(np.arange(len(candidates)), edges)
-    found = [_score(white, Q, targets, draws, [candidates[k] for k in part]) for part in parts]
-    scores = np.concatenate(found)
+    D = white.D
+    if not isinstance(D, Stacked):
+        D = Stacked((Block(np.arange(D.shape[1]), D),), D.shape[1])
+    scores = _score(D, Q, targets, draws, candidates)
     return Scores(scores[:, 0], scores[:, 1], scores[:, 2:])
 
 
 def _score(
-    white: Whitened, Q: Array, targets: Array, draws: int, candidates: Sequence[Candidate]
+    D: Stacked, Q: Array, targets: Array, draws: int, candidates: Sequence[Candidate]
 ) -> Array:
-    """Return fit, data and null (C, 2 + B) of candidates beside the span of Q."""
-    U = project_out(Q, unit_columns(white.D[:, [k for c in candidates for k in c.columns]]))
-    left, z = np.linalg.norm(U, axis=0), U.T @ targets
+    """Return fit, data and null (C, 2 + B) of candidates beside the span of Q.
+
+    Products of columns are all it takes: over the rows of all joints these are far larger.
+    """
+    at = [k for c in candidates for k in c.columns]
+    length = D.lengths[at]
+    there = length > 0
+    length = np.where(there, length, 1.0)
+    products = D.times(at, np.column_stack([Q, targets])) / length[:, None]
+    inside, z = products[:, : Q.shape[1]], products[:, Q.shape[1] :]
+    left = np.sqrt(np.maximum(there - np.sum(inside**2, axis=1), 0.0))
     widths = np.array([len(c.columns) for c in candidates], int)
     positive = np.array([c.positive for c in candidates], bool)
     first = np.cumsum(widths) - widths
@@ -234,7 +238,9 @@ def _score(
     scores[one] = _score_single(_in_units(levels, draws), positive[one])
     for k in np.flatnonzero(seen & (widths > 1)):
         part = slice(first[k], first[k] + widths[k])
-        scores[k] = _score_group(U[:, part], z[part], draws, positive=bool(positive[k]))
+        G = D.gram(at[part]) / np.outer(length[part], length[part])
+        G -= inside[part] @ inside[part].T
+        scores[k] = _score_group(G, z[part], draws, positive=bool(positive[k]))
     return scores
 
 
@@ -252,9 +258,9 @@ def _score_single(z: Array, positive: np.ndarray) -> Array:
     return scores
 
 
-def _score_group(U: Array, z: Array, draws: int, *, positive: bool) -> Array:
-    """Return scores (2 + B,) of several columns together from ``Uᵀ targets`` (k, T)."""
-    values, vectors = np.linalg.eigh(U.T @ U)
+def _score_group(G: Array, z: Array, draws: int, *, positive: bool) -> Array:
+    """Return scores (2 + B,) of several columns U together from ``UᵀU`` and ``Uᵀ targets``."""
+    values, vectors = np.linalg.eigh(G)
     used = values > NEGLIGIBLE**2
     half = vectors[:, used] / np.sqrt(values[used])
     units = _in_units(half.T @ z, draws)
