@@ -239,13 +239,14 @@ def _pieces(samples: Samples) -> tuple[Piece, ...]:
 
 def _write(entries: Entries, piece: Piece, found: Entries, start: int, rows: int) -> None:
     """Write what effects are along a piece, decimated, where its outputs begin in all rows."""
-    if not found:
-        return
-    down = piece.down(np.stack(list(found.values())).T)
-    for at, values in zip(found, down.T, strict=True):
-        if at not in entries:
-            entries[at] = np.zeros(rows)
-        entries[at][start : start + len(values)] = values
+    every = list(found.items())
+    for first in range(0, len(every), TOGETHER):
+        part = every[first : first + TOGETHER]
+        down = piece.down(np.stack([x for _, x in part]).T)
+        for (at, _), values in zip(part, down.T, strict=True):
+            if at not in entries:
+                entries[at] = np.zeros(rows)
+            entries[at][start : start + len(values)] = values
 
 
 def _lay_out(

@@ -11,7 +11,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, complete_motion
 from identifiability.workflows.diagnose import evidence
-from identifiability.workflows.diagnose.dictionary import Dictionary
+from identifiability.workflows.diagnose.dictionary import Block, Dictionary, Stacked
 from identifiability.workflows.diagnose.evidence import Bench, score_candidates
 from identifiability.workflows.diagnose.lookalikes import find_aliases
 from identifiability.workflows.diagnose.motion import MOST_IN_ALL, MOST_SAMPLES, samples_each
@@ -35,6 +35,22 @@ def test_a_dictionary_gives_back_its_columns_in_any_order(rng):
         block = D.block(j)
         assert block.columns.tolist() == np.flatnonzero(dense[:, j].any(axis=0)).tolist()
         np.testing.assert_array_equal(block.values, dense[:, j, block.columns])
+
+
+def test_columns_in_the_rows_of_all_joints_have_the_products_of_dense_ones(rng):
+    """Some act in several joints, some in none, and below all joints there are rows of zeros."""
+    acts = [[0, 2, 5], [], [1, 2, 3, 5]]
+    blocks = tuple(Block(np.array(at, int), rng.standard_normal((6, len(at)))) for at in acts)
+    stacked, dense = Stacked(blocks, 7, 2), np.zeros((20, 7))
+    for j, block in enumerate(blocks):
+        dense[6 * j : 6 * j + 6, block.columns] = block.values
+    other = rng.standard_normal((20, 3))
+    for at in ([0], [4, 6], [5, 2, 1, 0], [2, 2], [], range(7)):
+        own = dense[:, list(at)]
+        np.testing.assert_array_equal(stacked[:, at], own)
+        np.testing.assert_allclose(stacked.times(at, other), own.T @ other, atol=1e-12)
+        np.testing.assert_allclose(stacked.gram(at), own.T @ own, atol=1e-12)
+    np.testing.assert_allclose(stacked.lengths, np.linalg.norm(dense, axis=0))
 
 
 def test_columns_that_are_asked_for_later_are_computed_once(rng):
