@@ -19,6 +19,7 @@ from identifiability.workflows.diagnose.finer import find_finer
 from identifiability.workflows.diagnose.gates import Naming
 from identifiability.workflows.diagnose.goes_on import Earlier
 from identifiability.workflows.diagnose.in_bodies import keep_off_bodies
+from identifiability.workflows.diagnose.in_its_stead import keep_unbeaten
 from identifiability.workflows.diagnose.late import early, name_late
 from identifiability.workflows.diagnose.material import Material, Setting, gather
 from identifiability.workflows.diagnose.naming import Say, name_effects
@@ -142,7 +143,7 @@ class Search:
 
 def _keep(m: Material, naming: Naming) -> Naming:
     """Return a naming without names that are not what is missing, in their joint or in several."""
-    return keep_off_bodies(m, keep_complete(m, naming))
+    return keep_off_bodies(m, keep_unbeaten(m, keep_complete(m, naming)))
 
 
 def drop(several: Sequence[T], number: int) -> tuple[T, ...]:
