@@ -32,6 +32,9 @@ class Effect(ABC):
     #: Whether the columns at a sample depend on that sample alone and take long: of samples that
     #: are met again they are taken from where they were.
     pointwise: ClassVar[bool] = False
+    #: How many smooth curves the columns at a place are, one after the other, where they are
+    #: splines; none where what they say changes most at one point, as friction does at rest.
+    curves_apart: ClassVar[int] = 1
 
     @property
     def texts(self) -> tuple[str, ...]:

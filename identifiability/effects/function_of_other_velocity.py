@@ -38,6 +38,7 @@ class FunctionOfOtherVelocity(FromJoint):
     units = (("f", "N·m", "N"),)
     crossed = ("N·m", "N")
     supersedes = CONTAINED
+    curves_apart = 0
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every spline, with the joint that it comes from."""

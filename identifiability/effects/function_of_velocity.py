@@ -27,6 +27,7 @@ class FunctionOfVelocity(SmoothFunction):
     name = "function_of_velocity"
     equation = "τ = f(q̇), f = Σ cₖ Bₖ(√|q̇/v| sign q̇)"
     units = (("fv", "N·m", "N"),)
+    curves_apart = 0
 
     def coordinate(self, at: Along) -> Array:
         """Return the root of the speed."""

@@ -77,6 +77,8 @@ class SmoothFunction(Shaped):
 class WithVelocity(SmoothFunction):
     """``τ = f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``: splines of a coordinate, each for itself."""
 
+    curves_apart = 3
+
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return one for every spline and part."""
         del robot, axis

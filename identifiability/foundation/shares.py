@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy
+from scipy.special import chdtrc, gammaln
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -13,6 +14,9 @@ LEVEL = 0.95
 
 #: Standard deviations to each side of a normal interval of that level, and quantiles at its ends.
 REACH, ENDS = 1.96, (0.025, 0.975)
+
+#: Values of χ² beyond which its tail is taken from the asymptotic series.
+FAR = 1000.0
 
 
 @frozen
@@ -103,3 +107,15 @@ def tail_of_sum(value: float, drawn: Array) -> float:
     mean, variance = float(np.mean(drawn)), float(np.var(drawn, ddof=1))
     beyond = scipy.stats.chi2.sf(2 * mean / variance * value, 2 * mean**2 / variance)
     return float(min(reached, beyond))
+
+
+def log_tail(x: Array, dof: int) -> Array:
+    """Return the logarithm of the upper tail of χ², also where the tail itself underflows."""
+    far = np.maximum(x / 2, 1.0)
+    shape = dof / 2
+    series = np.log1p(np.maximum((shape - 1) / far, -0.5))
+    asymptotic = -far + (shape - 1) * np.log(far) - gammaln(shape) + series
+    with np.errstate(divide="ignore"):
+        exact = np.log(chdtrc(dof, x))
+    tail: Array = np.where(x > FAR, asymptotic, exact)
+    return tail

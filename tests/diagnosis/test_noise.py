@@ -12,8 +12,8 @@ from identifiability.estimation.noise.autoregression import (
     levinson,
     whiten,
 )
+from identifiability.foundation.shares import log_tail
 from identifiability.simulation.noise import ar1
-from identifiability.workflows.diagnose.evidence import log_tail
 
 PACF = np.array([0.7, -0.4, 0.2])
 RUNS = [(0, 40), (40, 90), (90, 92)]

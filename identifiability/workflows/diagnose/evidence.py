@@ -13,13 +13,16 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy.special import chdtrc, gammaln, log_ndtr
+from scipy.special import log_ndtr
 
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.foundation.names import Array
+from identifiability.foundation.shares import log_tail
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.dictionary import Block, Stacked
 from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.workflows.diagnose.smooth import is_smooth
+from identifiability.workflows.diagnose.straight import score_straight, straight_first
 
 #: Directions of a candidate below this share of its length are not there.
 NEGLIGIBLE = 1e-4
@@ -27,8 +30,6 @@ NEGLIGIBLE = 1e-4
 MANY, TALL = 1500, 4
 #: Simulated series that are whitened together.
 AT_ONCE = 100
-#: Values of χ² beyond which its tail is taken from the asymptotic series.
-FAR = 1000.0
 
 
 @frozen
@@ -236,11 +237,15 @@ def _score(
     one = np.flatnonzero(seen & (widths == 1))
     levels = z[first[one]] / left[first[one], None]
     scores[one] = _score_single(_in_units(levels, draws), positive[one])
-    for k in np.flatnonzero(seen & (widths > 1)):
-        part = slice(first[k], first[k] + widths[k])
+    for k in np.flatnonzero(seen & (widths > 1)).tolist():
+        part, c = slice(first[k], first[k] + widths[k]), candidates[k]
         G = D.gram(at[part]) / np.outer(length[part], length[part])
         G -= inside[part] @ inside[part].T
-        scores[k] = _score_group(G, z[part], draws, positive=bool(positive[k]))
+        if c.family.unnamed and is_smooth(c):
+            directions, counts = straight_first(c, G, length[part])
+            scores[k] = score_straight(_in_units(directions.T @ z[part], draws), counts)
+        else:
+            scores[k] = _score_group(G, z[part], draws, positive=bool(positive[k]))
     return scores
 
 
@@ -287,15 +292,3 @@ def _squares_positive(G: Array, z: Array) -> Array:
         used[:, at] = (left > 0).T
         at = at[(own != used[:, at].T).any(1)]
     return size
-
-
-def log_tail(x: Array, dof: int) -> Array:
-    """Return the logarithm of the upper tail of χ², also where the tail itself underflows."""
-    far = np.maximum(x / 2, 1.0)
-    shape = dof / 2
-    series = np.log1p(np.maximum((shape - 1) / far, -0.5))
-    asymptotic = -far + (shape - 1) * np.log(far) - gammaln(shape) + series
-    with np.errstate(divide="ignore"):
-        exact = np.log(chdtrc(dof, x))
-    tail: Array = np.where(x > FAR, asymptotic, exact)
-    return tail

@@ -19,8 +19,8 @@ from numpy.polynomial import legendre
 from scipy import stats
 
 from identifiability.foundation.names import BASE, Array
-from identifiability.foundation.shares import tail_of_sum
-from identifiability.workflows.diagnose.evidence import log_tail, orthonormal, project_out
+from identifiability.foundation.shares import log_tail, tail_of_sum
+from identifiability.workflows.diagnose.evidence import orthonormal, project_out
 from identifiability.workflows.diagnose.gates import Chosen, Naming, keep_surviving
 from identifiability.workflows.diagnose.late import is_curve
 from identifiability.workflows.diagnose.leftover import LEVEL, ROWS, basis_beside, squares_along

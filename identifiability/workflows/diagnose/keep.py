@@ -19,6 +19,7 @@ from identifiability.regression.reduction import full_rung
 from identifiability.workflows.diagnose.findings import Findings
 from identifiability.workflows.diagnose.smooth import (
     ORDER,
+    Curves,
     list_bends,
     solve_with,
     unit_of,
@@ -63,8 +64,13 @@ def keep_completed(d: Findings) -> Fit:
 
 def _smooth_values(d: Findings, information: Information, free: Estimate) -> Array:
     """Return the base parameters of the data, with curves as smooth as in the diagnosis, (b,)."""
-    places = [p for e in d.effects if find_family(e.name).flexible and not e.unnamed
-              for p in e.placements if len(p.parameters) > ORDER]  # fmt: skip
+    places = [
+        (p, family.effect.curves_apart)
+        for e in d.effects
+        if (family := find_family(e.name)).flexible
+        for p in e.placements
+        if 0 < ORDER * family.effect.curves_apart < len(p.parameters)
+    ]
     if not places:
         return free.value
     last = {name: k for k, name in enumerate(d.completed.columns)}
@@ -75,7 +81,10 @@ def _smooth_values(d: Findings, information: Information, free: Estimate) -> Arr
     phi = np.zeros((len(d.completed.columns), first + len(added)))
     phi[_first(d), :first] = standard
     phi[added, range(first, phi.shape[1])] = 1.0
-    curves = [[first + added.index(last[name]) for name in p.parameters] for p in places]
+    curves = [
+        Curves([first + added.index(last[name]) for name in p.parameters], apart)
+        for p, apart in places
+    ]
     base: Array = d.completed.G @ phi
     F = free.estimator.loss(information, free) / unit_of(free)
     F = np.column_stack([F[:, :-1] @ base, F[:, -1]])

@@ -12,19 +12,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.shares import log_tail
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
     Whitened,
     compress,
-    log_tail,
     orthonormal,
     project_out,
     score_candidates,
     unit_columns,
 )
 from identifiability.workflows.diagnose.rows import Candidate, Rows
-from identifiability.workflows.diagnose.smooth import Bends, bend, is_smooth, straight_lines
+from identifiability.workflows.diagnose.smooth import Bends, bends_of, is_smooth, lines_of
 from identifiability.workflows.diagnose.values import solve_values
 
 #: Logarithm of the likelihood ratio that decides between two similar names: about 50 to 1.
@@ -195,7 +195,7 @@ def _score_smooth(
     for k, c in enumerate(candidates):
         if is_smooth(c):
             Z = project_out(Q, white.D[:, list(c.columns)])
-            found = Bends.of(Z, project_out(Q, white.y), bend(len(c.columns)))
+            found = Bends.of(Z, project_out(Q, white.y), bends_of(c))
             if found is not None:
                 squares = found.squares
                 fit[k] = float(-log_tail(squares.sum(), len(squares)))
@@ -223,7 +223,7 @@ def _shows_no_more(
     """
     named, rival = (white.D[:, list(c.columns)] for c in both)
     if is_smooth(both[1]):
-        rival = rival @ straight_lines(rival.shape[1])
+        rival = rival @ lines_of(both[1])
     other = _basis(Q, rival)
     vectors, s, _ = np.linalg.svd(project_out(own, other), full_matrices=False)
     only = vectors[:, s > 0.5]  # of two bases of which one holds the other these are one or zero

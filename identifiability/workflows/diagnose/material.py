@@ -208,15 +208,16 @@ class Material:
     def _unseen(self) -> dict[tuple[Candidate, ...], Predictive]:
         return {}
 
-    def extended(self, more: Sequence[Candidate]) -> "Material":
+    def extended(self, more: Sequence[Candidate], beside: "Material | None" = None) -> "Material":
         """Return the same with further candidates behind its own.
 
-        The noise and what was simulated of it stay: it is theirs who are tested beside one
-        another. Candidates have new numbers; `find_same` finds those that were named.
+        Candidates have new numbers; `find_same` finds those that were named. The noise stays: it is
+        theirs who are tested beside one another. Or it is that `beside` which these were named:
+        where they may not say what is slow, that is taken for noise, and a drift for nothing.
         """
-        every = tuple(number([*self.candidates, *more]))
-        held = self.tables.held(every, self.held.noise)
-        bench = replace(self.bench, rows=held.train)
+        every, noisy = tuple(number([*self.candidates, *more])), beside or self
+        held = self.tables.held(every, noisy.held.noise)
+        bench = replace(noisy.bench, rows=held.train)
         return replace(self, held=held, candidates=every, bench=bench)
 
     def finer(self, finer: Finer) -> "Material":

@@ -9,9 +9,10 @@ bends that it has, not its columns, and a straight line costs no more than a spr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from identifiability.estimation.estimator import Estimate
 from identifiability.foundation.linalg import triangular_factor
@@ -51,10 +52,13 @@ class Bends:
     size: float
 
     @staticmethod
-    def of(Z: Array, y: Array, rows: Array) -> Bends | None:
-        """Return those of columns (R, k) and torque (R,) with bends (r, k); None without any."""
+    def of(Z: Array, y: Array, rows: Array, size: float | None = None) -> Bends | None:
+        """Return those of columns (R, k) and torque (R,) with bends (r, k); None without any.
+
+        The size is else that of these columns.
+        """
         data, penalty = Z.T @ Z, rows.T @ rows
-        size = float(np.trace(data)) / float(np.trace(penalty))
+        size = float(np.trace(data)) / float(np.trace(penalty)) if size is None else size
         if not size > 0:
             return None
         values, vectors = np.linalg.eigh(data / size + penalty)
@@ -86,8 +90,8 @@ class Bends:
 
 
 def is_smooth(c: Candidate) -> bool:
-    """Whether a candidate is a curve of neighbouring splines."""
-    return c.family.flexible and not c.family.unnamed and len(c.columns) > ORDER
+    """Whether a candidate is curves of neighbouring splines."""
+    return c.family.flexible and 0 < ORDER * c.effect.curves_apart < len(c.columns)
 
 
 def bend(k: int) -> Array:
@@ -100,24 +104,70 @@ def straight_lines(k: int) -> Array:
     return np.vander(np.arange(k) - (k - 1) / 2, ORDER)
 
 
-def list_curves(chosen: Sequence[Candidate], size: int) -> list[range]:
-    """Return the columns of each curve among some candidates, whose columns end at a number."""
+def bends_of(c: Candidate) -> Array:
+    """Return what gives the second differences of each curve of a candidate, (r, k)."""
+    return apart(c, bend)
+
+
+def lines_of(c: Candidate) -> Array:
+    """Return the values of straight lines, for each curve of a candidate, (k, l)."""
+    return apart(c, straight_lines)
+
+
+def apart(c: Candidate, make: Callable[[int], Array]) -> Array:
+    """Return a matrix of each curve of a candidate, side by side and one below the other."""
+    curves = c.effect.curves_apart
+    out: Array = block_diag(*[make(len(c.columns) // curves)] * curves)
+    return out
+
+
+@frozen
+class Curves:
+    """Columns of curves that are named as one, one curve after the other.
+
+    Attributes
+    ----------
+    columns : sequence of int
+    apart : int
+        How many curves these are.
+    """
+
+    columns: Sequence[int]
+    apart: int = 1
+
+    @property
+    def each(self) -> list[Sequence[int]]:
+        """The columns of each curve."""
+        width = len(self.columns) // self.apart
+        return [self.columns[k : k + width] for k in range(0, len(self.columns), width)]
+
+
+def list_curves(chosen: Sequence[Candidate], size: int) -> list[Curves]:
+    """Return the columns of the curves among some candidates, whose columns end at a number."""
     out, start = [], size - sum(len(c.columns) for c in chosen)
     for c in chosen:
         stop = start + len(c.columns)
         if is_smooth(c):
-            out.append(range(start, stop))
+            out.append(Curves(range(start, stop), c.effect.curves_apart))
         start = stop
     return out
 
 
-def list_bends(curves: Sequence[Sequence[int]], size: int) -> list[Array]:
-    """Return the bends of curves (r, size) of which the columns are told, one after the other."""
+def list_bends(curves: Sequence[Curves], size: int) -> list[Array]:
+    """Return the bends of curves (r, size), one after the other.
+
+    Where several curves are one effect, some of them may be nothing at all: the straight lines of
+    each are weighed, too [Marra & Wood 2011].
+    """
     out = []
-    for at in curves:
-        rows = np.zeros((len(at) - ORDER, size))
-        rows[:, list(at)] = bend(len(at))
-        out.append(rows)
+    for found in curves:
+        for at in found.each:
+            k = len(at)
+            lines = straight_lines(k) / np.linalg.norm(straight_lines(k), axis=0)
+            for own in (bend(k), lines.T)[: 1 if found.apart == 1 else 2]:
+                rows = np.zeros((len(own), size))
+                rows[:, list(at)] = own
+                out.append(rows)
     return out
 
 
@@ -186,17 +236,28 @@ def weigh_bends(factor: Array, bends: Sequence[Array]) -> Array:
     """
     m = factor.shape[1] - 1
     factor = triangular_factor(factor)
-    roots = [0.0] * len(bends)
-    for _ in range(ROUNDS if len(bends) > 1 else 1):
+    roots, several = [0.0] * len(bends), len(bends) > 1
+    # Of the data alone: what others weigh may be as if it were seen without end.
+    sizes = [_size(_apart(factor, own), own) if several else None for own in bends]
+    for _ in range(ROUNDS if several else 1):
         for k, own in enumerate(bends):
             others = [w * B for j, (w, B) in enumerate(zip(roots, bends, strict=True)) if j != k]
             beside = np.pad(np.concatenate([np.empty((0, m)), *others]), ((0, 0), (0, 1)))
-            at = np.flatnonzero(own.any(0))
-            rest = np.setdiff1d(np.arange(m), at)
-            order = np.concatenate([rest, at, [m]])
-            R = triangular_factor(np.concatenate([factor, beside])[:, order])
-            R = R[len(rest) :, len(rest) :]
-            found = Bends.of(R[:, :-1], R[:, -1], own[:, at])
+            R = _apart(np.concatenate([factor, beside]), own)
+            found = Bends.of(R[:, :-1], R[:, -1], own[:, own.any(0)], sizes[k])
             roots[k] = 0.0 if found is None else float(np.sqrt(found.weight * found.size))
     rows: Array = np.concatenate([w * B for w, B in zip(roots, bends, strict=True)])
     return rows
+
+
+def _apart(rows: Array, own: Array) -> Array:
+    """Return the factor of rows (·, m + 1) in the columns of some bends (r, m), beside all else."""
+    at = np.flatnonzero(own.any(0))
+    rest = np.setdiff1d(np.arange(own.shape[1]), at)
+    factor = triangular_factor(rows[:, np.concatenate([rest, at, [own.shape[1]]])])
+    return factor[len(rest) :, len(rest) :]
+
+
+def _size(factor: Array, own: Array) -> float:
+    """Return the squares of columns over those of bends."""
+    return float(np.sum(factor[:, :-1] ** 2) / np.sum(own**2))

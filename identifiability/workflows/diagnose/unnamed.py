@@ -106,7 +106,7 @@ def name_unnamed(
     if found is None:
         return material, naming
     again = found[1]
-    whole, chosen, p_values = name_curves(material, again)
+    whole, chosen, p_values = name_curves(material, again, wider)
     groups = {c.group for c in chosen}
     gone = [c for c in naming.chosen if c.group not in groups]
     left = keep_surviving(naming, gone, present, "a function without a name explains it better")
@@ -120,13 +120,14 @@ def name_unnamed(
 
 
 def name_curves(
-    material: Material, again: Naming
+    material: Material, again: Naming, wider: Material
 ) -> tuple[Material, tuple[Candidate, ...], Mapping[tuple[str, str], float]]:
     """Return what is chosen with functions, curves over the position by the name that they have.
 
     Whatever depends on the position of a joint alone is what that name means: where it may be
-    named, a function says no more. It has as many pieces as predict best, and the p-value. What
-    forces on the bodies say, and more, several joints feel: that keeps no name in one of them.
+    named, a function says no more. It has as many pieces as predict best, and the p-value. But a
+    constant is a function of anything; and what forces on the bodies say, and more, several joints
+    feel: that keeps no name in one of them.
 
     Returns
     -------
@@ -136,16 +137,18 @@ def name_curves(
         Of it.
     p_values : mapping of (family, place) to float
     """
-    found = whole, chosen, p_values = _name_curves(material, again, ())
+    curves = [c for c in again.chosen if c.family.name == CURVE]
+    but = {c.place for c in curves if not is_curved(wider, again.chosen, c)}
+    found = whole, chosen, p_values = _name_curves(material, again, wider, but)
     if all(c.slot in signature(again.chosen) for c in chosen):
         return found
     kept = keep_off_bodies(whole, Naming(chosen, p_values, ())).chosen
     shared = {c.place for c in chosen if c not in kept}
-    return _name_curves(material, again, shared) if shared else found
+    return _name_curves(material, again, wider, but | shared) if shared else found
 
 
 def _name_curves(
-    material: Material, again: Naming, but: Collection[str]
+    material: Material, again: Naming, wider: Material, but: Collection[str]
 ) -> tuple[Material, tuple[Candidate, ...], Mapping[tuple[str, str], float]]:
     """Return the same, whatever other joints feel, but for some joints."""
     taken = {c.group for c in again.chosen}
@@ -155,7 +158,8 @@ def _name_curves(
         if c.family.name == NAMED_CURVE and c.group not in taken and c.place not in but
     }
     left = [c for c in again.chosen if c.family.unnamed and c.group not in curves]
-    whole, p_values = material.extended(left), dict(again.p_values)
+    whole = material.extended(left, wider if left else None)
+    p_values = dict(again.p_values)
     options = []
     for c in again.chosen:
         name = curves.get(c.group)
@@ -170,6 +174,14 @@ def _name_curves(
             rest = [*chosen[:at], *chosen[at + 1 :]]
             chosen[at] = min(([*rest, o] for o in several), key=whole.held.error)[-1]
     return whole, tuple(chosen), p_values
+
+
+def is_curved(m: Material, chosen: Sequence[Candidate], function: Candidate) -> bool:
+    """Whether the data decide for a function over a constant, which any function contains."""
+    model = m.white.columns([c for c in chosen if c is not function])
+    constant = m.white.D[:, list(function.columns)].sum(1)  # splines add up to one
+    beside = np.column_stack([model, constant])
+    return float(score_candidates(m.white, beside, [function], null=False).fit[0]) > DECISIVE
 
 
 def several_curves(named: Sequence[Candidate]) -> Chosen:

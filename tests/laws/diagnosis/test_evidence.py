@@ -6,8 +6,9 @@ from scipy import stats
 from scipy.optimize import nnls
 
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
+from identifiability.foundation.shares import log_tail
 from identifiability.workflows.diagnose import evidence
-from identifiability.workflows.diagnose.evidence import Bench, Whitened, log_tail, score_candidates
+from identifiability.workflows.diagnose.evidence import Bench, Whitened, score_candidates
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.known_values import KnownValues
 from identifiability.workflows.diagnose.values import solve_values, undetermined
@@ -94,6 +95,28 @@ def test_several_columns_with_a_sign_score_what_nonnegative_levels_explain(rng, 
         s = score_candidates(w, model, [candidate("a", "all joints", 0, 1, positive=True)])
         assert s.fit[0] == pytest.approx(-stats.chi2.logsf(max(explained, 0.0), 2), abs=1e-6)
     assert checked > 5
+
+
+def test_a_straight_line_does_not_pay_for_the_bends_that_a_function_could_have(rng, candidate):
+    """Noise chooses as the data do, so that its scores are those of tails."""
+    K, x = 8, np.linspace(0.0, 1.0, R)
+    D = np.maximum(1.0 - np.abs(7 * x[:, None] - np.arange(K)), 0.0)  # broken lines
+    function = candidate("f", "j", *range(K), flexible=True, unnamed=True)
+    noise = rng.standard_normal((R, 400))
+    for bent in (0.0, 3.0):
+        y = 2.0 * x + bent * np.sin(20.0 * x) + rng.standard_normal(R)
+        w = Whitened(y=y, X=np.ones((R, 1)), D=D, scale=rng.standard_normal((R, 4000)), noise=noise)
+        found = score_candidates(w, w.X, [function])
+        line, whole = (np.linalg.qr(beside(w.X, A))[0] for A in (x[:, None], D[:, 1:]))
+        one, all_ = np.sum((line.T @ y) ** 2), np.sum((whole.T @ y) ** 2)
+        tails = [stats.chi2.logsf(one, 1), stats.chi2.logsf(all_, K - 1)]
+        best = -min(tails) - np.log(4)  # one direction, two, four, all
+        assert best - 1e-6 <= found.fit[0] < best + 3.0
+        if not bent:
+            assert found.fit[0] > 3.0 - tails[1]
+    for level in (0.3, 0.1, 0.02):
+        share = np.mean(found.null[0] > -np.log(level))
+        assert share < level + 3 * np.sqrt(level / 400)
 
 
 def test_what_the_model_contains_leaves_nothing_to_score(rng, candidate):

@@ -1,20 +1,27 @@
 """Curves cost the bends that they have: weights by brute force, fits by hand, rivals of springs."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from identifiability.effects import find_families
 from identifiability.effects.position_torque import cubic_piece
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.lookalikes import find_rivals
 from identifiability.workflows.diagnose.smooth import (
     WEIGHTS,
     Bends,
+    Curves,
     bend,
     is_smooth,
+    list_bends,
+    list_curves,
+    solve_with,
     straight_lines,
+    weigh_bends,
 )
 
 #: Splines of a curve.
@@ -32,10 +39,22 @@ def curve(candidate):
     return candidate("curve", "j", *range(K), flexible=True)
 
 
-def test_only_named_curves_of_more_than_a_line_are_smooth(candidate, curve):
+def apart(c, curves):
+    """The same splines as so many curves."""
+    return replace(c, effect=SimpleNamespace(curves_apart=curves))
+
+
+def test_only_curves_of_more_than_a_line_are_smooth(candidate, curve):
     assert is_smooth(curve)
     assert not is_smooth(replace(curve, columns=(0, 1)))
-    assert not is_smooth(candidate("f", "j", *range(K), flexible=True, unnamed=True))
+    assert is_smooth(candidate("f", "j", *range(K), flexible=True, unnamed=True))
+    assert not is_smooth(apart(curve, 4))  # of two splines each
+    assert not is_smooth(apart(curve, 0))
+    smooth = [f.name for f in find_families(None) if f.unnamed and f.effect.curves_apart]
+    assert {f.removeprefix("function_of_") for f in smooth} == {
+        "time", "velocity_and_time", "position", "position_and_velocity", "load",
+        "velocity_and_load",
+    }  # fmt: skip
     assert not is_smooth(candidate("f", "j", *range(K)))
     np.testing.assert_allclose(bend(K) @ straight_lines(K), 0.0, atol=1e-12)
     x = np.linspace(0.0, 1.0, 50)
@@ -81,6 +100,47 @@ def test_noise_costs_a_curve_a_straight_line_and_not_its_columns():
     lines = [b.squares.sum() for b in found if len(b.squares) == 2]
     assert stats.kstest(lines, stats.chi2(2).cdf).pvalue > 0.001
     assert Bends.of(np.zeros((80, K)), rng.standard_normal(80), bend(K)) is None
+
+
+def test_what_others_weigh_does_not_move_the_weight_of_bends():
+    rng = np.random.default_rng(3)
+    x = rng.random(80)
+    Z, rows, line = splines(x), bend(K), straight_lines(K).T
+    bent = 9.0 * np.sin(2.0 * np.arange(K))
+    y = Z @ (bent - np.linalg.pinv(line) @ line @ bent) + 0.1 * rng.standard_normal(80)
+    own = Bends.of(Z, y, rows)
+    factor = np.column_stack([Z, y])
+    for steep in (1.0, 1e3):  # in whatever unit; of lines that are weighed until they are nothing
+        found = weigh_bends(np.concatenate([factor, np.zeros((1, K + 1))]), [rows, steep * line])
+        weight = np.sum(found[: len(rows)] ** 2) / np.sum(rows**2)
+        assert 0.1 < weight / (own.weight * own.size) < 10.0
+
+
+def test_a_curve_that_is_not_there_brings_no_noise_beside_one_that_is(candidate):
+    """Three curves are one effect, and only the second of them is anything."""
+    rng = np.random.default_rng(7)
+    three = apart(candidate("f", "j", *range(3 * K), flexible=True, unnamed=True), 3)
+    (found,) = list_curves([three], 3 * K + 2)
+    assert [list(at) for at in found.each] == [
+        list(range(2 + K * k, 2 + K * (k + 1))) for k in range(3)
+    ]
+    x, other = rng.random((2, 200)), rng.standard_normal((2, 200, 2))
+    Z = [
+        np.column_stack([splines(u), splines(u) * v[:, :1], splines(u) * v[:, 1:]])
+        for u, v in zip(x, other, strict=True)
+    ]
+    true = 8.0 * np.sin(4.0 * x) * other[:, :, 0]
+    y = true[0] + rng.standard_normal(200)
+    size = []
+    for curves in (
+        [replace(found, columns=range(3 * K))],
+        [Curves(at) for at in replace(found, columns=range(3 * K)).each],
+    ):
+        rows = weigh_bends(np.column_stack([Z[0], y]), list_bends(curves, 3 * K))
+        value = solve_with(np.column_stack([Z[0], y]), rows)
+        size.append(np.linalg.norm(value[:K]) + np.linalg.norm(value[2 * K :]))
+        assert np.linalg.norm(Z[1] @ value - true[1]) < 0.2 * np.linalg.norm(true[1])
+    assert size[0] < 0.3 * size[1]
 
 
 @pytest.mark.parametrize("order", [1, -1])

@@ -131,41 +131,6 @@ def test_a_function_is_given_for_two_names_of_one_position_unless_the_data_decid
     assert chosen == ((function,) if given else tuple(two[:names]))
 
 
-@pytest.mark.parametrize(("known", "shared"), [(True, False), (True, True), (False, False)])
-def test_a_function_of_the_position_has_the_name_of_a_curve_where_it_may_have_it(
-    monkeypatch, candidate, known, shared
-):
-    """It may not where forces on the bodies, which other joints feel as well, say what it does."""
-    function, other = (
-        candidate(f"function_of_{of}", "j", k, unnamed=True, against=of)
-        for k, of in enumerate(("position", "load"))
-    )
-    coarse, fine = (candidate("position_torque", "j", k, k + 1, flexible=True) for k in (2, 4))
-    coarse, fine = replace(coarse, shape=2.0), replace(fine, shape=1.0)
-    away = candidate("position_torque", "l", 6, 7, flexible=True)
-    names = (coarse, fine, away) if known else (away,)
-
-    def extended(found):
-        held = SimpleNamespace(error=lambda chosen: 0.9 if fine in chosen else 1.0)
-        return SimpleNamespace(candidates=(*names, *found), held=held)
-
-    def off_bodies(_, naming):
-        kept = [c for c in naming.chosen if not shared or c.family.name != "position_torque"]
-        return replace(naming, chosen=tuple(kept))
-
-    monkeypatch.setattr(unnamed, "keep_off_bodies", off_bodies)
-    m = SimpleNamespace(candidates=names, extended=extended)
-    known = known and not shared
-    again = Naming((function, other), {function.group: 0.01, other.group: 0.02}, ())
-    whole, chosen, p_values = unnamed.name_curves(m, again)
-    assert chosen == ((fine if known else function), other)
-    assert p_values[chosen[0].group] == 0.01
-    assert (function in whole.candidates) != known  # what it is called by name is no rival
-    if known:  # not twice
-        beside = replace(again, chosen=(coarse, function))
-        assert unnamed.name_curves(m, beside)[1] == (coarse, function)
-
-
 def searched(monkeypatch, name, function, search, gain, fits=True, bench=None, left=True):
     """Return what is named where a search finds a function beside a name or in its stead."""
     names = name if isinstance(name, tuple) else (name,)
@@ -174,7 +139,7 @@ def searched(monkeypatch, name, function, search, gain, fits=True, bench=None, l
     structure = SimpleNamespace(present=())
     setting = SimpleNamespace(rules=Rules(), structure=structure)
     material = SimpleNamespace(setting=setting, held=None, candidates=(*names, function))
-    material.anew, material.extended = lambda *_: wider, lambda found: material
+    material.anew, material.extended = lambda *_: wider, lambda *_: material
 
     def name_effects(bench, options, held, rules, present, say, start):
         return Naming(search(tuple(start)), {}, ())
@@ -183,7 +148,7 @@ def searched(monkeypatch, name, function, search, gain, fits=True, bench=None, l
         "find_families": lambda _: [function.family], "what_is_left": lambda *_: left,
         "name_effects": name_effects, "_begin": lambda *_: [],
         "keep_fitting": lambda m, named, level: tuple(named) * fits, "_nearest": lambda *_: (),
-        "gain_over": lambda *_: gain,
+        "gain_over": lambda *_: gain, "is_curved": lambda *_: True,
     }  # fmt: skip
     for what, stub in told.items():
         monkeypatch.setattr(unnamed, what, stub)
