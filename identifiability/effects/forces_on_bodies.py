@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.effects.effect import Effect
-from identifiability.effects.nominal import project, tree_motion
+from identifiability.effects.nominal import project, reference_values, tree_motion
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
 from identifiability.robot import Motion, Robot
 
@@ -17,9 +17,11 @@ AT_ONCE = 512
 
 
 class ForcesOnBodies(Effect):
-    """``τ = K(q, 0, 0; g) π`` for gravity along each axis of the base, whatever the masses are.
+    """``τ = K(q, 0, 0; g) π`` of each body by itself, for gravity along each axis of the base.
 
-    It is in no dictionary: dozens of columns together are what one name would say.
+    It is in no dictionary: a dozen columns together are what one name would say. Forces are as
+    large as what the file says of the bodies: of those that pull at a mass and at each of its first
+    moments as they please there are four times as many, among which one cause is lost.
     """
 
     name = "forces_on_bodies"
@@ -27,24 +29,25 @@ class ForcesOnBodies(Effect):
     source = "gravity enters the equations linearly [Khalil 2002, Eq. 9.34]"
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return mass and first moments of every body, times each component of gravity."""
-        units = ("N", *3 * ("N·m",))
+        """Return each component of a gravity that acts on one body."""
         return tuple(
-            Parameter(body, f"{kind}_g{axis}", unit, self.name)
+            Parameter(body, f"g{axis}", "m/s²", self.name)
             for axis in "xyz"
             for body in robot.bodies
-            for kind, unit in zip(PULLED, units, strict=True)
         )
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write the torque at rest, 4 columns a body and direction.
+        """Write the torque at rest, one column a body and direction.
 
         With gravity the energy is ``−g·S(q) π``, S π being the first moment of all bodies in the
         base. What lies at r in it moves by ``v + ω × r`` with a joint that carries it.
         """
-        model = _of_mass_one(robot)
+        model, known = _of_mass_one(robot), reference_values(robot)
         data, carried = model.createData(), _carried(model)
-        size = carried.shape[1]
+        size, count, bodies = carried.shape[1], len(PULLED), len(robot.bodies)
+        values = np.array(
+            [[known.get(f"{b}.{kind}", 0.0) for kind in PULLED] for b in robot.bodies]
+        )
         for start in range(0, len(motion), AT_ONCE):
             part = motion[start : start + AT_ONCE]
             S, J = np.empty((len(part), 3, size)), np.empty((len(part), 6, model.nv))
@@ -52,12 +55,13 @@ class ForcesOnBodies(Effect):
                 S[k] = pin.computeStaticRegressor(model, data, q)
                 J[k] = pin.computeJointJacobians(model, data, q)
             moved = np.cross(J[:, 3:, :, None], S[:, :, None, :], axis=1)
-            moved[..., :: len(PULLED)] += J[:, :3, :, None]  # directions only turn
+            moved[..., ::count] += J[:, :3, :, None]  # directions only turn
             moved *= -carried
+            pulled = (moved.reshape(*moved.shape[:3], -1, count) * values).sum(-1)
             for axis in range(3):
-                for k in range(size):
-                    tau = project(robot, part, moved[:, axis, :, k])
-                    out[start : start + AT_ONCE, :, axis * size + k] = tau
+                for k in range(bodies):
+                    tau = project(robot, part, pulled[:, axis, :, k])
+                    out[start : start + AT_ONCE, :, axis * bodies + k] = tau
 
 
 def _of_mass_one(robot: Robot) -> pin.Model:

@@ -25,6 +25,7 @@ from identifiability.workflows.diagnose.material import Material, Setting, gathe
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.odd_log import OddLog, still_odd
 from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.stand_ins import keep_no_stand_ins
 from identifiability.workflows.diagnose.stress import stress_named
 from identifiability.workflows.diagnose.unnamed import name_unnamed
 
@@ -143,7 +144,8 @@ class Search:
 
 def _keep(m: Material, naming: Naming) -> Naming:
     """Return a naming without names that are not what is missing, in their joint or in several."""
-    return keep_off_bodies(m, keep_unbeaten(m, keep_complete(m, naming)))
+    naming = keep_unbeaten(m, keep_complete(m, naming))
+    return keep_off_bodies(m, keep_no_stand_ins(m, naming))
 
 
 def drop(several: Sequence[T], number: int) -> tuple[T, ...]:

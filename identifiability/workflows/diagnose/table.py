@@ -25,8 +25,6 @@ from identifiability.workflows.diagnose.dictionary import Dictionary, Entries, c
 from identifiability.workflows.diagnose.known_values import KnownValues
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 
-#: Squares of the largest direction of some columns below which others make a direction up.
-SAME = 1e-10
 #: What a candidate's columns depend on along some logs: family, place, kinds and shape.
 Key = tuple[str, str, tuple[str, ...], float | None]
 
@@ -125,19 +123,14 @@ class Table:
 
     @cached_property
     def forces(self) -> Array:
-        """Torque of forces on the bodies in any direction, as few columns as say it, (N, n, k)."""
+        """Torque of forces on the bodies in any direction, (N, n, k)."""
         effect = ForcesOnBodies()
         named = effect.parameters(self.robot)
         parts = [(Part(effect, p.owner, (p.kind,)), [k]) for k, p in enumerate(named)]
         found = np.zeros((len(self.bare), self.bare.joints, len(named)))
         for (j, k), x in compute_entries(self.robot, parts, self.samples).items():
             found[:, j, k] = x
-        flat = found.reshape(-1, len(named))
-        size = np.linalg.norm(flat, axis=0)
-        flat = flat[:, size > 0] / size[size > 0]
-        squares, V = np.linalg.eigh(flat.T @ flat)
-        own: Array = flat @ V[:, squares > SAME * squares.max(initial=0.0)]
-        return own.reshape(*found.shape[:2], -1)
+        return found[:, :, found.any(axis=(0, 1))]
 
     @cached_property
     def _known(self) -> dict[Key, Entries]:

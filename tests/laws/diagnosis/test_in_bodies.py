@@ -11,6 +11,7 @@ from identifiability.robot import Robot
 from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.gates import Naming
 from identifiability.workflows.diagnose.in_bodies import find_on_bodies, keep_off_bodies
+from identifiability.workflows.diagnose.material import Rules
 
 N, JOINTS = 400, 2
 FORCE = ((1, 1), 0)
@@ -18,10 +19,10 @@ HERE, THERE = ((1, 0), 0), ((0, 1), 0)
 
 
 @pytest.fixture
-def material(world, rows_of, white_noise):
+def material(world, candidate, rows_of, white_noise):
     """Rows of joints from levels of e0 and e1 in each; columns from signs of one in each."""
 
-    def made(levels, names, forces=(FORCE,), spread=1.0, bent=0.0):
+    def made(levels, names, forces=(FORCE,), spread=1.0, bent=0.0, tried=1):
         e, rng = world.basis, np.random.default_rng(1)
         quiet = rng.standard_normal((N, JOINTS))
         q = np.column_stack([np.sin(0.2 * np.arange(N)), np.cos(0.3 * np.arange(N))])
@@ -43,6 +44,8 @@ def material(world, rows_of, white_noise):
         return SimpleNamespace(
             train=rows, noise=noise, bench=Bench(rows, noise, simulated),
             tables=SimpleNamespace(train=SimpleNamespace(forces=F)),
+            candidates=[candidate("tried", f"{k}", 0) for k in range(tried)],
+            setting=SimpleNamespace(rules=Rules()),
         )  # fmt: skip
 
     return made
@@ -59,6 +62,23 @@ def material(world, rows_of, white_noise):
 def test_a_name_goes_if_forces_surely_say_what_it_does_and_more(material, candidate, levels, gone):
     name = candidate("spring", "j", 0, against="position")
     assert find_on_bodies(material(levels, [HERE]), [name], [name]) == [name] * gone
+
+
+@pytest.mark.parametrize(("tried", "least"), [(1, 5.6), (100, 12.1)])
+def test_a_name_stays_that_stands_out_of_so_many_beside_forces(material, candidate, tried, least):
+    """It says (x − y)² / 2 there; of a hundred names the best says 12.1 one time of twenty."""
+    name = candidate("spring", "j", 0)
+    for squares, gone in ((0.8 * least, True), (1.25 * least, False)):
+        levels = [(14, 14 - (2 * squares) ** 0.5), (0, 0)]
+        found = find_on_bodies(material(levels, [HERE], tried=tried), [name], [name])
+        assert found == [name] * gone
+
+
+def test_no_forces_are_no_reason(material, candidate):
+    name = candidate("spring", "j", 0)
+    m = material([(10, 10), (0, 0)], [HERE])
+    m.tables.train.forces = np.empty((N, JOINTS, 0))
+    assert find_on_bodies(m, [name], [name]) == []
 
 
 def test_a_name_of_what_no_force_is_stays_beside_one(material, candidate):
@@ -114,16 +134,18 @@ def test_one_joint_with_two_names_is_no_reason(material, candidate):
      ({"against": "position"}, "shoulder", "rigid_body", True, False),
      ({"against": "position"}, "shoulder", "viscous_friction", False, False),
      ({"against": "position", "dry": True}, "shoulder", "rigid_body", False, False),
+     ({"against": "load"}, "shoulder", "rigid_body", False, True),
+     ({"against": "load", "dry": True}, "shoulder", "rigid_body", False, False),
      ({"against": "position", "unnamed": True}, "shoulder", "rigid_body", False, False),
      ({"against": "velocity"}, "shoulder", "rigid_body", False, False)],
 )  # fmt: skip
-def test_names_of_posture_are_asked_for_where_masses_are_fitted(
+def test_names_of_posture_and_load_are_asked_for_where_masses_are_fitted(
     material, candidate, flags, place, model, fixed, gone
 ):
     name = candidate("spring", place, 0, **flags)
     m = material([(10, 10), (0, 0)], [HERE])
     m.setting = SimpleNamespace(
-        structure=Structure.of(Robot.load("two-link"), Model.of(model)), fixed=fixed
+        structure=Structure.of(Robot.load("two-link"), Model.of(model)), fixed=fixed, rules=Rules()
     )
     kept = keep_off_bodies(m, Naming((name,), {}, ())).chosen
     assert kept == (() if gone else (name,))
@@ -133,5 +155,5 @@ def test_a_constant_force_on_an_axis_without_a_motor_is_one_of_posture(material,
     force = candidate("constant_force", "platform", 0, against="velocity")
     m = material([(10, 10), (0, 0)], [HERE])
     structure = Structure.of(Robot.load("two-link"), Model.of("rigid_body"))
-    m.setting = SimpleNamespace(structure=structure, fixed=False)
+    m.setting = SimpleNamespace(structure=structure, fixed=False, rules=Rules())
     assert keep_off_bodies(m, Naming((force,), {}, ())).chosen == ()
