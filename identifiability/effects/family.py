@@ -99,7 +99,7 @@ class Family:
         By default every actuated joint and coupled motor.
     shapes : callable(Span) -> shapes, optional
         The grid that the shape is searched on; without one it is what robot file or ladder state.
-    against : {"velocity", "position", "load", "time"}
+    against : {"velocity", "position", "load", "time", "session"}
         Over what its curve is drawn.
     separate : bool
         Whether each column is a candidate of its own, else they come together.
@@ -145,7 +145,7 @@ class Family:
     title: str
     places: Callable[[Robot], tuple[str, ...]] = joint_places
     shapes: Callable[[Span], tuple[float, ...]] | None = None
-    against: Literal["velocity", "position", "load", "time"] = "velocity"
+    against: Literal["velocity", "position", "load", "time", "session"] = "velocity"
     separate: bool = False
     alike: bool = False
     fixed_only: bool = False

@@ -33,6 +33,18 @@ def splines(u: Array, pieces: int = PIECES) -> Array:
     return found
 
 
+def straight_beyond(u: Array, pieces: int = PIECES) -> Array:
+    """Return the same splines of u (N,), which beyond their ends go straight on, (N, pieces + 2).
+
+    At an end the slope of a curve is the difference of its two last values over a step.
+    """
+    found, over = splines(u, pieces), (np.abs(u) - 1.0).clip(min=0.0) * (pieces / 2.0)
+    for end, before, here in ((-1, -2, u > 0), (0, 1, u < 0)):
+        found[here, end] += over[here]
+        found[here, before] -= over[here]
+    return found
+
+
 def fine_at_rest(speed: Array, largest: float) -> Array:
     """Return the root of speeds (N,) over the largest one: friction changes most at rest."""
     found: Array = np.sign(speed) * np.sqrt(np.abs(speed) / largest)

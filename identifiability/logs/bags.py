@@ -94,7 +94,8 @@ def read_bag(
     Returns
     -------
     DataFrame
-        ``t`` [s] from the first message on, ``<joint>.q``, ``<joint>.dq``, ``<joint>.tau``.
+        ``t`` [s] from the first message on, ``<joint>.q``, ``<joint>.dq``, ``<joint>.tau``; the
+        stamp of the first message [s] is ``attrs["start"]``.
 
     Raises
     ------
@@ -223,7 +224,9 @@ def _collect(
     for channel in FIELDS:
         if channel != "dq" or known["dq"][driven].all():  # else velocities that nobody measured
             columns |= {f"{wanted[k]}.{channel}": values[channel][:, k] for k in driven}
-    return pd.DataFrame(columns)
+    frame = pd.DataFrame(columns)
+    frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
+    return frame
 
 
 def _joined(rows: Sequence[Array | None], joints: int) -> Array:

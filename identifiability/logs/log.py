@@ -50,16 +50,16 @@ class Log:
         Joints (or motors) in column order.
     t : (N,) [s]
     q, tau : (N, n) [rad or m; N·m or N]
-    dq, ddq : (N, n) or None
-        Derivatives, where the log has them for every joint.
+    dq, ddq, q_ref : (N, n) or None
+        Derivatives and commanded positions, where the log has them for every joint.
     sha256 : str
         Hash of the file, or of the values for a DataFrame.
     notes : tuple of str
         What was read otherwise than literally, half a sentence each.
-    q_ref : (N, n) or None
-        Commanded positions, where the log has them for every joint.
     motion_alone : bool
         Whether it came without torque, for which zeros stand.
+    start : float or None [s]
+        What its times count from, on a clock that other logs share, such as seconds since 1970.
     """
 
     name: str
@@ -73,6 +73,7 @@ class Log:
     notes: tuple[str, ...] = ()
     q_ref: Array | None = None
     motion_alone: bool = False
+    start: float | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -97,7 +98,7 @@ class Log:
         digest, _ = scan_file(Path(path), reading.add, reading.known)
         values = reading.finish()
         log = build_log(Path(path).name, reading.naming, values, digest)
-        return replace(log, motion_alone=bool(reading.made))
+        return replace(log, motion_alone=bool(reading.made), start=reading.start)
 
     @staticmethod
     def from_frame(
@@ -118,7 +119,7 @@ class Log:
         reading = Reading(name, conventions or Conventions())
         reading.add(frame)
         columns = reading.finish()
-        log = build_log(name, reading.naming, columns, "")
+        log = replace(build_log(name, reading.naming, columns, ""), start=reading.start)
         values = log.to_frame()
         digest = hashlib.sha256(",".join(values.columns).encode())
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
@@ -203,8 +204,7 @@ class Log:
         LogError
             If samples are missing. A step is a gap when it stands out from the jitter.
         """
-        windows = [self.rows(a, b) for a, b in signals.spread_windows(len(self))]
-        steps = np.concatenate([np.diff(w.t) for w in windows])
+        steps = np.concatenate([np.diff(self.t[a:b]) for a, b in signals.spread_windows(len(self))])
         dt = float(np.median(steps))
         usual = float(np.quantile(np.abs(steps / dt - 1), 0.95))
         worst = max(self.clock.longest, self.clock.shortest, key=lambda s: abs(s.length / dt - 1))

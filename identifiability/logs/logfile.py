@@ -55,6 +55,8 @@ class LogFile:
         Wrong values of each column, and those that are replaced when it is read.
     wraps, unwrapped : mapping of str to Wraps
         Jumps by a turn of each column of angles, and those that are undone when it is read.
+    start : float or None [s]
+        As of a `Log`.
     """
 
     name: str
@@ -71,6 +73,7 @@ class LogFile:
     mended: Mapping[str, tuple[Spike, ...]] = field(default_factory=dict)
     wraps: Mapping[str, Wraps] = field(default_factory=dict)
     unwrapped: Mapping[str, Wraps] = field(default_factory=dict)
+    start: float | None = None
 
     @property
     def motion_alone(self) -> bool:
@@ -134,6 +137,7 @@ class LogFile:
             stamp=stamp,
             spikes={c: tuple(reading.finders[c].finish()) for c in known if c != "t"},
             wraps={c: w for c, f in reading.turns.items() if (w := f.finish()) is not None},
+            start=reading.start,
         )
 
     def rows(self, start: int, stop: int) -> Log:
@@ -218,7 +222,8 @@ class LogFile:
     def _log(self, values: Array, start: int) -> Log:
         given = zip(self.naming.columns, values.T, strict=True)
         columns = {c.name: self._settle(c, x, start) for c, x in given}
-        return build_log(self.name, self.naming, columns, self.sha256)
+        log = build_log(self.name, self.naming, columns, self.sha256)
+        return replace(log, start=self.start)
 
     def _settle(self, column: Column, values: Array, start: int) -> Array:
         """Return values of a column, (N,) from row `start` on, in SI units and without faults."""

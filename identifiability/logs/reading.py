@@ -19,7 +19,7 @@ from identifiability.logs.measured import call_currents, missing_torque, settle_
 from identifiability.logs.naming import Naming, name_columns
 from identifiability.logs.rates import LACKING, unify_rates
 from identifiability.logs.spikes import SpikeFinder
-from identifiability.logs.times import as_times, settle_time
+from identifiability.logs.times import as_times, settle_time, start_of
 from identifiability.logs.wraps import WrapFinder
 
 if TYPE_CHECKING:
@@ -90,11 +90,14 @@ class Reading:
         Whether any torque is not zero.
     made : list of str
         Columns of zeros that stand for the torque of a table that holds motion alone.
+    start : float or None [s]
+        As of a `Log`: what the times count from, by themselves or as the table says (``attrs``).
     """
 
     def __init__(self, source: str, known: Conventions, *, keep: bool = True) -> None:
         self.source, self.known, self.keep = source, known, keep
         self._naming, self._form = Naming((), ()), PLAIN
+        self.start: float | None = None
         self.numbers: dict[str, Numbers] = {}
         self.finders: dict[str, SpikeFinder] = {}
         self.turns: dict[str, WrapFinder] = {}
@@ -115,6 +118,7 @@ class Reading:
         LogError
             If a column is missing, there twice, or of another kind altogether.
         """
+        start = frame.attrs.get("start")
         frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
         self._form = form
         if self.known.motion_alone:
@@ -122,6 +126,8 @@ class Reading:
             frame = frame.assign(**dict.fromkeys(self.made, 0.0))
         if not self._naming.columns:
             self._begin(frame)
+            found = start_of(self._naming)
+            self.start = start if found is None else found
         self._follow_labels(frame)
         for known in self._naming.columns:
             column, numbers = known.name, self.numbers[known.name]

@@ -82,6 +82,13 @@ def settle_time(naming: Naming, first: pd.DataFrame, source: str, known: Convent
     return _with(naming, replace(time, factor=factor, offset=offset), *notes)
 
 
+def start_of(naming: Naming) -> float | None:
+    """Return the seconds since 1970 that a log's times count from; None where they do not say."""
+    time = next(c for c in naming.columns if c.name == "t")
+    seconds = time.offset * time.factor if time.dates is None else time.dates * 1e-9
+    return seconds if EPOCH[0] < seconds < EPOCH[1] else None
+
+
 def as_dates(given: pd.Series, start: int) -> pd.Series | None:
     """Return dates, durations or texts of ISO 8601 in ns after `start`, as whole numbers.
 

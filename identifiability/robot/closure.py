@@ -49,6 +49,8 @@ class Motion:
     near_singular : (S,) int
         Samples of the log with a condition number above `SINGULAR`, and those before which the
         determinant of A_e changed its sign: a singular configuration was passed.
+    start : float or None [s]
+        What its times count from on the clock of a session; None where logs do not share one.
     """
 
     t: Array
@@ -63,6 +65,7 @@ class Motion:
     dropped: np.ndarray
     condition: float = 1.0
     near_singular: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    start: float | None = None
 
     @property
     def singular(self) -> int:

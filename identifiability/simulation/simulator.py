@@ -172,7 +172,7 @@ class Campaign:
         *,
         derivatives: bool = False,
     ) -> list[Log]:
-        """Return one noisy log a motion.
+        """Return one noisy log a motion, each from zero on; all start on one clock.
 
         Parameters
         ----------
@@ -191,5 +191,6 @@ class Campaign:
         for k, move in enumerate(self.moves):
             tau = noise.on_torque(clean[self.log == k], rng, level)
             named = replace(move, t=move.t - move.t[0], name=f"motion {k + 1}")
-            out.append(_record(self.robot, named, tau, noise, rng, derivatives=derivatives))
+            log = _record(self.robot, named, tau, noise, rng, derivatives=derivatives)
+            out.append(replace(log, start=float(self.move.t[np.argmax(self.log == k)])))
         return out

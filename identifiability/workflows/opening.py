@@ -28,6 +28,7 @@ from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
 from identifiability.logs.prepare.survey import explain_silence, torque_varies
 from identifiability.logs.repeats import Recording, check_held_out, drop_repeats
+from identifiability.logs.session import share_clock
 from identifiability.logs.unwrap import unwrap_logs
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.regression import Regression
@@ -137,7 +138,7 @@ def read_logs(logs: Logs, known: Conventions) -> list[Log | LogFile]:
 def read_recordings(
     logs: Logs, validate: Logs = (), known: Conventions | None = None
 ) -> Recordings:
-    """Return fitted and held-out logs, every row once and without wrong samples.
+    """Return fitted and held-out logs, every row once and without wrong samples, on one clock.
 
     Parameters
     ----------
@@ -155,7 +156,7 @@ def read_recordings(
     if not train:
         raise LogError("No log was given; give at least one.")
     check_held_out(train, held)
-    whole, turned = unwrap_logs([*train, *held])
+    whole, turned = unwrap_logs(share_clock([*train, *held]))
     mended, wrong = mend_logs(whole)
     fitted, unseen, hints = drop_repeats(mended[: len(train)], mended[len(train) :])
     read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held) if log.notes)

@@ -1,5 +1,7 @@
 """Families: columns agree with the simulator's laws, places make sense, users add their own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -93,10 +95,11 @@ def test_effects_dissipate_or_conserve_as_their_names_say(robot):
 
 def test_every_joint_of_every_robot_has_candidates_or_a_reason(robot):
     motion = random_motion(robot, np.random.default_rng(0), 50)
+    session = [replace(motion, start=start) for start in (0.0, 60.0, 120.0)]
     present = Structure.of(robot, Model.of("rigid_body")).present
     for fixed in (False, True):
         candidates, refused = list_candidates(
-            robot, find_families(None), present, [motion], fixed=fixed
+            robot, find_families(None), present, session, fixed=fixed
         )
         seen = {c.family.name for c in candidates} | {r.family for r in refused}
         assert seen >= set(FAMILIES) - {"rigid_body"}

@@ -38,6 +38,7 @@ def test_a_bag_is_the_log_that_was_recorded(storage, frame, states, write_bag):
         # q, dq and tau are doubles in the message; time is cut to a nanosecond.
         pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
         np.testing.assert_allclose(log.t, frame["t"] - frame["t"][0], rtol=0, atol=1.1e-9)
+        assert log.start == pytest.approx(1_700_000_000.123456789 + frame["t"][0], abs=1e-6)
 
 
 def test_joints_in_another_order_and_messages_out_of_order_do_not_matter(frame, states, write_bag):

@@ -36,7 +36,7 @@ def complete_along(
     if len(found) < (1.0 - OPEN) * len(measured):
         return None
     if len(found) == len(measured):
-        return replace(found, kept=measured.kept)
+        return replace(found, kept=measured.kept, start=measured.start)
     return put(measured if instead is None else instead, found.kept, found)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -246,7 +246,8 @@ def prepare_rows(
     if left.any():
         motion, tau = motion[~left], tau[~left]
     rows = ("kept", "dropped", "near_singular")
-    motion = replace(motion, **{k: getattr(motion, k) + origin + part.start for k in rows})
+    moved = {k: getattr(motion, k) + origin + part.start for k in rows}
+    motion = replace(motion, **moved, start=log.start)
     samples = Samples(log.name, motion, tau, plan.decimation, (), log.sha256, own, plan.cutoff)
     return replace(samples, lost=lost, breaks=breaks, hints=plan.hints)
 
@@ -272,7 +273,7 @@ def join_motions(motions: Sequence[Motion]) -> Motion:
     first, none = motions[0], np.empty(0, int)
     names = ("t", "q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "kept", "X")
     known = [n for n in names if getattr(first, n) is not None]
-    joined = {n: np.concatenate([getattr(m, n) for m in motions]) for n in known}
+    joined: dict[str, Any] = {n: np.concatenate([getattr(m, n) for m in motions]) for n in known}
     condition = max(m.condition for m in motions)
     return replace(first, **joined, condition=condition, dropped=none, near_singular=none)
 

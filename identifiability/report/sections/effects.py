@@ -73,7 +73,8 @@ def _curves(d: Diagnosis) -> Gallery:
     pictures = []
     for c in d.curves[:SHOWN]:
         other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
-        labels = (f"{c.against}{other} [{_unit(d, c)}]", f"torque [{units[c.joint]}]")
+        over = "time of the session" if c.against == "session" else c.against
+        labels = (f"{over}{other} [{_unit(d, c)}]", f"torque [{units[c.joint]}]")
         title = f"{c.title}, {d.robot.joints[c.joint]}"
         figure = draw_curve(c.x, c.learned, c.spread, c.data, title, labels)
         pictures.append(picture("curve", figure, title=title))
@@ -83,7 +84,8 @@ def _curves(d: Diagnosis) -> Gallery:
 def _unit(d: Diagnosis, c: Curve) -> str:
     speed, torque = velocity_units(d.robot)[c.of], torque_units(d.robot)[c.of]
     position = speed.removesuffix("/s")
-    return {"velocity": speed, "position": position, "time": "s", "load": torque}[c.against]
+    seconds = {"time": "s", "session": "s"}
+    return {"velocity": speed, "position": position, "load": torque, **seconds}[c.against]
 
 
 def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:

@@ -80,7 +80,7 @@ class Curve:
     title : str
     joint, of : int
         Actuated joint where it is largest, and joint whose motion it is drawn over.
-    against : {"velocity", "position", "load", "time"}
+    against : {"velocity", "position", "load", "time", "session"}
     x, learned, spread, data : (N,)
         Motion, torque of the effect, its standard error, and the residual without the effect.
     """

@@ -105,7 +105,7 @@ def _asks(material: Material, naming: Naming) -> bool:
     return any(is_curve(c) for c in naming.chosen) or what_is_left(material, naming)
 
 
-def what_is_left(material: Material, naming: Naming) -> bool:
+def what_is_left(material: Material, naming: Naming, causes: Sequence[str] = CAUSES) -> bool:
     """Whether the residual of any joint depends on anything beside what was named.
 
     Two criteria, for neither sees what the other does: both only say whether a search is worth its
@@ -119,7 +119,7 @@ def what_is_left(material: Material, naming: Naming) -> bool:
     left = material.held.fitted_residual(naming.chosen)
     joints = material.setting.structure.robot.joints
     found = find_discrepancies(material.train, left, joints)
-    if any(d.explained[cause] > NOTABLE for d in found for cause in CAUSES):
+    if any(d.explained.get(cause, 0.0) > NOTABLE for d in found for cause in causes):
         return True
     return material.remains(naming.chosen).anything
 

@@ -45,7 +45,7 @@ class Discrepancy:
         Mean square near reversals over that elsewhere.
     explained : mapping
         Share of the residual's variance that its averages over bins of velocity, position,
-        acceleration, load, time and log explain, beyond what white noise would.
+        acceleration, load, time, log and session explain, beyond what white noise would.
     memory : float [samples]
         Integrated autocorrelation time.
     """

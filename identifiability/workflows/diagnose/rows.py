@@ -104,6 +104,8 @@ class Rows:
         Motion of the actuated joints, filtered like the columns.
     measured, raw : (N, n) [N·m or N]
         Measured torque, all of it: filtered like the columns, and as it was measured.
+    session : (N,) or None [s]
+        Time of the session, where logs share a clock.
     root : (d, b) or None
         What is known beforehand of the values of the model: observations of zero, each in units of
         its standard deviation. None where nothing is, or they are no question at all.
@@ -121,6 +123,7 @@ class Rows:
     measured: Array
     raw: Array
     root: Array | None = None
+    session: Array | None = None
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -165,6 +168,7 @@ class Rows:
             "load": self.measured[:, j],
             "time": self.t,
             "log": self.log,
+            **({} if self.session is None else {"session": self.session}),
         }
 
 

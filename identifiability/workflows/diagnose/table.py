@@ -15,6 +15,7 @@ import numpy as np
 
 from identifiability.effects import Part
 from identifiability.effects.forces_on_bodies import ForcesOnBodies
+from identifiability.effects.function_of_session_time import has_session
 from identifiability.estimation.noise.residual_noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -68,8 +69,11 @@ class Table:
         D = Dictionary(len(tau), tau.shape[1], 0)
         t = np.concatenate([s.output_times() for s in samples])
         q, dq, ddq = np.split(np.concatenate([_states(s) for s in samples]), 3, axis=1)
+        session = None
+        if has_session([s.motion for s in samples]):
+            session = np.concatenate([s.output_times() + (s.motion.start or 0.0) for s in samples])
         bare = Rows(target, X, D, t, log, find_runs(samples), q, dq, ddq, tau, raw, root)
-        return Table(structure.robot, tuple(samples), bare)
+        return Table(structure.robot, tuple(samples), replace(bare, session=session))
 
     def rows(self, candidates: Sequence[Candidate], *, later: bool = False) -> Rows:
         """Return the rows with the columns of some candidates, by the numbers that these have.

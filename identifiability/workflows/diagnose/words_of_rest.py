@@ -15,6 +15,7 @@ ROUNDING = 1e-9
 #: What a residual looks like that depends on one of these; a function of any other.
 LOOKS = {
     "time": "a drift over time",
+    "session": "a drift over the session",
     "log": "a difference between the logs",
     "load": "something that goes with the load",
 }

@@ -53,7 +53,7 @@ def test_only_curves_of_more_than_a_line_are_smooth(candidate, curve):
     smooth = [f.name for f in find_families(None) if f.unnamed and f.effect.curves_apart]
     assert {f.removeprefix("function_of_") for f in smooth} == {
         "time", "velocity_and_time", "position", "position_and_velocity", "load",
-        "velocity_and_load",
+        "velocity_and_load", "session_time",
     }  # fmt: skip
     assert not is_smooth(candidate("f", "j", *range(K)))
     np.testing.assert_allclose(bend(K) @ straight_lines(K), 0.0, atol=1e-12)

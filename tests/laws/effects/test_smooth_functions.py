@@ -1,5 +1,7 @@
 """Functions without a name: splines of what they depend on, each by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,10 +12,11 @@ from identifiability.effects.function_of_position import FunctionOfPosition
 from identifiability.effects.function_of_position_and_velocity import (
     FunctionOfPositionAndVelocity,
 )
+from identifiability.effects.function_of_session_time import FunctionOfSessionTime
 from identifiability.effects.function_of_time import FunctionOfTime
 from identifiability.effects.function_of_velocity import FunctionOfVelocity
 from identifiability.effects.function_of_velocity_and_load import FunctionOfVelocityAndLoad
-from identifiability.effects.smooth_function import splines
+from identifiability.effects.smooth_function import splines, straight_beyond
 from identifiability.regression.regression import Model
 from identifiability.workflows.diagnose.late import early
 from identifiability.workflows.diagnose.rows import list_candidates
@@ -31,6 +34,17 @@ def test_splines_add_up_to_one_contain_every_parabola_and_end_as_they_are(pieces
     parabola = 0.3 - u + 2 * u**2
     np.testing.assert_allclose(B @ np.linalg.lstsq(B, parabola, rcond=None)[0], parabola)
     np.testing.assert_allclose(splines(np.array([-9.0, 9.0]), pieces), B[[0, -1]])
+
+
+@pytest.mark.parametrize("pieces", [2, 4])
+def test_splines_that_go_straight_on_do_so_at_the_slope_of_their_ends(pieces):
+    u = np.linspace(-1, 1, 101)
+    np.testing.assert_array_equal(straight_beyond(u, pieces), splines(u, pieces))
+    c = np.linalg.lstsq(splines(u, pieces), 0.3 - u + 2 * u**2, rcond=None)[0]
+    far = np.array([-3.0, -1.5, 1.5, 4.0])
+    tangent = np.where(far > 0, 1.3 + 3 * (far - 1), 3.3 - 5 * (far + 1))
+    np.testing.assert_allclose(straight_beyond(far, pieces) @ c, tangent)
+    np.testing.assert_allclose(straight_beyond(far, pieces).sum(1), 1.0)
 
 
 def spanned(columns, target):
@@ -66,7 +80,7 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
 def test_shapes_are_from_the_motion_and_functions_are_not_in_the_first_pass(polar, pair, move):
     m = move(polar, T)
     unnamed = [f for f in FAMILIES.values() if f.unnamed]
-    assert len(unnamed) == 8
+    assert len(unnamed) == 9
     assert not set(early(find_families(None))) & set(unnamed)
     found, refused = list_candidates(polar, unnamed, (), [m[:200], m[200:]], fixed=False)
     assert not refused
@@ -81,7 +95,36 @@ def test_shapes_are_from_the_motion_and_functions_are_not_in_the_first_pass(pola
     # At the axis of a motor that mixes joints too, but for what belongs to a joint.
     found, _ = list_candidates(pair, unnamed, (), [move(pair, T)], fixed=False)
     at_motor = {c.family.name for c in found if c.place == "m2"}
-    assert at_motor == {f.name for f in unnamed} - {"function_of_other_velocity"}
+    no_clock = {"function_of_other_velocity", "function_of_session_time"}
+    assert at_motor == {f.name for f in unnamed} - no_clock
+
+
+def test_the_time_of_the_session_is_asked_for_where_logs_share_a_clock(polar, move):
+    m, family = move(polar, T), FAMILIES["function_of_session_time"]
+
+    def shapes(*starts):
+        motions = [replace(m, start=start) for start in starts]
+        return [c.shape for c in list_candidates(polar, [family], (), motions, fixed=False)[0]]
+
+    assert shapes(0.0, 10.0, 5.0) == [12.5, 12.5]
+    # One log has one time; beside one that is left out another says nothing of how it goes on; that
+    # of logs of which one does not say when it began is not known.
+    assert shapes(0.0) == shapes(3.0, 3.0, 3.0) == shapes(0.0, 10.0) == []
+    assert shapes(None, None, None) == shapes(0.0, 5.0, 10.0, None) == []
+
+
+def test_a_function_of_the_session_goes_on_from_log_to_log(polar, move):
+    m, effect = move(polar, T), FunctionOfSessionTime(12.5, "lift")
+    model = Model((Placed([Part(effect, "lift")]),))
+    first, last, later = (
+        model.regressor(polar, replace(m, start=start))[:, 0] for start in (0.0, 10.0, 20.0)
+    )
+    assert first.shape[1] == 4
+    np.testing.assert_array_equal(first, model.regressor(polar, m)[:, 0])  # where none is known
+    time = np.concatenate([m.t, 10.0 + m.t])
+    c, left, *_ = np.linalg.lstsq(np.concatenate([first, last]), 3 - time, rcond=None)
+    assert left < 1e-20
+    np.testing.assert_allclose(later @ c, 3 - (20.0 + m.t))
 
 
 def test_a_model_with_a_function_has_its_constant_once():

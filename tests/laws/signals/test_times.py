@@ -81,6 +81,8 @@ def test_times_since_1970_count_from_the_first(unit):
         given = round(since / SIZES[unit]) + np.rint(frame["t"] / SIZES[unit]).astype("int64")
     log = read(frame.assign(t=given))
     np.testing.assert_allclose(log.t, frame["t"], rtol=0, atol=5e-7)
+    assert log.start == pytest.approx(since, abs=1e-6)
+    assert log.cut(10, 90, "part").start == log.start
     assert "the times count from 1970" in log.notes[-1]
     assert len(log.notes) == 1 + (unit != "s")
 
@@ -102,6 +104,9 @@ def test_dates_and_durations_are_times(form):
     np.testing.assert_allclose(log.t, frame["t"], rtol=0, atol=1e-9)
     assert "were read in seconds from the first" in log.notes[0]
     assert ("2026-11-20" in log.notes[0]) == (form != "durations")
+    hours = 1 if form == "zone" else 0  # of Berlin in November before that of Greenwich
+    began = pd.Timestamp("2026-11-20 18:00:00.5").timestamp() - 3600 * hours
+    assert log.start == (None if form == "durations" else pytest.approx(began, abs=1e-6))
 
 
 def test_what_is_no_time_is_refused_as_before():
@@ -135,3 +140,5 @@ def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path):
     np.testing.assert_array_equal(long.rows(100, 900).t, short.t[100:900])
     assert (long.clock.first, long.clock.last) == (short.t[0], short.t[-1])
     assert long.notes == short.notes != ()
+    assert (times == "ms") == (short.start is None)
+    assert long.start == long.rows(5, 50).start == long.cut(5, 50, "part").start == short.start

@@ -1,0 +1,69 @@
+"""What drifts from log to log is shown over the time of their session, where that is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability.robot import Robot
+from identifiability.simulation import Campaign, Noise, random_trajectory
+from identifiability.workflows.diagnose import diagnose
+
+NAME = "function_of_session_time"
+#: What a drift resembles within each log, or in the mean.
+EFFECTS = ("torque_offset", "torque_drift", "function_of_time", "joint_stiffness", NAME)
+
+NOISE = Noise(additive=0.012, correlation=0.9)
+
+
+def named(logs, **options):
+    *fitted, last = logs
+    return diagnose("two-link", fitted, last, effects=EFFECTS, forward=False, **options)
+
+
+@pytest.mark.parametrize("count", [4, 6])
+def test_a_robot_that_warms_is_shown_over_the_session_and_the_last_log_is_predicted(count):
+    robot, rng = Robot.load("two-link"), np.random.default_rng(1)
+    session = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(count)])
+    logs = session.logs(["thermal_drift@elbow=0.1"], NOISE, rng)
+    d = named(logs)
+    (effect,) = d.effects
+    assert (effect.name, effect.joints, effect.unnamed) == (NAME, ("elbow",), True)
+    assert d.held_after < 0.9 * d.held_before
+    assert "an unnamed function of the time of the session in elbow" in d.statement.lower()
+    (curve,) = d.curves
+    ends = [log.start + log.t[-1] - logs[0].start for log in logs[:-1]]
+    assert curve.against == "session"
+    assert curve.x.max() == pytest.approx(ends[-1], abs=1.0)
+    assert np.corrcoef(curve.x, curve.learned)[0, 1] ** 2 > 0.5
+
+
+@pytest.mark.parametrize("told", ["nothing", "one does not say", "two overlap"])
+def test_where_logs_share_no_clock_the_session_is_not_asked_for(logs_of, told):
+    logs = logs_of("two-link", "thermal_drift@elbow=0.1")
+    without = [replace(log, start=None) for log in logs]
+    if told == "one does not say":
+        without = [*logs[:4], without[4]]
+    if told == "two overlap":
+        without = [*logs[:4], replace(logs[4], start=logs[3].start + 1.0)]
+    d = named(without, quick=True)
+    assert NAME not in {name for step in d.steps for name, _ in step.evidence}
+    assert all("session" not in x.explained for x in d.discrepancies)
+
+
+def test_no_session_is_named_where_nothing_drifts(logs_of):
+    assert named(logs_of("two-link")).effects == ()
+
+
+def test_a_drift_within_each_log_stays_one(logs_of):
+    d = named(logs_of("two-link", "torque_drift@elbow=0.1"))
+    assert [e.name for e in d.effects] == ["torque_drift"]
+
+
+def test_a_log_with_an_offset_of_its_own_makes_no_function_of_the_session(logs_of):
+    logs = logs_of("two-link")
+    for k in range(5):
+        offset = np.array([0.0, 0.1 * np.std(logs[k].tau[:, 1])])
+        shifted = replace(logs[k], tau=logs[k].tau + offset)
+        d = named([*logs[:k], shifted, *logs[k + 1 :]], quick=True)
+        assert NAME not in [e.name for e in d.effects]
