@@ -6,18 +6,19 @@ from identifiability.workflows.diagnose.gates import Naming, keep_surviving
 from identifiability.workflows.diagnose.material import Material
 
 
-def keep_complete(material: Material, naming: Naming) -> Naming:
+def keep_complete(material: Material, naming: Naming, *, alone: bool = False) -> Naming:
     """Return a naming without names that surely are not what is missing in their joint.
 
     They are taken out one after the other, the one that resembles it least first. What every joint
-    has, friction and offsets, is there whatever else is missing.
+    has, friction and offsets, is there whatever else is missing; unless it is given alone, in
+    doubt, as what explains most.
     """
     naming = keep_one_way(material, naming)
     least = material.setting.rules.confusable
     why = "what is missing in its joint resembles it too little"
     while naming.chosen:
         remains = material.remains(naming.chosen)
-        found = [(c, remains.beside(c)) for c in naming.chosen if not c.family.basic]
+        found = [(c, remains.beside(c)) for c in naming.chosen if alone or not c.family.basic]
         against = [(one.similarity, c) for c, one in found if one and one.unlike(least)]
         if not against:
             break

@@ -113,7 +113,7 @@ class Search:
         refused = {c.group for c in naming.refused}
         options = [c for c in m.candidates if not c.family.unnamed and c.group not in refused]
         rules, present = m.setting.rules, m.setting.structure.present
-        found = _keep(m, name_doubted(m.bench, options, m.held, rules, present))
+        found = _keep(m, name_doubted(m.bench, options, m.held, rules, present), alone=True)
         return naming.then(found) if found.chosen else naming
 
     def run_doubted(self, setting: Setting, odd: OddLog) -> tuple[Diagnosis, str]:
@@ -142,9 +142,9 @@ class Search:
         return found, odd.left_out
 
 
-def _keep(m: Material, naming: Naming) -> Naming:
+def _keep(m: Material, naming: Naming, *, alone: bool = False) -> Naming:
     """Return a naming without names that are not what is missing, in their joint or in several."""
-    naming = keep_unbeaten(m, keep_complete(m, naming))
+    naming = keep_unbeaten(m, keep_complete(m, naming, alone=alone))
     return keep_off_bodies(m, keep_no_stand_ins(m, naming))
 
 

@@ -125,6 +125,10 @@ def test_what_every_joint_has_goes_for_nothing_that_is_left(build, candidate):
     basic = candidate("dry", "j", 0, basic=True)
     m = build(lambda *x: dry(*x) + 3 * cubic(*x), [dry])
     assert keep_complete(m, named(basic)).chosen == (basic,)
+    # Given alone, in doubt, it is said to be what is missing.
+    assert keep_complete(m, named(basic), alone=True).chosen == ()
+    whole = build(dry, [dry])
+    assert keep_complete(whole, named(basic), alone=True).chosen == (basic,)
 
 
 def test_what_builds_up_over_a_way_after_each_turn_is_asked_for(build):
