@@ -19,7 +19,7 @@ from identifiability.effects import find_families
 from identifiability.workflows.diagnose.evidence import score_candidates
 from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, keep_surviving
 from identifiability.workflows.diagnose.in_bodies import keep_off_bodies
-from identifiability.workflows.diagnose.late import CAUSES, gain_over, is_curve, what_is_left
+from identifiability.workflows.diagnose.late import gain_over, is_curve, what_is_left
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import DRAWS, Material
 from identifiability.workflows.diagnose.naming import Say, name_effects
@@ -31,8 +31,8 @@ from identifiability.workflows.diagnose.whole import together
 MOST, NEAREST = 4, 3
 #: Share of the level of names at which functions are searched.
 SHARE = 0.2
-#: What is left asks for functions where it depends on one of these; no name is of the session.
-ASKED = (*CAUSES, "session")
+#: What is left that depends on this alone asks for functions of it alone: no name is of it.
+SESSION = "session"
 #: A curve over the position, without and with its name.
 CURVE, NAMED_CURVE = "function_of_position", "position_torque"
 
@@ -59,10 +59,13 @@ def name_unnamed(
     told : sequence of (family, place)
         Functions that an earlier diagnosis gave: the search begins with them.
     """
-    asked = [f.name for f in find_families(effects) if f.unnamed]
-    functions = list(dict.fromkeys([*asked, *(name for name, _ in told)]))
+    asked = [f for f in find_families(effects) if f.unnamed]
     curves = several_curves(naming.chosen)
-    if not functions or not (told or curves or what_is_left(material, naming, ASKED)):
+    if not (told or curves or what_is_left(material, naming)):
+        drifts = asked and what_is_left(material, naming, (SESSION,))
+        asked = [f for f in asked if drifts and f.against == SESSION]
+    functions = list(dict.fromkeys([*(f.name for f in asked), *(name for name, _ in told)]))
+    if not functions:
         return material, naming
     setting = material.setting
     named = list(dict.fromkeys(c.family.name for c in naming.chosen))
