@@ -148,7 +148,10 @@ def hidden_torque(case: Case, size: float) -> tuple[Array, float]:
 
 
 def make_logs(case: Case, hidden: Array, noise: Noise = NOISE) -> list[Log]:
-    """Return the noisy logs of a case; positions are those of encoders, without derivatives."""
+    """Return the noisy logs of a case; positions are those of encoders, without derivatives.
+
+    They say when they began on the clock of their session, as logs with stamps do.
+    """
     c = campaign(case.robot, case.motions)
     rng = np.random.default_rng(case.noise)
     logs = c.logs(hidden, noise, rng)
