@@ -7,7 +7,9 @@ speaks against such a name, and spread over many functions that is little. In it
 anything that torque may depend on, in whichever joint, is one hypothesis against another, and what
 decides between two names decides here. Not where the two are similar: they are one to this motion,
 and the torque of the robot file, with values a little wrong, is no worse a name for its leak than
-the torque that fits. What every joint has is there whatever else is missing.
+the torque that fits. What every joint has is there whatever else is missing. Nor where the motion
+is too short to say what a name leaves in its joint: of a robot of which the model misses much, one
+column takes something of all that.
 """
 
 from __future__ import annotations
@@ -40,15 +42,19 @@ def keep_unbeaten(material: Material, naming: Naming) -> Naming:
     They are taken out one after the other, the one that loses most first.
     """
     why = "what has no name explains decisively more in its stead"
-    while any(not c.family.basic for c in naming.chosen):
+    while asked := [k for k, c in enumerate(naming.chosen) if _is_asked(material, naming, c)]:
         contest = Contest.of(material, naming.chosen)
-        lost = [(contest.lost(c), k) for k, c in enumerate(naming.chosen) if not c.family.basic]
-        most, at = max(lost)
+        most, at = max((contest.lost(naming.chosen[k]), k) for k in asked)
         if most <= DECISIVE:
             break
         gone = [naming.chosen[at]]
         naming = keep_surviving(naming, gone, material.setting.structure.present, why)
     return naming
+
+
+def _is_asked(material: Material, naming: Naming, c: Candidate) -> bool:
+    """Whether a name has to be the cause, and it can be said what it leaves in its joint."""
+    return not c.family.basic and material.remains(naming.chosen).beside(c) is not None
 
 
 @frozen

@@ -12,6 +12,8 @@ from identifiability.workflows.diagnose.in_its_stead import Contest, keep_unbeat
 from identifiability.workflows.diagnose.search import _keep
 
 N = 600
+#: That nothing is left for sure.
+LEFT = SimpleNamespace(unlike=lambda least: False)
 
 
 def nats(square, columns=1):
@@ -77,7 +79,7 @@ def test_what_other_names_say_is_theirs(contest, world, candidate):
 def material(rows_of, white_noise):
     """Two joints that move by themselves, with friction; torque and columns are [(joint, f)]."""
 
-    def made(torque, columns, spread=1.0, model=(), root=None):
+    def made(torque, columns, spread=1.0, model=(), root=None, short=False):
         rng, t = np.random.default_rng(0), 0.01 * np.arange(N)
         waves = ((3.1, 0), (7.3, 1), (4.4, 2)), ((2.7, 2), (5.9, 0), (9.1, 1))
         q = np.column_stack([sum(np.sin(w * t + p) for w, p in one) for one in waves])
@@ -101,7 +103,7 @@ def material(rows_of, white_noise):
                 structure=SimpleNamespace(present=frozenset()), fixed=True,
                 rules=SimpleNamespace(confusable=0.9),
             ),
-            remains=lambda chosen: SimpleNamespace(beside=lambda c: None),
+            remains=lambda chosen: SimpleNamespace(beside=lambda c: None if short else LEFT),
         )  # fmt: skip
 
     return made
@@ -131,6 +133,9 @@ def test_a_name_gives_way_to_the_speed_that_is_missing(material, candidate):
     assert kept.steps[0].reason == "what has no name explains decisively more in its stead"
     assert _keep(m, named(wrong)).chosen == ()
     assert keep_unbeaten(material([(0, speed(0.5))], [[(0, speed(1))]]), named(right)).chosen
+    # Of a motion that is too short nobody can say that it leaves anything.
+    short = material([(0, speed(0.5))], [[(0, like_speed)]], short=True)
+    assert keep_unbeaten(short, named(wrong)).chosen == (wrong,)
     # What every joint has stays, and what resembles the cause where little shows of either.
     basic, other = candidate("leak", "j", 0, basic=True), candidate("name", "j", 1)
     two = material([(0, speed(0.5)), (1, like_speed)], [[(0, like_speed)], [(1, like_speed)]])
