@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from identifiability.workflows.diagnose.evidence import Bench
-from identifiability.workflows.diagnose.gates import Naming
+from identifiability.workflows.diagnose.gates import WAYS, Naming
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.naming import Selection, judge_step
@@ -21,9 +21,6 @@ from identifiability.workflows.diagnose.rows import Candidate, Present
 
 #: Most p-value with which a name goes on: beyond it noise alone does better more often than not.
 EVEN = 0.5
-#: Ways to be given: the fitted motion names it, or leaves it in doubt and unseen motion shows it
-#: [Bonferroni].
-WAYS = 2
 
 
 def name_doubted(

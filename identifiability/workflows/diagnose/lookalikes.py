@@ -150,9 +150,12 @@ def find_rivals(
     Q = orthonormal(model)
     own = _directions(Q, white, named)
     taken = {c.group for c in rest} | {named.group}
-    # What refines the named effect is no rival: it comes on top of it.
+    # What refines the named effect is no rival: it comes on top of it. Nor is a function that was
+    # refuted in its stead: whatever law there is is one.
     others = [
-        c for c in candidates if c.group not in taken and (c.family.needs, c.place) != named.group
+        c
+        for c in candidates
+        if not (c.family.unnamed or c.group in taken) and (c.family.needs, c.place) != named.group
     ]
     if not others:
         return []

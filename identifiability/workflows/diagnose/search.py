@@ -16,7 +16,7 @@ from identifiability.workflows.diagnose.complete import keep_complete
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.doubted import name_doubted
 from identifiability.workflows.diagnose.finer import find_finer
-from identifiability.workflows.diagnose.gates import Naming
+from identifiability.workflows.diagnose.gates import Naming, give_back
 from identifiability.workflows.diagnose.goes_on import Earlier
 from identifiability.workflows.diagnose.in_bodies import keep_off_bodies
 from identifiability.workflows.diagnose.in_its_stead import keep_unbeaten
@@ -89,14 +89,24 @@ class Search:
         m, naming = name_unnamed(m, naming, streams[5], effects, self.draws, say, functions)
         if not naming.chosen:
             naming = self._name_doubted(m, naming)
-        say("changing the preparation", 0.8)
-        naming = stress_named(m, naming, self.logs, self.how, streams[1])
-        say("verifying", 0.9)
-        found = conclude(m, naming, streams[2])
+        found = self._verify(m, naming)
         if self.earlier is None:
             return found
         turns, error = self.earlier.turns(found), self.earlier.error
         return replace(found, earlier=self.earlier.source, earlier_error=error, turns=turns)
+
+    def _verify(self, m: Material, naming: Naming) -> Diagnosis:
+        """Return what is left once motion was made anew and unseen motion was asked."""
+        self.say("changing the preparation", 0.8)
+        stressed = stress_named(m, naming, self.logs, self.how, self.streams[1])
+        self.say("verifying", 0.9)
+        found = conclude(m, stressed, self.streams[2])
+        kept = {(e.name, place) for e in found.effects for place in e.joints}
+        again = give_back(naming, kept, m.setting.structure.present)
+        if again is None:
+            return found
+        back = self._verify(m, again)
+        return replace(back, refuted=(*found.refuted, *back.refuted))
 
     def _name_first(self, m: Material, first: Sequence[str]) -> Naming:
         """Return what the first pass names, families of an earlier diagnosis beside its own."""

@@ -120,6 +120,7 @@ def name_unnamed(
         p_values={**p_values, **naming.p_values},
         steps=(*left.steps, *again.steps),
         nearest={c.group: _nearest(whole, chosen, c) for c in chosen if c.family.unnamed},
+        replaced=tuple(find_same(c, whole.candidates) for c in gone),
     )
     return whole, final
 

@@ -205,6 +205,13 @@ def test_levels_that_act_against_each_other_and_may_not_be_negative_are_no_rival
         assert {r.family for r in find_rivals(white, options[0], [], options, 0.9)} == expected
 
 
+def test_a_function_without_a_name_is_no_rival_of_a_name(world, candidate):
+    e = world.basis
+    columns = [e[:, 0], world.unit(0.95, 0.3)]
+    assert rivals(world, candidate, 20 * e[:, 0], columns)[1] == ["f1"]
+    assert rivals(world, candidate, 20 * e[:, 0], columns, unnamed=True)[1] == []
+
+
 def test_what_refines_a_name_is_no_rival_of_it(world, candidate):
     e = world.basis
     columns = [e[:, 0], world.unit(0.95, 0.3)]
