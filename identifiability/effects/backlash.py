@@ -26,6 +26,7 @@ def _widths(span: Span) -> tuple[float, ...]:
     shapes=_widths,
     refuse=needs_masses,
     loaded=True,
+    remembers=True,
     late=True,
     told_by="reverse under load and without,",
     rank=6.4,

@@ -121,6 +121,8 @@ class Family:
         Whether MuJoCo has it itself in a forward simulation, or it shifts the recorded torque.
     dry : bool
         Whether joints stick by it, as by Coulomb friction.
+    remembers : bool
+        Whether it depends on the way that led to a state, not on that and the time alone.
     late : bool
         Whether a diagnosis asks for it only in a second pass, where something depends on position.
     unnamed : bool
@@ -156,6 +158,7 @@ class Family:
     loaded: bool = False
     native: bool = False
     dry: bool = False
+    remembers: bool = False
     late: bool = False
     unnamed: bool = False
     flexible: bool = False

@@ -21,6 +21,7 @@ def _ways(span: Span) -> tuple[float, ...]:
     shapes=_ways,
     needs="coulomb_friction",
     dry=True,
+    remembers=True,
     late=True,
     told_by="reverse often, after short ways and after long ones,",
     rank=6.3,

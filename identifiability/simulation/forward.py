@@ -34,10 +34,11 @@ DIVERGED = 10.0
 #: Rotor inertia that holds a locked joint where it is [kg·m² or kg].
 IMMOVABLE = 1e9
 
-#: What a model has beyond bodies, viscous and Coulomb friction and rotors, from position, velocity
-#: and acceleration of the actuated joints, each (K, n): torque that is taken off (K, n), and dry
+#: What a model has beyond bodies, viscous and Coulomb friction and rotors, at each step of some of
+#: the stretches: from their indices (K,), the time since they began [s], and position, velocity and
+#: acceleration of the actuated joints, each (K, n): torque that is taken off (K, n), and dry
 #: friction that is added to the Coulomb levels (K, n), so that joints can stick.
-Extra = Callable[[Array, Array, Array], tuple[Array, Array]]
+Extra = Callable[[np.ndarray, float, Array, Array, Array], tuple[Array, Array]]
 
 
 class ForwardRobot:
@@ -137,7 +138,7 @@ class ForwardRobot:
             Torque during each of S steps.
         dt : float [s]
         extra : callable, optional
-            Effects that MuJoCo does not have.
+            Effects that MuJoCo does not have, asked at the start of every step.
 
         Raises
         ------
@@ -164,7 +165,7 @@ class ForwardRobot:
                 force = tau[:, step]
                 dry = np.broadcast_to(coulomb, force.shape)
                 if extra is not None and alive.any():
-                    taken, added = self._evaluate(extra, states, alive)
+                    taken, added = self._evaluate(extra, step * dt, states, alive)
                     force, dry = force - taken, np.maximum(coulomb + added, 0.0)
                 for k in np.flatnonzero(alive):
                     drives.push(states[k], force[k], self._bias)
@@ -178,12 +179,15 @@ class ForwardRobot:
             drives.dry = coulomb
         return out
 
-    def _evaluate(self, extra: Extra, states: list[Any], alive: np.ndarray) -> tuple[Array, Array]:
+    def _evaluate(
+        self, extra: Extra, later: float, states: list[Any], alive: np.ndarray
+    ) -> tuple[Array, Array]:
         """Return torque and dry friction of the other effects at the present states."""
         v, a = (np.array(part) for part in zip(*map(self._drives.rates, states), strict=True))
         q = np.array([self._drives.position(s) for s in states])
         torque, dry = np.zeros_like(q), np.zeros_like(q)
-        torque[alive], dry[alive] = extra(q[alive], v[alive], a[alive])
+        which = np.flatnonzero(alive)
+        torque[which], dry[which] = extra(which, later, q[which], v[which], a[which])
         return torque, dry
 
     def _start(self, q: Array, dq: Array) -> list[Any]:

@@ -83,6 +83,30 @@ def test_a_wrong_effect_does_not_close_it():
     assert gap.error_after > 0.8 * gap.error_before
 
 
+@pytest.mark.parametrize(
+    "name", ["torque_drift", "friction_drift", "function_of_session_time", "hysteresis"]
+)
+def test_what_hangs_on_the_time_or_on_the_way_is_that_of_the_log(two_link, name):
+    """With true values the gap closes: a drift late in a session, friction after a reversal."""
+    logs = [
+        replace(s, motion=replace(s.motion, start=start))
+        for s, start in zip(_samples(two_link, 6, 2), (200.0, 500.0), strict=True)
+    ]
+    model = Model((*BASE.effects, find_effect(name)))
+    added = find_effect(name).parameters(two_link)
+    known = two_link.nominal | {p.name: 0.5 + 0.2 * k for k, p in enumerate(added)}
+    after = physical_of(two_link, known, model)
+    values = np.array([known[p.name] for p in added])
+    recorded = []
+    for s in logs:
+        W = np.zeros((*s.tau.shape, len(added)))
+        find_effect(name).fill(two_link, s.motion, W)
+        recorded.append(replace(s, tau=s.tau + W @ values))
+    before = physical_of(two_link, two_link.nominal)
+    gap = compare_forward(before, after, recorded, np.random.default_rng(0))
+    assert gap.error_after < 0.2 * gap.error_before, (gap.error_before, gap.error_after)
+
+
 def test_a_recorded_delay_is_taken_off_the_torque(two_link):
     (samples,) = _samples(two_link, 3)
     late = Model((*BASE.effects, find_effect("time_delay")))

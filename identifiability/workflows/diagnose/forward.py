@@ -21,8 +21,9 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare import Samples
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, complete_motion
-from identifiability.simulation.forward import Extra, ForwardRobot
+from identifiability.robot import Robot
+from identifiability.simulation.forward import ForwardRobot
+from identifiability.workflows.diagnose.other_effects import OtherEffects
 
 #: Length of a simulated stretch [s].
 HORIZON = 0.25
@@ -185,7 +186,7 @@ def compare_forward(
         for fit in (before, after):
             tau = np.stack([_mean_torque(fit, s, rows) for s, rows in at])
             simulator = ForwardRobot(fit.robot, joint_values(fit))
-            positions = simulator.run(q[:, 0], first, tau, dt, extra_effects(fit))
+            positions = simulator.run(q[:, 0], first, tau, dt, extra_effects(fit, at))
             errors.append(positions - q[:, 1:])
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
@@ -243,24 +244,20 @@ def joint_values(fit: Physical) -> dict[str, float]:
     return out
 
 
-def extra_effects(fit: Physical) -> Extra | None:
-    """Return what the model has and MuJoCo does not, or None."""
+def extra_effects(fit: Physical, at: Sequence[tuple[Samples, np.ndarray]]) -> OtherEffects | None:
+    """Return what the model has and MuJoCo does not, or None.
+
+    Parameters
+    ----------
+    fit : Physical
+    at : sequence of (log, rows)
+        Stretches that are simulated.
+    """
     robot = fit.robot
     others = [
-        (effect, family.dry, np.array(list(fit.of(effect.parameters(robot)).values())))
+        (effect, family, np.array(list(fit.of(effect.parameters(robot)).values())))
         for effect in fit.structure.model.effects
         if not (family := find_family(effect.name)).native
     ]
-    if not others:
-        return None
-
-    def extra(q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
-        motion = complete_motion(robot, np.arange(len(q), dtype=float), q, dq, ddq)
-        torque, level = np.zeros_like(q), np.zeros_like(q)
-        for effect, dry, value in others:
-            W = np.zeros((len(motion), q.shape[1], len(value)))
-            effect.fill(robot, motion, W)
-            (level if dry else torque)[motion.kept] += W @ value
-        return torque, level * np.sign(dq)
-
-    return extra
+    starts = [(samples.motion, int(rows[0])) for samples, rows in at]
+    return OtherEffects(robot, others, starts) if others else None
