@@ -8,7 +8,8 @@ leaves such names no more to say than the best of so many has by chance, and sur
 they go: for a name of its own, or a function without one. A true offset loses its name at the level
 of the test alone, which the functions share [Bonferroni]. If that is the cause, it leaves nothing
 in its joint: where anything else surely explains what it leaves, as in a robot of which the model
-misses much, names stay.
+misses much, names stay. They also stay where the motion is too short to say what is left there:
+rows of other joints say nothing of it, and one column takes something of all that is missing.
 """
 
 from __future__ import annotations
@@ -37,7 +38,10 @@ def keep_no_stand_ins(material: Material, naming: Naming) -> Naming:
     for place in places:
         names = [c for c in naming.chosen if c.family.basic and c not in gone]
         if place in joints and any(c.place == place for c in names):
-            gone += find_stand_ins(material, naming.chosen, names, joints.index(place))
+            j = joints.index(place)
+            found = find_stand_ins(material, naming.chosen, names, j)
+            if found and material.remains(naming.chosen).joints[j] is not None:
+                gone += found
     why = "something else in one joint explains what it does, and more"
     return keep_surviving(naming, gone, material.setting.structure.present, why)
 

@@ -47,6 +47,7 @@ def material(world, candidate, rows_of, white_noise):
             train=rows, noise=noise, bench=Bench(rows, noise, rng.standard_normal((N, 2, 398))),
             held=HeldOut(rows, None), candidates=[candidate("offset", "shoulder", 0)],
             setting=SimpleNamespace(structure=structure, rules=Rules()),
+            remains=lambda _: SimpleNamespace(joints=(True, True)),
         )  # fmt: skip
 
     return made
@@ -102,3 +103,14 @@ def test_only_what_every_joint_has_in_a_joint_is_asked_for(material, candidate):
         assert keep_no_stand_ins(m, Naming((name,), {}, ())).chosen == (name,) * kept
     both = keep_no_stand_ins(m, Naming((named[0], named[1]), {}, ())).chosen
     assert both == (named[1],)
+
+
+def test_names_stay_where_the_motion_is_too_short_to_say_what_is_left_in_the_joint(
+    material, candidate
+):
+    """What is left elsewhere may be known: a curve of the position acts in its own joint."""
+    name = candidate("offset", "shoulder", 0, basic=True)
+    m = material(Q[:, 0] ** 2, 0 * ONE, [OFFSET])
+    for left, kept in (((None, True), (name,)), ((True, None), ())):
+        m.remains = lambda _, left=left: SimpleNamespace(joints=left)
+        assert keep_no_stand_ins(m, Naming((name,), {}, ())).chosen == kept
