@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.diagnose import unnamed
+from identifiability.workflows.diagnose import name_curves
 from identifiability.workflows.diagnose.gates import Naming
 
 
@@ -21,7 +21,7 @@ def test_a_constant_is_no_curve_however_large(world, candidate, size):
     other = candidate("g", "j", 2, unnamed=True)
     function = candidate("f", "j", 0, 1, unnamed=True)
     m = SimpleNamespace(white=world.bench(rows, 5).whiten())
-    assert unnamed.is_curved(m, (other, function), function) == (size > 0)
+    assert name_curves.is_curved(m, (other, function), function) == (size > 0)
 
 
 @pytest.mark.parametrize("curved", [True, False])
@@ -51,15 +51,15 @@ def test_a_function_of_the_position_has_the_name_of_a_curve_where_it_may_have_it
         kept = [c for c in naming.chosen if not shared or c.family.name != "position_torque"]
         return replace(naming, chosen=tuple(kept))
 
-    monkeypatch.setattr(unnamed, "keep_off_bodies", off_bodies)
-    monkeypatch.setattr(unnamed, "is_curved", lambda *_: curved)
+    monkeypatch.setattr(name_curves, "keep_off_bodies", off_bodies)
+    monkeypatch.setattr(name_curves, "is_curved", lambda *_: curved)
     m = SimpleNamespace(candidates=names, extended=extended)
     known = known and curved and not shared
     again = Naming((function, other), {function.group: 0.01, other.group: 0.02}, ())
-    whole, chosen, p_values = unnamed.name_curves(m, again, m)
+    whole, chosen, p_values = name_curves.name_curves(m, again, m)
     assert chosen == ((fine if known else function), other)
     assert p_values[chosen[0].group] == 0.01
     assert (function in whole.candidates) != known  # what it is called by name is no rival
     if known:  # not twice
         beside = replace(again, chosen=(coarse, function))
-        assert unnamed.name_curves(m, beside, m)[1] == (coarse, function)
+        assert name_curves.name_curves(m, beside, m)[1] == (coarse, function)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.diagnose import unnamed, words
+from identifiability.workflows.diagnose import name_curves, unnamed, words
 from identifiability.workflows.diagnose.findings import NamedEffect
 from identifiability.workflows.diagnose.gates import Naming, Nearest
 from identifiability.workflows.diagnose.held_out import Gain, HeldOut
@@ -148,10 +148,11 @@ def searched(monkeypatch, name, function, search, gain, fits=True, bench=None, l
         "find_families": lambda _: [function.family], "what_is_left": lambda *_: left,
         "name_effects": name_effects, "_begin": lambda *_: [],
         "keep_fitting": lambda m, named, level: tuple(named) * fits, "_nearest": lambda *_: (),
-        "gain_over": lambda *_: gain, "is_curved": lambda *_: True,
+        "gain_over": lambda *_: gain,
     }  # fmt: skip
     for what, stub in told.items():
         monkeypatch.setattr(unnamed, what, stub)
+    monkeypatch.setattr(name_curves, "is_curved", lambda *_: True)
     before = Naming(names, {}, ())
     return unnamed.name_unnamed(material, before, np.random.default_rng(0))[1].chosen
 
