@@ -25,6 +25,10 @@ from identifiability.workflows.diagnose.rows import Candidate
 #: Share of a joint's residual by one of these from which on there is something to ask for.
 NOTABLE = 0.03
 CAUSES = ("position", "velocity", "load", "time")
+#: What is left that depends on this alone asks for functions of it alone: no name is of it.
+SESSION = "session"
+#: What is sure to be left, of which it is not said what it depends on.
+ANYTHING = "anything"
 #: What one spring is, where both are named in one joint.
 SPRING, PARTS = "free_spring", ("joint_stiffness", "torque_offset")
 
@@ -102,11 +106,12 @@ def _late(families: Sequence[Family]) -> tuple[Family, ...]:
 
 def _asks(material: Material, naming: Naming) -> bool:
     """Whether an effect of a position was named, or what is left depends on anything."""
-    return any(is_curve(c) for c in naming.chosen) or what_is_left(material, naming)
+    curved = any(is_curve(c) for c in naming.chosen)
+    return curved or bool(what_is_left(material, naming) - {SESSION})
 
 
-def what_is_left(material: Material, naming: Naming, causes: Sequence[str] = CAUSES) -> bool:
-    """Whether the residual of any joint depends on anything beside what was named.
+def what_is_left(material: Material, naming: Naming) -> frozenset[str]:
+    """Return what the residual of any joint depends on beside what was named.
 
     Two criteria, for neither sees what the other does: both only say whether a search is worth its
     time, whose own level says what is there. A share of the residual finds one dependence, however
@@ -119,9 +124,11 @@ def what_is_left(material: Material, naming: Naming, causes: Sequence[str] = CAU
     left = material.held.fitted_residual(naming.chosen)
     joints = material.setting.structure.robot.joints
     found = find_discrepancies(material.train, left, joints)
-    if any(d.explained.get(cause, 0.0) > NOTABLE for d in found for cause in causes):
-        return True
-    return material.remains(naming.chosen).anything
+    shares = [(cause, d.explained.get(cause, 0.0)) for d in found for cause in (*CAUSES, SESSION)]
+    causes = {cause for cause, share in shares if share > NOTABLE}
+    if causes <= {SESSION} and material.remains(naming.chosen).anything:
+        causes.add(ANYTHING)
+    return frozenset(causes)
 
 
 def predicts_better(

@@ -18,7 +18,7 @@ import numpy as np
 from identifiability.effects import find_families
 from identifiability.workflows.diagnose.evidence import score_candidates
 from identifiability.workflows.diagnose.gates import Chosen, Naming, Nearest, keep_surviving
-from identifiability.workflows.diagnose.late import gain_over, is_curve, what_is_left
+from identifiability.workflows.diagnose.late import SESSION, gain_over, is_curve, what_is_left
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import DRAWS, Material
 from identifiability.workflows.diagnose.name_curves import CURVE, name_curves
@@ -31,8 +31,6 @@ from identifiability.workflows.diagnose.whole import together
 MOST, NEAREST = 4, 3
 #: Share of the level of names at which functions are searched.
 SHARE = 0.2
-#: What is left that depends on this alone asks for functions of it alone: no name is of it.
-SESSION = "session"
 
 
 def name_unnamed(
@@ -59,9 +57,8 @@ def name_unnamed(
     """
     asked = [f for f in find_families(effects) if f.unnamed]
     curves = several_curves(naming.chosen)
-    if not (told or curves or what_is_left(material, naming)):
-        drifts = asked and what_is_left(material, naming, (SESSION,))
-        asked = [f for f in asked if drifts and f.against == SESSION]
+    if not (told or curves or (causes := what_is_left(material, naming)) - {SESSION}):
+        asked = [f for f in asked if causes and f.against == SESSION]
     functions = list(dict.fromkeys([*(f.name for f in asked), *(name for name, _ in told)]))
     if not functions:
         return material, naming

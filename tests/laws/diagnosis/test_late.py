@@ -92,3 +92,33 @@ def test_what_takes_the_place_of_a_name_is_better_and_surely_better_than_nothing
     before = Naming((old,) if first else (), {}, ())
     after = Naming((new,), {}, ())
     assert late.predicts_better(Told(), before, Told(), after, 0.002) == better
+
+
+@pytest.mark.parametrize(
+    ("shares", "sure", "causes", "asks"),
+    [
+        (({"velocity": 0.02, "session": 0.02}, {"log": 0.5}), False, set(), False),
+        (({"velocity": 0.02}, {"session": 0.04}), False, {"session"}, False),
+        (({"session": 0.04}, {}), True, {"session", "anything"}, True),
+        (
+            ({"session": 0.04, "load": 0.04}, {"time": 0.04}),
+            False,
+            {"session", "load", "time"},
+            True,
+        ),
+        (({}, {}), True, {"anything"}, True),
+    ],
+)
+def test_a_search_is_asked_for_by_what_is_left_but_not_by_the_session_alone(
+    monkeypatch, shares, sure, causes, asks
+):
+    found = [SimpleNamespace(explained=explained) for explained in shares]
+    monkeypatch.setattr(late, "find_discrepancies", lambda *_: found)
+    structure = SimpleNamespace(robot=SimpleNamespace(joints=("j", "l")))
+    material = SimpleNamespace(
+        held=SimpleNamespace(fitted_residual=lambda _: None), train=None,
+        setting=SimpleNamespace(structure=structure),
+        remains=lambda _: SimpleNamespace(anything=sure),
+    )  # fmt: skip
+    assert late.what_is_left(material, Naming((), {}, ())) == causes
+    assert late._asks(material, Naming((), {}, ())) == asks

@@ -145,7 +145,8 @@ def searched(monkeypatch, name, function, search, gain, fits=True, bench=None, l
         return Naming(search(tuple(start)), {}, ())
 
     told = {
-        "find_families": lambda _: [function.family], "what_is_left": lambda *_: left,
+        "find_families": lambda _: [function.family],
+        "what_is_left": lambda *_: {"velocity"} if left else set(),
         "name_effects": name_effects, "_begin": lambda *_: [],
         "keep_fitting": lambda m, named, level: tuple(named) * fits, "_nearest": lambda *_: (),
         "gain_over": lambda *_: gain,
