@@ -26,7 +26,13 @@ from identifiability.foundation.shares import log_tail, tail_of_sum
 from identifiability.workflows.diagnose.evidence import orthonormal, project_out
 from identifiability.workflows.diagnose.gates import Chosen, Naming, keep_surviving
 from identifiability.workflows.diagnose.late import is_curve
-from identifiability.workflows.diagnose.leftover import LEVEL, ROWS, basis_beside, squares_along
+from identifiability.workflows.diagnose.leftover import (
+    LEVEL,
+    ROWS,
+    basis_beside,
+    in_units_of_rest,
+    squares_along,
+)
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.rows import Candidate
@@ -83,11 +89,9 @@ def find_on_bodies(
         noise.whiten(part, rows.runs).reshape(-1, part.shape[2])
         for part in (rows.tau[:, :, None], rest, forces, curves, *own)
     )
-    both = orthonormal(np.column_stack([X, F, *own]))
-    left, dof = project_out(both, y), len(y) - both.shape[1]
+    y, dof = in_units_of_rest(y, [X, F, *own])
     if dof < ROWS * F.shape[1]:
         return []
-    y = y / np.sqrt(float(np.sum(left**2)) / dof)
     one, all_of_them = (say([X], part, y) for part in (F, np.column_stack(own)))
     more = len({c.place for c in names}) - 1
     simpler = more > 0 and one > all_of_them - DECISIVE * more

@@ -30,7 +30,7 @@ from identifiability.workflows.diagnose.evidence import (
     unit_columns,
 )
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
-from identifiability.workflows.diagnose.leftover import basis_beside
+from identifiability.workflows.diagnose.leftover import basis_beside, in_units_of_rest
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.rows import Candidate
@@ -97,9 +97,7 @@ class Contest:
 
         y, X = whiten(rows.tau[:, :, None]), whiten(rows.X, known)
         names = {c: whiten(rows.D.take(c.columns)) for c in chosen}
-        Q = orthonormal(np.column_stack([X, *names.values()]))
-        dof = max(len(y) - len(known) - Q.shape[1], 1)
-        y = y[:, 0] / np.sqrt(np.sum(project_out(Q, y) ** 2) / dof)
+        y = in_units_of_rest(y, [X, *names.values()], len(known))[0][:, 0]
         others = []
         for j, own in enumerate(noise.joints):
             kinds = np.column_stack(list_kinds(rows, model, j))

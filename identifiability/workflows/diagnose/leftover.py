@@ -10,6 +10,7 @@ left to them; noise is simulated with a memory as uncertain as the data leave it
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -207,6 +208,22 @@ def basis_beside(Q: Array, A: Array) -> Array:
     vectors, length, _ = np.linalg.svd(U, full_matrices=False)
     basis: Array = vectors[:, length > THIN]
     return basis
+
+
+def in_units_of_rest(y: Array, parts: Sequence[Array], known: int = 0) -> tuple[Array, int]:
+    """Return y (R, 1) in units of the rms that columns leave of it, and their degrees of freedom.
+
+    Parameters
+    ----------
+    y : (R, 1)
+    parts : sequence of (R, k)
+    known : int
+        Rows that say what is known of the values of columns, and are no data.
+    """
+    Q = orthonormal(np.column_stack(parts))
+    dof = max(len(y) - known - Q.shape[1], 1)
+    scaled: Array = y / np.sqrt(float(np.sum(project_out(Q, y) ** 2)) / dof)
+    return scaled, dof
 
 
 def squares_along(U: Array, y: Array) -> Array:

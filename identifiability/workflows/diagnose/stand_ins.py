@@ -20,10 +20,9 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.workflows.diagnose.anything import list_together
-from identifiability.workflows.diagnose.evidence import orthonormal, project_out
 from identifiability.workflows.diagnose.gates import Chosen, Naming, keep_surviving
 from identifiability.workflows.diagnose.in_bodies import find_needless, say, says_more, write_curve
-from identifiability.workflows.diagnose.leftover import LEVEL, ROWS
+from identifiability.workflows.diagnose.leftover import LEVEL, ROWS, in_units_of_rest
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.rows import Candidate
 
@@ -77,11 +76,9 @@ def find_stand_ins(
     tried = [inside(A) for A in (write_curve(rows.q[:, j]), *torque.T[:, :, None])]
     other = inside(list_together(rows, torque, j))
     one = tried[int(np.argmax([say([X, *own], A, y) for A in tried]))]
-    both = orthonormal(np.column_stack([X, one, *own]))
-    left, dof = project_out(both, y), len(y) - both.shape[1]
+    y, dof = in_units_of_rest(y, [X, one, *own])
     if dof < ROWS * other.shape[1]:
         return []
-    y = y / np.sqrt(float(np.sum(left**2)) / dof)
     if not says_more(material, [X, *own], one, y, LEVEL / len(tried)):
         return []
     if says_more(material, [X, one, *own], other, y):
