@@ -1,10 +1,13 @@
 """Stäubli TX40, one run of the real arm: the published base parameters come out."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+
+from identifiability.workflows.diagnose import diagnose
 
 
 @pytest.fixture(scope="module")
@@ -167,3 +170,27 @@ def test_the_study_writes_its_table_and_a_report(tx40, folder, tmp_path, capsys)
     assert len(json.loads(out.read_text())["parameters"]["ours, wls"]) == 60
     assert out.with_suffix(".html").stat().st_size > 10_000
     assert "fvm6" in capsys.readouterr().out
+
+
+@pytest.mark.everything
+@pytest.mark.parametrize("back", [False, True], ids=["1 to 2", "2 to 1"])
+def test_thirds_of_the_run_agree_on_what_is_missing(robot, log, back):
+    """Three seconds are short: few names are due, and what the other third denies is none."""
+    third = len(log.t) // 3
+    parts = [
+        replace(log.cut(k * third, (k + 1) * third, name), sha256=name)
+        for k, name in enumerate(("first", "second"))
+    ]
+    fitted, unseen = parts[::-1] if back else parts
+    d = diagnose(robot, [fitted], [unseen], forward=False)
+    assert not any(e.refuted for e in d.effects)
+    assert all(e.refuted for e in d.refuted)
+    assert ("is refuted" in d.statement) == bool(d.refuted)
+    if back:  # a friction that rises stands out there, too, but predicts no better
+        assert d.held_after <= d.held_before
+        return
+    # A name gives way to a function only as long as that is not refuted.
+    (friction,) = (e for e in d.effects if "joint_1" in e.joints)
+    assert "friction" in friction.names
+    assert friction.confirmed
+    assert d.held_after < 0.95 * d.held_before
