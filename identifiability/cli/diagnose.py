@@ -112,7 +112,7 @@ def diagnose(
         written = outputs.write(result, say)
         if out is not None:
             written.append(result.write_model(out))
-        told = common.apart(result.statement, result.hints)
+        told = [result.statement]
         if motion is not None:
             found = find_next(result, limits=limits, seed=seed, progress=say)
             told.append(found.statement)

@@ -176,12 +176,13 @@ def test_the_next_motion_is_written_with_its_chance(tmp_path):
     logs = Campaign.of(robot, motions).logs(hidden, noise, np.random.default_rng([4, 77]))
     paths = [str(tmp_path / f"run{k}.csv") for k in range(3)]
     for log, path in zip(logs, paths, strict=True):
-        log.to_frame().to_csv(path, index=False)
+        log.to_frame().assign(t=1.7e9 + log.t).to_csv(path, index=False)
     out = tmp_path / "motion.json"
     argv = ["diagnose", "two-link", *paths[:2], "--validate", paths[2], "--quick", "--seed", "4"]
     done = CliRunner().invoke(app, [*argv, "--next", str(out)])
     text = " ".join(done.output.split())
     assert done.exit_code == 0, text
     assert "which begins and ends at rest" in text
+    assert text.count("the times count from 1970") == 1
     told = json.loads(out.read_text())["next"]
     assert 0 <= told["before"] < told["chance"] <= 1
