@@ -29,7 +29,7 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     assert 1 <= len(effect.nearest) <= 3
     assert all(n.worse > 0 for n in effect.nearest)
     assert "An unnamed function of velocity in left_shoulder (p = " in d.statement
-    assert "No name fits what depends on that in left_shoulder" in d.statement
+    assert "No name fits this function of velocity in left_shoulder" in d.statement
     (row,) = json.loads(d.to_json(tmp_path / "d.json").read_text())["effects"]
     assert row["unnamed"]
     assert [n["effect"] for n in row["nearest"]] == [n.title for n in effect.nearest]

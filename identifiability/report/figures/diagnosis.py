@@ -29,6 +29,9 @@ from identifiability.report.figures.motion import binned_median, spread_rows
 #: Points of a scatter.
 POINTS = 500
 
+#: Letters of a row label that names an effect.
+TITLE = 44
+
 #: Colour and name of the model as it was, and of the one with the named effects.
 STATES = ((VERMILION, "before"), (BLUE, "after"))
 
@@ -123,13 +126,13 @@ def draw_shrink(names: Sequence[str], errors: Array) -> Figure:
     errors : (m,)
         ε_RA as fractions.
     """
-    left = label_width(names)
+    left = label_width(names, TITLE)
     figure, (axes,) = canvas(max(460.0, left + 280), 70 + 28 * len(names), (left, 60, 14, 40))
     at = np.arange(len(names))
     axes.barh(at, 100 * errors, height=0.55, color=BLUE, alpha=0.75)
     for k, e in enumerate(100 * errors):
         write_near(axes, f"{e:.3g} %", (e, k), (5, 0), fontsize=11)
-    axes.set_yticks(at, [plain(n) for n in names])
+    axes.set_yticks(at, [plain(n, TITLE) for n in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlabel("error on unseen motion [%]")
     return figure

@@ -43,7 +43,7 @@ def section_effects(d: Diagnosis) -> Section:
     if not rows and not d.refuted:
         nothing = "No effect stands out from the noise and helps on unseen motion."
         return section("diagnosis.effects", nothing)
-    labels = ["model as it was", *(f"+ {e.title}" for e in d.effects)]
+    labels = ["model as it was", *(f"+ {_short(e.title)}" for e in d.effects)]
     errors = np.array([d.held_before, *(e.after for e in d.effects)])
     shrink = picture("shrink", draw_shrink(labels, errors), motion=d.verified_on)
     found = (Table.of("Effects that were added", EFFECTS, rows), shrink, _curves(d))
@@ -75,10 +75,15 @@ def _curves(d: Diagnosis) -> Gallery:
         other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
         over = "time of the session" if c.against == "session" else c.against
         labels = (f"{over}{other} [{_unit(d, c)}]", f"torque [{units[c.joint]}]")
-        title = f"{c.title}, {d.robot.joints[c.joint]}"
+        title = f"{_short(c.title)}, {d.robot.joints[c.joint]}"
         figure = draw_curve(c.x, c.learned, c.spread, c.data, title, labels)
         pictures.append(picture("curve", figure, title=title))
     return gallery("curves", pictures)
+
+
+def _short(title: str) -> str:
+    """Return a title for a label, where a function needs not say that it has no name."""
+    return title.removeprefix("an unnamed ")
 
 
 def _unit(d: Diagnosis, c: Curve) -> str:

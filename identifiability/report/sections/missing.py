@@ -100,6 +100,6 @@ def _sketch(d: Diagnosis) -> Sketch | None:
     for e in d.effects:
         for p in e.placements:
             missing.setdefault(p.place, []).append(e.title)
-    parts = {joint: Part("grey", "nothing is missing that has a name") for joint in d.robot.joints}
+    parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
     parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
     return sketch_parts(d.robot, parts, "decision.missing", moved_pose(d.robot, d.samples))

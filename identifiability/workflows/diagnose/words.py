@@ -200,9 +200,10 @@ def _state_nearest(e: NamedEffect) -> str:
     near = join([f"{title} ({by} {'less' if less else 'more'})" for title, by, less in more])
     if not near:
         return "No effect that has a name can be there."
+    function = f"{e.title.removeprefix('an unnamed ')} in {join(e.joints)}"
     return (
-        f"No name fits what depends on that in {join(e.joints)}; with the nearest in its stead the "
-        f"error on the motion that chooses is another: {near}."
+        f"No name fits this {function}; with the nearest in its stead the error on the motion that "
+        f"chooses is another: {near}."
     )
 
 

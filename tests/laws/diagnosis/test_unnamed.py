@@ -231,7 +231,9 @@ def test_a_refuted_name_has_the_reason_for_which_it_was_refuted(evidence, interv
 
 def test_the_nearest_names_are_said_to_predict_better_where_they_do():
     near = (Nearest("B", 0.076), Nearest("C", -0.074))
-    told = words._state_nearest(SimpleNamespace(nearest=near, joints=("j",)))
+    effect = SimpleNamespace(nearest=near, joints=("j",), title="an unnamed function of time")
+    told = words._state_nearest(effect)
+    assert told.startswith("No name fits this function of time in j; ")
     assert told.endswith("is another: B (7.6 % more) and C (7.4 % less).")
 
 
