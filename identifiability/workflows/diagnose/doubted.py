@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from identifiability.workflows.diagnose.evidence import Bench
-from identifiability.workflows.diagnose.gates import WAYS, Naming
+from identifiability.workflows.diagnose.gates import Naming
+from identifiability.workflows.diagnose.give_back import WAYS
 from identifiability.workflows.diagnose.held_out import HeldOut
 from identifiability.workflows.diagnose.material import Rules
 from identifiability.workflows.diagnose.naming import Selection, judge_step

@@ -1,12 +1,12 @@
 """Gates that a name must pass after the search: it predicts better, and so in a real robot.
 
 Both look only at motion that chooses, never at the motion that verifies. What is refuted later
-leaves a `Naming` with all that only refines it, and gives way to what it took the place of.
+leaves a `Naming` with all that only refines it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 
 import numpy as np
@@ -21,9 +21,6 @@ Chosen = list[Candidate]
 #: Variations that shift the clock; they warn and do not refuse. A sample more or less moves the
 #: reversal of every friction law, so that true friction of half the noise often fails them.
 CLOCK = ("torque one sample earlier", "torque one sample later")
-#: Ways to be given: the fitted motion names it, or unseen motion decides what that left open
-#: [Bonferroni].
-WAYS = 2
 #: Score below which an effect has not survived: a one-sided p-value of one per cent.
 SURVIVES = 4.6
 
@@ -120,6 +117,8 @@ class Naming:
         Names in several joints of what one of these alone has.
     replaced : tuple of Candidate
         Names that functions without one took the place of.
+    denied : tuple of Candidate
+        Names that had gone before, where functions were named then.
     """
 
     chosen: tuple[Candidate, ...]
@@ -131,6 +130,7 @@ class Naming:
     nearest: Mapping[tuple[str, str], tuple[Nearest, ...]] = field(default_factory=dict)
     refused: tuple[Candidate, ...] = ()
     replaced: tuple[Candidate, ...] = ()
+    denied: tuple[Candidate, ...] = ()
 
     def then(self, later: Naming) -> Naming:
         """Return what a search that went on from here named, with the steps of both."""
@@ -235,41 +235,3 @@ def keep_surviving(
         for s in naming.steps
     )
     return replace(naming, chosen=kept, steps=steps)
-
-
-def give_back(naming: Naming, kept: Collection[tuple[str, str]], present: Present) -> Naming | None:
-    """Return a naming in which refuted functions give way to the names that they replaced.
-
-    That a function says what a name says, and more, is no reason to deny the name once there is no
-    such function. The name has had the fitted motion's word for it; that unseen motion chose
-    between the two is a second way to be given.
-
-    Parameters
-    ----------
-    naming : Naming
-        Before unseen motion, or motion made anew, was asked.
-    kept : collection of (family, place)
-        What these left of it.
-    present : collection of (family, place)
-        What the base model has.
-
-    Returns
-    -------
-    Naming or None
-        None where no name comes back.
-    """
-    functions = [c for c in naming.chosen if c.family.unnamed]
-    gone = [c for c in functions if c.group not in kept]
-    places = {c.place for c in gone}
-    back = [c for c in naming.replaced if c.place in places or gone == functions]
-    if not (gone and back):
-        return None
-    left = keep_surviving(naming, gone, present, "it is refuted, and what it replaced comes back")
-    chosen = [*left.chosen, *back]
-    p_values = {c.group: min(WAYS * naming.p_values.get(c.group, float("nan")), 1.0) for c in back}
-    return replace(
-        left,
-        chosen=tuple(c for c in chosen if has_place(c, chosen, present)),
-        p_values={**naming.p_values, **p_values},
-        replaced=tuple(c for c in naming.replaced if c not in back),
-    )

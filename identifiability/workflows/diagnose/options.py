@@ -47,12 +47,13 @@ def signature(chosen: Sequence[Candidate]) -> set[tuple[str, str, tuple[str, ...
 
 def find_same(c: Candidate, candidates: Iterable[Candidate]) -> Candidate:
     """Return the candidate that is the same effect with the same shape."""
-    own = [c.shape, len(c.columns)]
-    return next(
-        o
-        for o in candidates
-        if o.slot == c.slot and np.array_equal([o.shape, len(o.columns)], own, equal_nan=True)
-    )
+    return next(o for o in candidates if is_same(o, c))
+
+
+def is_same(one: Candidate, other: Candidate) -> bool:
+    """Whether two candidates are the same effect with the same shape."""
+    own, its = ([c.shape, len(c.columns)] for c in (one, other))
+    return one.slot == other.slot and np.array_equal(own, its, equal_nan=True)
 
 
 def best_by_group(options: Sequence[Candidate], scores: Array) -> dict[tuple[str, str], float]:

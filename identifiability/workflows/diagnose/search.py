@@ -16,7 +16,8 @@ from identifiability.workflows.diagnose.complete import keep_complete
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.doubted import name_doubted
 from identifiability.workflows.diagnose.finer import find_finer
-from identifiability.workflows.diagnose.gates import Naming, give_back
+from identifiability.workflows.diagnose.gates import Naming
+from identifiability.workflows.diagnose.give_back import give_back, list_preferred, with_denied
 from identifiability.workflows.diagnose.goes_on import Earlier
 from identifiability.workflows.diagnose.in_bodies import keep_off_bodies
 from identifiability.workflows.diagnose.in_its_stead import keep_unbeaten
@@ -83,10 +84,12 @@ class Search:
         complete = _keep(m, naming)
         refused = [c for c in naming.chosen if c not in complete.chosen]
         refused += naming.refused
-        m, naming = name_late(m, complete, streams[4], effects, self.draws, say, refused)
-        naming = _keep(m, naming)
+        m, late = name_late(m, complete, streams[4], effects, self.draws, say, refused)
+        naming = _keep(m, late)
+        denied = [*refused, *(c for c in late.chosen if c not in naming.chosen)]
         functions = () if self.earlier is None else self.earlier.functions
         m, naming = name_unnamed(m, naming, streams[5], effects, self.draws, say, functions)
+        naming = with_denied(naming, denied, m)
         if not naming.chosen:
             naming = self._name_doubted(m, naming)
         found = self._verify(m, naming)
@@ -102,10 +105,15 @@ class Search:
         self.say("verifying", 0.9)
         found = conclude(m, stressed, self.streams[2])
         kept = {(e.name, place) for e in found.effects for place in e.joints}
-        again = give_back(naming, kept, m.setting.structure.present)
+        left = replace(naming, chosen=tuple(c for c in naming.chosen if c.group in kept))
+        gone = {c.group for c in naming.chosen} - kept
+        preferred = list_preferred(m, left)
+        again = give_back(naming, gone, m.setting.structure.present, preferred)
         if again is None:
             return found
         back = self._verify(m, again)
+        if not preferred.keys() <= {place for e in back.effects for place in e.joints}:
+            return found  # what foretells more is refuted itself
         return replace(back, refuted=(*found.refuted, *back.refuted))
 
     def _name_first(self, m: Material, first: Sequence[str]) -> Naming:

@@ -8,10 +8,8 @@ import pytest
 
 from identifiability.workflows.diagnose.findings import NamedEffect, Placement
 from identifiability.workflows.diagnose.gates import (
-    Naming,
     Survival,
     add_places,
-    give_back,
     keep_possible,
     keep_useful,
     keep_where,
@@ -245,46 +243,3 @@ def test_what_is_surely_there_is_not_refuted_by_slow_noise(interval, joints, new
     rare = replace(effect, rare=True, shown=replace(effect.shown, expected=-9.0))
     assert rare.shown.telling
     assert rare.refuted
-
-
-# --- what was refuted gives back what it replaced ---------------------------------------------
-
-
-@pytest.fixture
-def replaced(candidate):
-    """Two names, and a third that only refines one; functions in two joints replaced them all."""
-    names = [candidate("a", "j", 0), candidate("b", "k", 1), candidate("r", "j", 2, needs="a")]
-    functions = [candidate("f", place, 3 + at, unnamed=True) for at, place in enumerate("jk")]
-    p_values = {c.group: 0.01 for c in functions} | {c.group: 0.02 for c in names}
-    return Naming(tuple(functions), p_values, (), replaced=tuple(names))
-
-
-def test_a_refuted_function_gives_back_the_names_of_its_joint_at_twice_their_price(replaced):
-    back = give_back(replaced, {("f", "k")}, ())
-    assert groups(back.chosen) == [("f", "k"), ("a", "j"), ("r", "j")]
-    assert back.p_values[("a", "j")] == pytest.approx(0.04)
-    assert back.p_values[("f", "k")] == 0.01
-    # What stays replaced can come back when the other function is refuted, too.
-    again = give_back(back, {("a", "j"), ("r", "j")}, ())
-    assert groups(again.chosen) == [("a", "j"), ("r", "j"), ("b", "k")]
-    assert again.p_values[("a", "j")] == pytest.approx(0.04)
-
-
-def test_where_no_function_is_left_all_that_they_replaced_comes_back(replaced, candidate):
-    elsewhere = candidate("c", "m", 9)
-    naming = replace(replaced, replaced=(elsewhere,))
-    assert groups(give_back(naming, (), ()).chosen) == [("c", "m")]
-    assert give_back(naming, {("f", "k")}, ()) is None
-
-
-def test_nothing_comes_back_where_nothing_is_refuted_or_was_replaced(replaced, candidate):
-    assert give_back(replaced, {("f", "j"), ("f", "k")}, ()) is None
-    assert give_back(replace(replaced, replaced=()), (), ()) is None
-    named = replace(replaced, chosen=(candidate("a", "j", 0),))
-    assert give_back(named, (), ()) is None
-
-
-def test_what_refines_a_name_does_not_come_back_without_it(replaced):
-    refines = replace(replaced, replaced=replaced.replaced[2:])
-    assert groups(give_back(refines, (), ()).chosen) == []
-    assert groups(give_back(refines, (), {("a", "j")}).chosen) == [("r", "j")]

@@ -1,0 +1,123 @@
+"""A function without a name gives back the names that it replaced where unseen motion says so.
+
+Whatever law there is is a function, too: one took the place of a name because it explains the
+fitted motion better, or because what the name leaves spoke against it, which by chance it does in
+one joint of a hundred. Where the motion that verifies refutes the function, or motion made anew
+does, there is no reason any more to deny the name. And where a name foretells the unseen motion at
+least as well as the function, the errors of all values known, its law is what the function had
+learned: a wrong name leaves there what the function says, a true one leaves nothing, and the
+function pays for its further numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.workflows.diagnose.gates import Chosen, Naming, has_place, keep_surviving
+from identifiability.workflows.diagnose.lookalikes import DECISIVE
+from identifiability.workflows.diagnose.material import Material
+from identifiability.workflows.diagnose.options import is_same
+from identifiability.workflows.diagnose.rows import Candidate, Present
+
+#: Ways to be given: the fitted motion names it, or unseen motion decides what that left open
+#: [Bonferroni].
+WAYS = 2
+#: Names that may stand at a place in the stead of the functions there.
+Preferred = Mapping[str, Chosen]
+
+
+def with_denied(naming: Naming, denied: Iterable[Candidate], m: Material) -> Naming:
+    """Return a naming that remembers the names that were denied where it has functions now."""
+    places = {c.place for c in naming.chosen if c.family.unnamed}
+    there = [c for c in denied if c.place in places]
+    own = (o for c in there for o in m.candidates if is_same(o, c))
+    return replace(naming, denied=tuple(own))
+
+
+def list_preferred(m: Material, naming: Naming) -> dict[str, Chosen]:
+    """Return names that make unseen motion as likely as the functions at their place, by place.
+
+    The names that functions replaced there, or one that was denied, beside all else, if unseen
+    motion decides for them at all.
+
+    Parameters
+    ----------
+    m : Material
+    naming : Naming
+        What unseen motion left of it.
+    """
+    found: dict[str, Chosen] = {}
+    for place in dict.fromkeys(c.place for c in naming.chosen if c.family.unnamed):
+        replaced = [c for c in naming.replaced if c.place == place]
+        options = [[c] for c in naming.denied if c.place == place]
+        options += [replaced] if replaced else []
+        if not options:
+            continue
+        functions = [c for c in naming.chosen if c.place == place and c.family.unnamed]
+        rest = [c for c in naming.chosen if c not in functions]
+        said = [_foretell(m, rest, own) for own in options]
+        best = int(np.argmax(said))
+        if said[best] >= max(_foretell(m, rest, functions), DECISIVE):
+            found[place] = options[best]
+    return found
+
+
+def _foretell(m: Material, rest: Chosen, own: Sequence[Candidate]) -> float:
+    """Return by how much some candidates make unseen motion likelier, as a logarithm."""
+    chosen = [*rest, *own]
+    model = m.train.X.shape[2] + sum(len(c.columns) for c in rest)
+    width = sum(len(c.columns) for c in own)
+    return m.unseen(chosen).of_effect(range(model, model + width)).evidence
+
+
+def give_back(
+    naming: Naming,
+    gone: Collection[tuple[str, str]],
+    present: Present,
+    preferred: Preferred | None = None,
+) -> Naming | None:
+    """Return a naming in which some functions give way to names.
+
+    The names have had the fitted motion's word; that unseen motion chose is a second way.
+
+    Parameters
+    ----------
+    naming : Naming
+        Before unseen motion was asked.
+    gone : collection of (family, place)
+        What is refuted: functions give way to what they replaced in their joint, and if none of
+        them is left, everywhere.
+    present : collection of (family, place)
+        What the base model has.
+    preferred : mapping of place to list of Candidate
+        To which functions give way that are not refuted.
+
+    Returns
+    -------
+    Naming or None
+        None where no name comes back.
+    """
+    better = {} if preferred is None else preferred
+    functions = [c for c in naming.chosen if c.family.unnamed]
+    refuted = [c for c in functions if c.group in gone]
+    places = {c.place for c in refuted}
+    back = [c for c in naming.replaced if c.place in places or refuted == functions != []]
+    back = [
+        *(c for c in back if c.place not in better),
+        *(c for own in better.values() for c in own),
+    ]
+    if not back:
+        return None
+    without = [c for c in functions if c in refuted or c.place in better]
+    left = keep_surviving(naming, without, present, "what it replaced comes back")
+    chosen = [*left.chosen, *back]
+    p_values = {c.group: min(WAYS * naming.p_values.get(c.group, float("nan")), 1.0) for c in back}
+    return replace(
+        left,
+        chosen=tuple(c for c in chosen if has_place(c, chosen, present)),
+        p_values={**naming.p_values, **p_values},
+        replaced=tuple(c for c in naming.replaced if c not in back),
+    )
