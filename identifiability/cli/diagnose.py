@@ -86,6 +86,7 @@ def diagnose(
     with common.sentences(), common.progress() as say, place.running() as runner:
         from identifiability.workflows.diagnose import diagnose as run  # noqa: PLC0415
         from identifiability.workflows.diagnose import find_next  # noqa: PLC0415
+        from identifiability.workflows.diagnose.next_steps import next_commands  # noqa: PLC0415
 
         held = validate or ()
         ways = [w for w in (fixed_from, fixed_share, fixed or None) if w is not None]
@@ -146,7 +147,5 @@ def diagnose(
         title, ("joint", "before", "after", "rms after", "raw after"), table, left=("joint",)
     )
     common.print_end(told)
-    from identifiability.report.sections.missing import next_commands  # noqa: PLC0415
-
     common.print_next(next_commands(result), [machine.robot, *logs, *held])
     common.print_end([], written)

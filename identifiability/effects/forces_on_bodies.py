@@ -44,23 +44,25 @@ class ForcesOnBodies(Effect):
         """
         model, known = _of_mass_one(robot), reference_values(robot)
         data, carried = model.createData(), _carried(model)
-        size, count, bodies = carried.shape[1], len(PULLED), len(robot.bodies)
         values = np.array(
             [[known.get(f"{b}.{kind}", 0.0) for kind in PULLED] for b in robot.bodies]
         )
+        mass, bodies = values[:, 0], len(robot.bodies)
         for start in range(0, len(motion), AT_ONCE):
             part = motion[start : start + AT_ONCE]
-            S, J = np.empty((len(part), 3, size)), np.empty((len(part), 6, model.nv))
+            S, J = np.empty((len(part), 3, values.size)), np.empty((len(part), 6, model.nv))
             for k, q in enumerate(tree_motion(robot, part)[0]):
                 S[k] = pin.computeStaticRegressor(model, data, q)
                 J[k] = pin.computeJointJacobians(model, data, q)
-            moved = np.cross(J[:, 3:, :, None], S[:, :, None, :], axis=1)
-            moved[..., ::count] += J[:, :3, :, None]  # directions only turn
-            moved *= -carried
-            pulled = (moved.reshape(*moved.shape[:3], -1, count) * values).sum(-1)
+            first = np.einsum("tabk,bk->tab", S.reshape(len(part), 3, bodies, -1), values)
             for axis in range(3):
+                i, j = (axis + 1) % 3, (axis + 2) % 3  # of ω × r
+                moved = J[:, axis, :, None] * mass  # directions only turn
+                moved += J[:, 3 + i, :, None] * first[:, None, j]
+                moved -= J[:, 3 + j, :, None] * first[:, None, i]
+                moved *= -carried
                 for k in range(bodies):
-                    tau = project(robot, part, pulled[:, axis, :, k])
+                    tau = project(robot, part, moved[:, :, k])
                     out[start : start + AT_ONCE, :, axis * bodies + k] = tau
 
 
@@ -74,10 +76,10 @@ def _of_mass_one(robot: Robot) -> pin.Model:
 
 
 def _carried(model: pin.Model) -> Array:
-    """Return one where a joint carries a body and zero elsewhere, 4 columns a body, (nv, 4 b)."""
+    """Return one where a joint carries a body and zero elsewhere, (nv, b)."""
     out = np.zeros((model.nv, model.njoints - 1))
     for body in range(1, model.njoints):
         for joint in list(model.supports[body])[1:]:
             start = model.idx_vs[joint]
             out[start : start + model.nvs[joint], body - 1] = 1.0
-    return np.repeat(out, len(PULLED), axis=1)
+    return out

@@ -19,7 +19,8 @@ def split_runs(motion: Motion) -> list[np.ndarray]:
 def follow_with_play(x: Array, width: float, way: float) -> Array:
     """Return where a slider is that x drags along in a slot from ``-width`` to ``width``, (N,).
 
-    Clips after clips are a clip, so that all of them are composed in log₂ N rounds.
+    Clips after clips are a clip, so that all of them are composed in log₂ N rounds, or in fewer:
+    once each has met both ends of the slot, where it began no longer matters.
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ def follow_with_play(x: Array, width: float, way: float) -> Array:
     """
     low, high = x - width, x + width
     step = 1
-    while step < len(x):
+    while step < len(x) and not np.array_equal(low[step:], high[step:]):
         ends = [np.clip(end[:-step], low[step:], high[step:]) for end in (low, high)]
         low, high = (
             np.concatenate([end[:step], new]) for end, new in zip((low, high), ends, strict=True)

@@ -276,6 +276,8 @@ class Description:
         """Return velocities or accelerations (N, nv) of the tree along an axis, (N,)."""
         if axis.row is not None:
             at = np.flatnonzero(axis.row)
+            if len(at) == 1:  # as of most axes
+                return np.asarray(x[:, self.actuated[at[0]]] * axis.row[at[0]])
             return np.asarray(x[:, self.actuated[at]] @ axis.row[at])
         if axis.weights is None:
             return np.asarray(x[:, axis.dof])

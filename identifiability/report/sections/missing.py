@@ -9,8 +9,8 @@ from identifiability.report.figures.skeleton import Part
 from identifiability.report.numbers import format_number, join, percent
 from identifiability.report.sections.decision import answer_next, state_error, tone_of
 from identifiability.report.sections.drawn import moved_pose, sketch_parts
-from identifiability.workflows.commands import held_back, name_logs, source_name
 from identifiability.workflows.diagnose.findings import NamedEffect
+from identifiability.workflows.diagnose.next_steps import next_commands
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.words import headline
 
@@ -63,36 +63,6 @@ def _left(d: Diagnosis) -> Answer:
         return Answer(question, "There is no error to tell.", d.unexplained, "grey")
     judged, short, spread = state_error(error, d.robot.joints, d.error_frame()["after"].to_numpy())
     return Answer(question, short, f"{spread}{d.unexplained}", tone_of(judged))
-
-
-def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
-    """Return lines for the terminal, the most useful first."""
-    robot = source_name(d.robot)
-    logs = name_logs(d.robot, [s.name for s in d.samples], how=d.preparation)
-    logs += held_back(d.validation, d.samples)
-    ask = f"identifiability diagnose {robot} {logs} --next motion.json"
-    if not d.effects:
-        what = "See which parameters these logs determine:"
-        hidden = any(a.structural for a in d.aliases)
-        shows = [("Find the motion that shows what these logs cannot tell from the model:", ask)]
-        analyze = f"identifiability analyze {robot} {logs} --report report.html"
-        return [(what, analyze), *(shows if hidden else ())]
-    apart = [("Find the motion that tells one name from the other:", ask)]
-    return [
-        *(apart if any(e.alternatives for e in d.effects) else ()),
-        (
-            "Keep the diagnosed model:",
-            f"identifiability diagnose {robot} {logs} --out model.toml --json result.json",
-        ),
-        (
-            "Judge its parameters:",
-            f"identifiability analyze {robot} {logs} --ladder model.toml --report report.html",
-        ),
-        (
-            "Take it into a simulator:",
-            f"identifiability export {robot} result.json --out fitted.xml",
-        ),
-    ]
 
 
 def _sketch(d: Diagnosis) -> Sketch | None:

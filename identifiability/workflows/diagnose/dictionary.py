@@ -204,19 +204,25 @@ def compute_entries(
     """
     layout = _lay_out(robot, parts)
     rows = sum(s.outputs for s in samples)
+    pieces = [piece for s in samples for piece in _pieces(s)]
+    longest = max((len(piece.motion) for piece in pieces), default=0)
+    widest = max((width for _, width, _ in layout), default=0)
+    # Each column of each joint in one piece, for it is asked for, and filtered, alone; what acts is
+    # taken out and zero again, so that new memory is not asked for of every effect.
+    space = np.zeros((len(robot.actuated), widest, longest))
     entries: Entries = {}
     start = 0
-    for piece in (piece for s in samples for piece in _pieces(s)):
-        outputs = len(piece.tau[piece.at])
+    for piece in pieces:
+        outputs, samples_here = len(piece.tau[piece.at]), len(piece.motion)
         found: Entries = {}
         for effect, width, columns in layout:
-            # Each column of each joint in one piece, for it is asked for, and filtered, alone.
-            W = np.zeros((len(robot.actuated), width, len(piece.motion)))
+            W = space[:, :width, :samples_here]
             effect.fill(robot, piece.motion, W.transpose(2, 0, 1))
-            acts: np.ndarray = np.any(W, axis=2)
+            acts: np.ndarray = np.einsum("jkt,jkt->jk", W, W) != 0  # quicker than to ask each
             for own, column in columns:
                 for j in np.flatnonzero(acts[:, own]).tolist():
-                    found[j, column] = W[j, own]
+                    found[j, column] = W[j, own].copy()
+            W[acts] = 0.0
             if len(found) >= TOGETHER:
                 _write(entries, piece, found, start, rows)
                 found = {}
