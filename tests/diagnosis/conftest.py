@@ -39,7 +39,7 @@ def make_logs(
 @cache
 def diagnosed(name: str, *hide: str, seed: int = 0, **options) -> Diagnosis:
     logs = make_logs(name, *hide, seed=seed)
-    options = {"replicates": 199, **options}
+    options = {"replicates": 199, "forward": False, **options}
     return diagnose(name, logs[:4], logs[4:], **options)
 
 
@@ -51,7 +51,10 @@ def logs_of():
 
 @pytest.fixture(scope="session")
 def diagnosis_of():
-    """A function (robot, hidden effects …) -> Diagnosis that remembers what it made."""
+    """A function (robot, hidden effects …) -> Diagnosis that remembers what it made.
+
+    What a simulation forward says changes no name: whoever looks at it asks for it.
+    """
     return diagnosed
 
 

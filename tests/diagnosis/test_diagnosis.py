@@ -34,7 +34,7 @@ OF_POSTURE = (
 
 @pytest.fixture(scope="session")
 def diagnosis(diagnosis_of):
-    return diagnosis_of("3-rps", HIDDEN, replicates=199, effects=FEW)
+    return diagnosis_of("3-rps", HIDDEN, replicates=199, effects=FEW, forward=True)
 
 
 def test_the_statement_says_effect_joints_p_and_how_far_the_gap_shrinks(diagnosis):
@@ -140,7 +140,8 @@ def test_a_name_is_refuted_at_the_place_where_it_is_not(logs_of):
     """Both joints have it while names are chosen, one of them on the motion that verifies."""
     one, other = (f"position_ripple@{j}_shoulder=0.05" for j in ("left", "right"))
     fitted, held = logs_of("five-bar", one, other)[:4], logs_of("five-bar", one)[4]
-    d = diagnose("five-bar", fitted, held, effects=["position_ripple"], quick=True)
+    few = {"effects": ["position_ripple"], "quick": True, "forward": False}
+    d = diagnose("five-bar", fitted, held, **few)
     assert [(e.name, e.joints) for e in d.effects] == [("position_ripple", ("left_shoulder",))]
     assert [(e.name, e.joints) for e in d.refuted] == [("position_ripple", ("right_shoulder",))]
     assert "Position ripple in right_shoulder (p = " in d.statement
@@ -151,7 +152,7 @@ def test_what_survives_beside_a_refuted_name_is_judged_without_it(logs_of):
     both = ("position_ripple@left_shoulder=0.05", "stribeck_friction@right_shoulder=0.05")
     d = diagnose(
         "five-bar", logs_of("five-bar", *both)[:4], logs_of("five-bar", both[1])[4],
-        effects=["position_ripple", "stribeck_friction"], quick=True,
+        effects=["position_ripple", "stribeck_friction"], quick=True, forward=False,
     )  # fmt: skip
     assert [e.name for e in d.effects] == ["stribeck_friction"]
     assert [e.name for e in d.refuted] == ["position_ripple"]
@@ -197,11 +198,12 @@ def test_the_same_seed_gives_the_same_answer(logs_of):
 
 def test_without_held_out_logs_some_motion_is_set_aside_to_verify(logs_of):
     logs = logs_of("five-bar", "position_ripple@left_shoulder=0.05")
-    d = diagnose("five-bar", logs[:3], quick=True)
+    d = diagnose("five-bar", logs[:3], quick=True, forward=False)
     assert [e.name for e in d.effects] == ["position_ripple"]
     assert "On motion 3, which was set aside, which took no part" in d.statement
     assert d.to_dict()["roles"]["fitted"] == ["motion 1", "motion 2"]
-    one = diagnose("five-bar", logs[0], effects=["position_ripple"], quick=True)
+    few = {"effects": ["position_ripple"], "quick": True, "forward": False}
+    one = diagnose("five-bar", logs[0], **few)
     assert one.verified_on == "the last 25 % of motion 1, set aside"
 
 
@@ -226,7 +228,7 @@ def test_the_frame_has_the_error_before_and_after(diagnosis):
 def test_a_fixed_simulation_can_miss_payload_and_tilt(
     robot, hidden, name, place, effects, diagnosis_of
 ):
-    d = diagnosis_of(robot, hidden, fixed=True, effects=effects)
+    d = diagnosis_of(robot, hidden, fixed=True, effects=effects, forward=True)
     assert [(e.name, e.joints) for e in d.effects] == [(name, (place,))]
     assert d.held_after < 1.2 * diagnosis_of(robot, fixed=True, effects=effects).held_before
 

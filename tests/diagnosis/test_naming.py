@@ -53,7 +53,7 @@ def test_what_one_joint_has_is_no_tilted_base_and_no_forces(
 ):
     """It resembles them, and has no name among these: of what it is none is as sure in others."""
     few = ("gravity_tilt", "constant_force", "quadratic_friction")
-    assert named(diagnosis_of(robot, hidden, effects=few, forward=False)) == expected
+    assert named(diagnosis_of(robot, hidden, effects=few)) == expected
 
 
 def among(*effects):
@@ -98,7 +98,7 @@ def test_nulls_get_a_name_no_more_often_than_they_may(rho, motion, logs_of):
     false = 0
     for seed in range(4):
         logs = logs_of("two-link", seed=100 + seed, rho=rho, motion=motion)
-        d = diagnose("two-link", logs[:4], logs[4:], replicates=99, seed=seed)
+        d = diagnose("two-link", logs[:4], logs[4:], replicates=99, seed=seed, forward=False)
         false += bool(d.effects)
     assert false <= 2
 
@@ -139,7 +139,7 @@ def test_the_papers_nonlinear_friction_is_named(rps, named):
 def test_the_papers_rotational_friction_is_named(rps, named, effects):
     hinges = {f"hinge{k}.{n}": v for k in (1, 2, 3) for n, v in (("Fv", 490.8), ("Fc", 34.2))}
     logs = paper_logs(rps, hinges)
-    d = diagnose(rps, logs[:4], logs[4:], replicates=99, effects=effects)
+    d = diagnose(rps, logs[:4], logs[4:], replicates=99, effects=effects, forward=False)
     assert named(d) == [("passive_joint_friction", ("hinge1", "hinge2", "hinge3"))]
 
 
@@ -147,7 +147,8 @@ def test_the_papers_rotational_friction_is_named(rps, named, effects):
 def test_the_papers_actuator_dynamics_are_named(rps, named, effects):
     logs = paper_logs(rps)
     model = ("rigid_body", "viscous_friction", "coulomb_friction")
-    d = diagnose(rps, logs[:4], logs[4:], model=model, replicates=99, effects=effects)
+    few = {"replicates": 99, "effects": effects, "forward": False}
+    d = diagnose(rps, logs[:4], logs[4:], model=model, **few)
     assert named(d) == [("actuator_inertia", ("slider1", "slider2", "slider3"))]
     np.testing.assert_allclose(d.to_frame().value, 483.1, rtol=0.1)
     assert d.held_after < 0.3 * d.held_before

@@ -93,7 +93,7 @@ def test_ctrl_c_ends_a_calibration_and_its_workers_at_once(log, spawn, group, tm
         path.write_text("old")
     running = spawn(
         "-m", "identifiability", "calibrate", "two-link", log.write(tmp_path / "log.csv"),
-        "--replicates", 100, "--quick", "--no-sbc", "--names", 0, "--workers", 2, "--resume", work,
+        "--replicates", 5, "--quick", "--no-sbc", "--names", 0, "--workers", 2, "--resume", work,
         "--report", report, "--json", result,
     )  # fmt: skip
     until = time.monotonic() + 120
