@@ -128,11 +128,11 @@ class World:
             return out * float(self.torque[:, k] @ old) / float(old @ old)
         return out * scale / np.sqrt(np.mean(force**2))
 
-    def logs(self, more: Sequence[PrescribedMotion] = (), noise: Noise = NOISE) -> list[Log]:
-        """Return a log of each motion; with more motions the first ones stay the same."""
-        c = Campaign.of(self.robot, [*self.motions, *more]) if more else self.first
-        torque = self._hidden(c) if more else self.torque
-        logs = c.logs(torque, noise, np.random.default_rng([self.seed, 77]))
+    def logs(self, path: Trajectory | None = None, periods: int = 1) -> list[Log]:
+        """Return a log of each motion; with one more the first ones stay the same."""
+        c = repeat_last(self.robot, [*self.motions, path], periods) if path else self.first
+        torque = self._hidden(c) if path else self.torque
+        logs = c.logs(torque, NOISE, np.random.default_rng([self.seed, 77]))
         step = np.array([ENCODER[c.robot.is_prismatic(int(k))] for k in c.robot.actuated])
         return [replace(log, q=np.round(log.q / step) * step) for log in logs]
 
@@ -172,10 +172,25 @@ class World:
         return *best, float(np.linalg.norm(h))
 
 
-def repeated(path: Trajectory, periods: int) -> PrescribedMotion:
-    """Return several periods of a trajectory as one motion."""
+def repeat_last(robot: Robot, motions: Sequence[Trajectory], periods: int) -> Campaign:
+    """Return a campaign whose last motion is gone through several times.
+
+    The torque of a period is that of every other one, so it is computed once.
+    """
+    c, path = Campaign.of(robot, motions), motions[-1]
     t = np.arange(periods * path.samples) * path.period / path.samples
-    return PrescribedMotion(t, *path.motion(t), name=path.name)
+    last = c.log == len(motions) - 1
+    again = np.concatenate([np.flatnonzero(~last), np.tile(np.flatnonzero(last), periods)])
+    begin = c.move.t[last][0]
+    times = np.concatenate([c.move.t[~last], begin + t])
+    return replace(
+        c,
+        moves=(*c.moves[:-1], PrescribedMotion(t, *path.motion(t), name=path.name)),
+        move=PrescribedMotion(times, c.move.q[again], c.move.dq[again], c.move.ddq[again]),
+        rigid=replace(c.rigid, **{name: x[again] for name, x in vars(c.rigid).items()}),
+        torque=c.torque[again],
+        log=c.log[again],
+    )
 
 
 def judge(d: Diagnosis, truth: tuple[str, str]) -> str:
@@ -220,10 +235,11 @@ def case(name: str, seed: int) -> dict[str, Any]:
         return row | {"outcome": "said to be told by no motion", "told": str(error)}
     row |= {"asked": True, "said": f"{row['said']}; asked: {found.statement[:160]}"}
     row |= {"chance": found.chance, "periods": found.periods, "separates": list(found.names)}
+    row["seconds"] = found.periods * found.excitation.trajectory.period
     shown = any(n.partition(":")[0] == "@".join(truth) for n in found.names)
     if found.same or not shown:
         return row | {"asked": False, "outcome": "said to be told by no motion"}
-    *old, new = world.logs([repeated(found.excitation.trajectory, found.periods)])
+    *old, new = world.logs(found.excitation.trajectory, found.periods)
     after = diagnose(world.robot, [*old[:FITTED], new], old[FITTED:], earlier=d, **options)
     outcome = judge(after, truth)
     row["told"] = tell_names(after)

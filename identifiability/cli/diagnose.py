@@ -67,7 +67,8 @@ def diagnose(
         Write the model with the named effects here, as a model file for every other verb.
     motion
         Write the motion to log next here: it tells an "A or B" apart or, where there is none, shows
-        what these logs cannot tell from the model. --limits holds for it.
+        what these logs cannot tell from the model. --limits holds for it. The log of it is as long
+        as is likely to decide, 16 min at most.
     limits
         TOML with limits of the joints, as for excite.
     earlier

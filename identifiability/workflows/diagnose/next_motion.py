@@ -9,14 +9,16 @@ that the logs have.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.errors import ClosureError, IdentifiabilityError, listing
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
 from identifiability.foundation.threads import one_thread
@@ -30,10 +32,15 @@ from identifiability.workflows.excite.question import Known
 from identifiability.workflows.excite.workflow import find_motion
 from identifiability.workflows.opening import Progress
 
-#: Periods that a motion may be logged for: the fewest that are likely to decide.
-PERIODS, LIKELY = (1, 2, 4, 8, 16, 32), 0.95
-#: Looks of the search, and samples a period.
-EVALUATIONS, SAMPLES = 4000, 750
+#: A motion is logged for the fewest periods that are likely to decide, up to so many.
+PERIODS, LIKELY = 32, 0.95
+#: Where these are not likely to, how many times as long a log may be, and how much slower a motion
+#: is tried as well: it stays longer near a reversal, where laws of friction differ, and has less
+#: inertia to hide them. A faster one crosses it in so few samples that how the sign of a speed is
+#: smoothed counts.
+LONGER, SLOWER = 4, 2
+#: Looks of each search, and samples a second.
+EVALUATIONS, RATE = 4000, 100.0
 #: Names that a sentence lists.
 LISTED = 4
 
@@ -71,9 +78,10 @@ class NextMotion:
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        path, more = self.excitation.trajectory, f", {self.periods} times" * (self.periods > 1)
+        period, k = self.excitation.trajectory.period, self.periods
+        more = f", {k} times ({_time(k * period)} in all)" if k > 1 else ""
         motion = (
-            f"log this motion of {path.period:g} s{more}, which begins and ends at rest, and "
+            f"log this motion of {period:g} s{more}, which begins and ends at rest, and "
             "diagnose it with the logs there are"
         )
         if self.hidden:
@@ -137,7 +145,10 @@ def find_next(
     d : Diagnosis
         Of several names that are "A or B" the one with the largest torque is asked about; where
         there is none, what these logs cannot tell from the model.
-    limits, duration, harmonics, evaluations, seed, progress
+    duration : float [s]
+        The period. It is logged up to 32 times; where these are not likely to decide up to 128
+        times, or one of twice the period up to 64 times.
+    limits, harmonics, evaluations, seed, progress
         As for `excite`.
 
     Raises
@@ -156,35 +167,63 @@ def find_next(
                 "another motion shows, so no motion is asked for; excite --separate tells any two "
                 "effects apart."
             )
+
+        def search(series: Series, lasts: float) -> Excitation:
+            return find_motion(
+                asked.question,
+                Known(asked.known, asked.weights, lasts / step, logs),
+                series,
+                samples=max(round(RATE * series.period), 4 * harmonics + 1),
+                iterations=80,
+                evaluations=1 if asked.same else evaluations,
+                time_limit=None,
+                seed=seed,
+                name="next",
+                say=say,
+            )
+
         step = float(np.median(np.diff(d.samples[0].output_times())))
-        found = find_motion(
-            asked.question,
-            Known(asked.known, asked.weights, duration / step, tuple(s.name for s in d.samples)),
-            series,
-            samples=SAMPLES,
-            iterations=80,
-            evaluations=1 if asked.same else evaluations,
-            time_limit=None,
-            seed=seed,
-            name="next",
-            say=say,
-        )
-        return _judge(d, asked, found)
+        logs, told = tuple(s.name for s in d.samples), Told.of(asked.question, d)
+        found, longest = [search(series, duration)], PERIODS * duration
+        usual = _judge(d, asked, told, found, longest)
+        if usual.chance >= LIKELY or asked.same:
+            return usual
+        with suppress(ClosureError):  # the first one keeps the workspace
+            found.append(search(replace(series, period=SLOWER * duration), longest))
+        return _judge(d, asked, told, found, LONGER * longest)
 
 
-def _judge(d: Findings, asked: Asked, found: Excitation) -> NextMotion:
-    """Return the motion with the fewest periods that are likely to decide."""
-    told = Told.of(asked.question, d)
-    new = told.along(found.trajectory)
-    chances = [asked.chance(told.known + k * new) for k in (0, *PERIODS)]
-    likely = [k for k, chance in enumerate(chances) if chance >= LIKELY and k]
-    at = likely[0] if likely else int(np.argmax(chances[1:])) + 1
+def _judge(
+    d: Findings, asked: Asked, told: Told, found: Sequence[Excitation], longest: float
+) -> NextMotion:
+    """Return the shortest log that is likely to decide, or else the one that is likeliest to.
+
+    Parameters
+    ----------
+    d : Findings
+    asked : Asked
+    told : Told
+        What the logs say of it.
+    found : sequence of Excitation
+        Motions of one period each.
+    longest : float [s]
+        A log may be.
+    """
+    logs = []
+    for motion in found:
+        (new, seen), period, k = told.along(d, motion.trajectory), motion.trajectory.period, 1
+        while k * period <= longest:
+            logs.append((k * period, k, asked.chance(told.known + min(k, seen) * new), motion))
+            k *= 2
+    logs.sort(key=lambda log: log[0])
+    likeliest = max(logs, key=lambda log: log[2])  # of several the shortest
+    _, periods, chance, motion = next((log for log in logs if log[2] >= LIKELY), likeliest)
     return NextMotion(
         names=asked.names,
-        excitation=found,
-        periods=(0, *PERIODS)[at],
-        chance=chances[at],
-        before=chances[0],
+        excitation=motion,
+        periods=periods,
+        chance=chance,
+        before=asked.chance(told.known),
         hidden=asked.hidden,
         same=asked.same,
     )
@@ -194,6 +233,10 @@ def _told(text: str) -> str:
     """Return an effect at its place in words."""
     name, _, place = text.partition("@")
     return f"{title_of(name)} in {place.partition(':')[0]}" if place else title_of(name)
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
 
 
 def _percent(share: float) -> str:

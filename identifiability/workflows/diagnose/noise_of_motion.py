@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from identifiability.estimation.noise.ar_noise import ARNoise, fit_noise
-from identifiability.estimation.noise.autoregression import whiten
+from identifiability.estimation.noise.autoregression import Runs
 from identifiability.estimation.noise.residual_noise import find_runs
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.regression import Regression
-from identifiability.robot import complete_motion
 from identifiability.simulation import Trajectory
 from identifiability.workflows.diagnose.findings import Findings
+from identifiability.workflows.diagnose.motion import prepare_rows, share_samples
 from identifiability.workflows.excite.question import Question
 
-#: Share of its rms speed below which a joint counts for nothing.
-SLOW = 0.05
+#: Periods of a motion that are prepared to know what one of many says.
+PREPARED = 3
+#: Samples of a log that is longer than any share of those that are looked at.
+MANY = 10**9
 
 
 @frozen
@@ -30,42 +36,44 @@ class Told:
         Of the logs, beside all of these columns.
     known : (k, k)
         What the logs say.
-    step : float [s]
-        Between their samples.
     """
 
     question: Question
     noise: ARNoise
     known: Array
-    step: float
 
     @staticmethod
     def of(question: Question, d: Findings) -> Told:
         """Return what the fitted logs say."""
-        regression = Regression(d.robot, question.model, d.samples, question.columns)
-        chunks = [(c.W.copy(), c.tau) for part in regression.parts() for c in part.chunks()]
-        W, tau = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
-        runs = find_runs(d.samples)
+        W, tau, runs = _rows(question, d, d.samples)
         noise = fit_noise(tau, lambda j: [W[:, j]], runs)
-        step = float(np.median(np.diff(d.samples[0].output_times())))
         rows = noise.whiten(W, runs).reshape(-1, W.shape[2])
-        return Told(question, noise, rows.T @ rows, step)
+        return Told(question, noise, rows.T @ rows)
 
-    def along(self, path: Trajectory) -> Array:
-        """Return what one period of a motion would say, logged like the fitted logs, (k, k)."""
-        robot, k = self.question.structure.robot, len(self.question.columns)
-        t = np.arange(0.0, path.period, self.step)
-        q, v, a = path.motion(t)
-        motion = complete_motion(robot, t, q, v, a)
-        W, gram = self.question.model.regressor(robot, motion), np.zeros((k, k))
-        fast = np.abs(v) > SLOW * np.sqrt(np.mean(v**2, axis=0))
-        for j, own in enumerate(self.noise.joints):
-            # Near a reversal friction hangs on how its sign is smoothed, and logs leave rest out.
-            edges = np.flatnonzero(
-                np.diff(np.concatenate([[False], fast[motion.kept, j], [False]]))
-            )
-            runs = [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
-            white = whiten(W[:, j][:, self.question.columns], runs, own.pacf) / own.sigma
-            rows = np.concatenate([white[a:b] for a, b in runs] or [white[:0]])
-            gram += rows.T @ rows
-        return gram
+    def along(self, d: Findings, path: Trajectory) -> tuple[Array, float]:
+        """Return what a period of a motion would say (k, k), and how many a diagnosis looks at.
+
+        It is prepared like a log: what low-passes torque takes from the columns what is fast, such
+        as where laws of friction differ at a reversal. Of a long log, which is halved, what is
+        looked at is shared with the logs there are.
+        """
+        t = np.arange(PREPARED * path.samples) * path.period / path.samples
+        q, some = path.motion(t)[0], np.ones((len(t), len(d.robot.joints)))
+        log = Log("next", d.robot.joints, t, q, some, None, None, "")
+        how = None if d.preparation == Preparation() else d.preparation
+        samples = prepare_rows(d.robot, log, how)
+        W, _, runs = _rows(self.question, d, [samples])
+        rows = self.noise.whiten(W, runs).reshape(-1, W.shape[2])
+        shares = share_samples(
+            {s.name: len(s.tau) for s in d.samples} | dict.fromkeys(("half", "other"), MANY)
+        )
+        step = float(np.median(np.diff(samples.output_times())))
+        return rows.T @ rows / PREPARED, (shares["half"] + shares["other"]) * step / path.period
+
+
+def _rows(question: Question, d: Findings, samples: Sequence[Samples]) -> tuple[Array, Array, Runs]:
+    """Return columns (N, n, k), torque (N, n) and stretches of samples."""
+    regression = Regression(d.robot, question.model, tuple(samples), question.columns)
+    chunks = [(c.W.copy(), c.tau) for part in regression.parts() for c in part.chunks()]
+    W, tau = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
+    return W, tau, find_runs(samples)

@@ -14,7 +14,7 @@ from identifiability.workflows.diagnose import evidence
 from identifiability.workflows.diagnose.dictionary import Block, Dictionary, Stacked
 from identifiability.workflows.diagnose.evidence import Bench, score_candidates
 from identifiability.workflows.diagnose.lookalikes import find_aliases
-from identifiability.workflows.diagnose.motion import MOST_IN_ALL, MOST_SAMPLES, samples_each
+from identifiability.workflows.diagnose.motion import MOST_IN_ALL, MOST_SAMPLES, share_samples
 from identifiability.workflows.diagnose.rows import list_candidates
 from identifiability.workflows.diagnose.table import build_rows
 from identifiability.workflows.diagnose.values import solve_chosen
@@ -117,6 +117,16 @@ def test_compressed_rows_answer_every_question_alike(
 
 
 def test_many_logs_share_the_samples_that_are_looked_at():
-    assert samples_each(1) == MOST_SAMPLES
+    assert share_samples({"a": 10**6}) == {"a": MOST_SAMPLES}
     for logs in (2, 5, 20):
-        assert logs * samples_each(logs) <= MOST_IN_ALL
+        shares = share_samples({str(k): 10**6 for k in range(logs)}).values()
+        assert sum(shares) <= MOST_IN_ALL
+        assert max(shares) - min(shares) <= 1
+
+
+def test_what_a_short_log_leaves_of_its_share_the_longer_ones_have():
+    """A long log that was asked for goes on from short ones: its samples are why it was made."""
+    shares = share_samples({"new 1": 10**6, "short": 700, "new 2": 10**6, "other": 900})
+    assert shares["short"] >= 700
+    assert shares["other"] >= 900
+    assert shares["new 1"] == shares["new 2"] == (MOST_IN_ALL - 700 - 900) // 2
