@@ -7,10 +7,11 @@ doubted where forces leave it no more to say than the best of so many names has 
 surely explain more than it does in this joint or in others; or where there are such names in
 several joints, each of which would be a cause of its own: every one beyond the first takes what
 decides between two names. Which force it is need not be known: every body may be pulled at in any
-direction, by as much as the file says that it weighs. If that is the cause, it leaves nothing:
-where curves of the positions surely explain what it leaves, as in a robot of which the model misses
-much, names stay. A true law loses its name at the level of the test alone: beside it forces explain
-what noise does.
+direction, by as much as the file says that it weighs; or all of them alike, as where the base is
+tilted, which says as much with two columns as others with a dozen that each have to be paid for.
+If that is the cause, it leaves nothing: where curves of the positions surely explain what it
+leaves, as in a robot of which the model misses much, names stay. A true law loses its name at the
+level of the test alone: beside it forces explain what noise does.
 """
 
 from __future__ import annotations
@@ -39,8 +40,11 @@ from identifiability.workflows.diagnose.rows import Candidate
 
 #: Of polynomials of a position, which a force would leave nothing to.
 DEGREE = 8
-#: What does not change along an axis that no motor has, and so by the posture in every motor.
-CONSTANT = "constant_force"
+#: What does not change along an axis that no motor has, and so by the posture in every motor; and
+#: a drift, which contains the offset that a posture has on average.
+CONSTANT = ("constant_force", "torque_drift")
+#: Ways in which forces may pull: at each body by itself, or at all of them alike [Bonferroni].
+WAYS = 2
 #: What names of torque at rest are by.
 AT_REST = ("position", "load")
 
@@ -60,10 +64,10 @@ def keep_off_bodies(material: Material, naming: Naming) -> Naming:
 
 
 def _is_at_rest(c: Candidate) -> bool:
-    """Whether a name is of torque by posture or load, or of one that does not change at all."""
+    """Whether a name is of torque by posture or load, or contains one that does not change."""
     if c.family.unnamed or c.family.dry:
         return False
-    return c.family.against in AT_REST or is_curve(c) or c.family.name == CONSTANT
+    return c.family.against in AT_REST or is_curve(c) or c.family.name in CONSTANT
 
 
 def find_on_bodies(
@@ -79,23 +83,26 @@ def find_on_bodies(
     names : sequence of Candidate
         Those of them that are asked for.
     """
-    rows, noise, forces = material.train, material.noise, material.tables.train.forces
+    rows, noise, table = material.train, material.noise, material.tables.train
+    forces = table.forces
     if not forces.shape[2]:
         return []
     rest = rows.columns([c for c in chosen if c not in names])
     own = [rows.D.take(c.columns) for c in names]
     curves = _curves(rows.q)
-    y, X, F, C, *own = (
+    y, X, F, alike, C, *own = (
         noise.whiten(part, rows.runs).reshape(-1, part.shape[2])
-        for part in (rows.tau[:, :, None], rest, forces, curves, *own)
+        for part in (rows.tau[:, :, None], rest, forces, table.field, curves, *own)
     )
     y, dof = in_units_of_rest(y, [X, F, *own])
     if dof < ROWS * F.shape[1]:
         return []
-    one, all_of_them = (say([X], part, y) for part in (F, np.column_stack(own)))
+    each, one, all_of_them = (say([X], part, y) for part in (F, alike, np.column_stack(own)))
+    if one > each:
+        F = alike
     more = len({c.place for c in names}) - 1
-    simpler = more > 0 and one > all_of_them - DECISIVE * more
-    if not simpler and not says_more(material, [X, *own], F, y):
+    simpler = more > 0 and max(one, each) - np.log(WAYS) > all_of_them - DECISIVE * more
+    if not simpler and not says_more(material, [X, *own], F, y, LEVEL / WAYS):
         return []
     if says_more(material, [X, F, *own], C, y):
         return []

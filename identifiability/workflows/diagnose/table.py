@@ -125,16 +125,28 @@ class Table:
             key, k = owner[at]
             self._known[key][j, k] = x
 
-    @cached_property
+    @property
     def forces(self) -> Array:
         """Torque of forces on the bodies in any direction, (N, n, k)."""
+        found = self._forces.reshape(*self._forces.shape[:2], -1)
+        return found[:, :, found.any(axis=(0, 1))]
+
+    @property
+    def field(self) -> Array:
+        """Torque of another gravity of all bodies, along each axis of the base, (N, n, 3)."""
+        total: Array = self._forces.sum(3)
+        return total
+
+    @cached_property
+    def _forces(self) -> Array:
+        """Torque of forces along each axis of the base on each of b bodies, (N, n, 3, b)."""
         effect = ForcesOnBodies()
         named = effect.parameters(self.robot)
         parts = [(Part(effect, p.owner, (p.kind,)), [k]) for k, p in enumerate(named)]
         found = np.zeros((len(self.bare), self.bare.joints, len(named)))
         for (j, k), x in compute_entries(self.robot, parts, self.samples).items():
             found[:, j, k] = x
-        return found[:, :, found.any(axis=(0, 1))]
+        return found.reshape(*found.shape[:2], 3, -1)
 
     @cached_property
     def _known(self) -> dict[Key, Entries]:

@@ -16,13 +16,18 @@ from identifiability.workflows.diagnose.material import Rules
 N, JOINTS = 400, 2
 FORCE = ((1, 1), 0)
 HERE, THERE = ((1, 0), 0), ((0, 1), 0)
+#: Forces on two bodies, and on twenty others.
+MANY = (HERE, THERE, *((pulled, k) for k in range(1, 11) for pulled in ((1, 0), (0, 1))))
 
 
 @pytest.fixture
 def material(world, candidate, rows_of, white_noise):
-    """Rows of joints from levels of e0 and e1 in each; columns from signs of one in each."""
+    """Rows of joints from levels of e0 and e1 in each; columns from signs of one in each.
 
-    def made(levels, names, forces=(FORCE,), spread=1.0, bent=0.0, tried=1):
+    What pulls at all bodies alike is the sum of the first forces.
+    """
+
+    def made(levels, names, forces=(FORCE,), spread=1.0, bent=0.0, tried=1, together=2):
         e, rng = world.basis, np.random.default_rng(1)
         quiet = rng.standard_normal((N, JOINTS))
         q = np.column_stack([np.sin(0.2 * np.arange(N)), np.cos(0.3 * np.arange(N))])
@@ -41,9 +46,10 @@ def material(world, candidate, rows_of, white_noise):
         simulated = rng.standard_normal((N, JOINTS, 2 * 199))
         simulated += (spread - 1) * np.einsum("i,k,kjb->ijb", e[:, 0], e[:, 0], simulated)
         noise = white_noise(1.0, 1.0)
+        table = SimpleNamespace(forces=F, field=F[:, :, :together].sum(2, keepdims=True))
         return SimpleNamespace(
             train=rows, noise=noise, bench=Bench(rows, noise, simulated),
-            tables=SimpleNamespace(train=SimpleNamespace(forces=F)),
+            tables=SimpleNamespace(train=table),
             candidates=[candidate("tried", f"{k}", 0) for k in range(tried)],
             setting=SimpleNamespace(rules=Rules()),
         )  # fmt: skip
@@ -105,7 +111,7 @@ def test_slow_noise_says_as_much_as_forces_do(material, candidate):
     assert found == [[name], []]
 
 
-@pytest.mark.parametrize(("second", "gone"), [(8.0, 2), (5.5, 1), (4.0, 0)])
+@pytest.mark.parametrize(("second", "gone"), [(8.0, 2), (5.5, 1), (5.25, 0), (4.0, 0)])
 def test_names_in_several_joints_each_take_what_decides_between_two(
     material, candidate, second, gone
 ):
@@ -113,12 +119,35 @@ def test_names_in_several_joints_each_take_what_decides_between_two(
 
     In nats by the tails of one and of two columns these are 62 of 65 where y is 5.5, and 51 of 58
     where it is 4; if one of the names has gone, the other one says (10 − y)² / 2 beside the force.
+    Of two ways to pull that one is the better: where y is 5.25 the 3.4 that it lacks are 4.1.
     """
     both = [candidate("offset", "j", 0), candidate("offset", "k", 1)]
     m = material([(10, second), (0, 0)], [HERE, THERE], [HERE, THERE, ((1, 0), 3)])
     alone = material([(10, second), (0, 0)], [HERE, THERE], [FORCE])
     assert find_on_bodies(m, both, both) == both
     assert find_on_bodies(alone, both, both) == both[:gone]
+
+
+@pytest.mark.parametrize(("second", "gone"), [(10.0, 2), (5.5, 1), (4.0, 0)])
+def test_what_pulls_at_all_bodies_alike_does_not_pay_for_each(material, candidate, second, gone):
+    """As above, for (10 + y)² / 2 of 100 + y², were there but one force.
+
+    Of 22 forces that say what both do each is paid for: 100 + y² is 31 nats less than of two.
+    """
+    both = [candidate("offset", "j", 0), candidate("offset", "k", 1)]
+    m = material([(10, second), (0, 0)], [HERE, THERE], MANY)
+    assert find_on_bodies(m, both, both) == both[:gone]
+    each = material([(10, second), (0, 0)], [HERE, THERE], MANY, together=1)
+    assert find_on_bodies(each, both, both) == []
+
+
+def test_what_all_bodies_alike_do_not_say_stays_beside_that(material, candidate):
+    """A spring of 3.6 along e1, 8 nats, that one of so many forces would say as well."""
+    both = [candidate("offset", "j", 0), candidate("offset", "k", 1)]
+    spring = candidate("spring", "j", 2)
+    m = material([(10, 10), (3.6, 0)], [HERE, THERE, ((1, 0), 1)], MANY)
+    names = [*both, spring]
+    assert find_on_bodies(m, names, names) == both
 
 
 def test_one_joint_with_two_names_is_no_reason(material, candidate):
@@ -151,8 +180,14 @@ def test_names_of_posture_and_load_are_asked_for_where_masses_are_fitted(
     assert kept == (() if gone else (name,))
 
 
-def test_a_constant_force_on_an_axis_without_a_motor_is_one_of_posture(material, candidate):
-    force = candidate("constant_force", "platform", 0, against="velocity")
+@pytest.mark.parametrize(
+    ("family", "place", "against"),
+    [("constant_force", "platform", "velocity"), ("torque_drift", "shoulder", "time")],
+)
+def test_a_constant_along_an_axis_without_a_motor_and_what_drifts_are_asked(
+    material, candidate, family, place, against
+):
+    force = candidate(family, place, 0, against=against)
     m = material([(10, 10), (0, 0)], [HERE])
     structure = Structure.of(Robot.load("two-link"), Model.of("rigid_body"))
     m.setting = SimpleNamespace(structure=structure, fixed=False, rules=Rules())

@@ -164,3 +164,15 @@ def test_forces_on_bodies_are_a_gravity_for_each_of_them(made):
         torque = (K @ values).ravel()
         left = torque - found @ np.linalg.lstsq(found, torque, rcond=None)[0]
         assert np.linalg.norm(left) <= 1e-6 * np.linalg.norm(torque)
+
+
+def test_all_bodies_alike_are_pulled_at_as_by_another_gravity(made):
+    structure, samples = made
+    field, extra = Table.of(structure, [samples]).field, np.array([3.0, 1.0, -2.0])
+    assert field.shape[2] == 3
+    robot = replace(ROBOT, model=ROBOT.model.copy())
+    robot.model.gravity.linear = extra
+    rest = complete_motion(robot, samples.motion.t, samples.motion.q, *2 * [0 * samples.motion.v])
+    K, named = Model.of("rigid_body").regressor(robot, rest), RigidBody().parameters(robot)
+    torque = K @ [robot.nominal[p.name] for p in named]
+    np.testing.assert_allclose(field @ extra, torque, rtol=1e-6, atol=1e-9)
