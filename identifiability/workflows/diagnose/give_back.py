@@ -29,9 +29,23 @@ WAYS = 2
 Preferred = Mapping[str, Chosen]
 
 
-def with_denied(naming: Naming, denied: Iterable[Candidate], m: Material) -> Naming:
-    """Return a naming that remembers the names that were denied where it has functions now."""
-    places = {c.place for c in naming.chosen if c.family.unnamed}
+def with_denied(
+    naming: Naming, denied: Iterable[Candidate], m: Material, elsewhere: Collection[str] = ()
+) -> Naming:
+    """Return a naming that remembers the names that were denied where it has functions now.
+
+    Not where the cause is elsewhere: in a joint that feels forces on the bodies a spring foretells
+    as much as a function of the position, and is no more what is missing.
+
+    Parameters
+    ----------
+    naming : Naming
+    denied : iterable of Candidate
+    m : Material
+    elsewhere : collection of str
+        Joints where a name was denied because of what other joints feel, or something else is.
+    """
+    places = {c.place for c in naming.chosen if c.family.unnamed} - set(elsewhere)
     there = [c for c in denied if c.place in places]
     own = (o for c in there for o in m.candidates if is_same(o, c))
     return replace(naming, denied=tuple(own))

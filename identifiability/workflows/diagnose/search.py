@@ -26,6 +26,7 @@ from identifiability.workflows.diagnose.material import Material, Setting, gathe
 from identifiability.workflows.diagnose.naming import Say, name_effects
 from identifiability.workflows.diagnose.odd_log import OddLog, still_odd
 from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.stand_ins import keep_no_stand_ins
 from identifiability.workflows.diagnose.stress import stress_named
 from identifiability.workflows.diagnose.unnamed import name_unnamed
@@ -81,15 +82,17 @@ class Search:
         if self.earlier is not None:
             naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
         # What resembles the missing effect makes room for it before the next pass.
-        complete = _keep(m, naming)
-        refused = [c for c in naming.chosen if c not in complete.chosen]
-        refused += naming.refused
+        fitting = _keep_fitting(m, naming)
+        complete = _keep_own(m, fitting)
+        refused = [*_lost(naming, complete), *naming.refused]
         m, late = name_late(m, complete, streams[4], effects, self.draws, say, refused)
-        naming = _keep(m, late)
-        denied = [*refused, *(c for c in late.chosen if c not in naming.chosen)]
+        fits = _keep_fitting(m, late)
+        naming = _keep_own(m, fits)
+        denied = [*refused, *_lost(late, naming)]
+        elsewhere = {c.place for c in (*_lost(fitting, complete), *_lost(fits, naming))}
         functions = () if self.earlier is None else self.earlier.functions
         m, naming = name_unnamed(m, naming, streams[5], effects, self.draws, say, functions)
-        naming = with_denied(naming, denied, m)
+        naming = with_denied(naming, denied, m, elsewhere)
         if not naming.chosen:
             naming = self._name_doubted(m, naming)
         found = self._verify(m, naming)
@@ -162,8 +165,22 @@ class Search:
 
 def _keep(m: Material, naming: Naming, *, alone: bool = False) -> Naming:
     """Return a naming without names that are not what is missing, in their joint or in several."""
-    naming = keep_unbeaten(m, keep_complete(m, naming, alone=alone))
+    return _keep_own(m, _keep_fitting(m, naming, alone=alone))
+
+
+def _keep_fitting(m: Material, naming: Naming, *, alone: bool = False) -> Naming:
+    """Return a naming without names that leave too much, or that what has no name beats."""
+    return keep_unbeaten(m, keep_complete(m, naming, alone=alone))
+
+
+def _keep_own(m: Material, naming: Naming) -> Naming:
+    """Return a naming without names of a part of what is the cause elsewhere."""
     return keep_off_bodies(m, keep_no_stand_ins(m, naming))
+
+
+def _lost(before: Naming, after: Naming) -> list[Candidate]:
+    """Return the names that have gone."""
+    return [c for c in before.chosen if c not in after.chosen]
 
 
 def drop(several: Sequence[T], number: int) -> tuple[T, ...]:

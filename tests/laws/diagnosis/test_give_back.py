@@ -147,3 +147,6 @@ def test_only_what_was_denied_where_a_function_is_now_is_remembered_as_it_is_the
     ]
     functions = Naming((candidate("f", "j", 7, unnamed=True), candidate("b", "k", 8)), {}, ())
     assert with_denied(functions, denied, m).denied == (m.candidates[1], m.candidates[2])
+    # Where the cause is elsewhere a name foretells as much as a function, and is as wrong.
+    assert with_denied(functions, denied, m, {"k"}).denied == (m.candidates[1], m.candidates[2])
+    assert with_denied(functions, denied, m, {"j"}).denied == ()
