@@ -43,7 +43,7 @@ def with_denied(
     denied : iterable of Candidate
     m : Material
     elsewhere : collection of str
-        Joints where a name was denied because of what other joints feel, or something else is.
+        Joints where a name was denied because of what other joints feel as well.
     """
     places = {c.place for c in naming.chosen if c.family.unnamed} - set(elsewhere)
     there = [c for c in denied if c.place in places]

@@ -83,11 +83,11 @@ class Search:
             naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
         # What resembles the missing effect makes room for it before the next pass.
         fitting = _keep_fitting(m, naming)
-        complete = _keep_own(m, fitting)
+        complete = keep_off_bodies(m, fitting)
         refused = [*_lost(naming, complete), *naming.refused]
         m, late = name_late(m, complete, streams[4], effects, self.draws, say, refused)
         fits = _keep_fitting(m, late)
-        naming = _keep_own(m, fits)
+        naming = keep_off_bodies(m, fits)
         denied = [*refused, *_lost(late, naming)]
         elsewhere = {c.place for c in (*_lost(fitting, complete), *_lost(fits, naming))}
         functions = () if self.earlier is None else self.earlier.functions
@@ -165,17 +165,13 @@ class Search:
 
 def _keep(m: Material, naming: Naming, *, alone: bool = False) -> Naming:
     """Return a naming without names that are not what is missing, in their joint or in several."""
-    return _keep_own(m, _keep_fitting(m, naming, alone=alone))
+    return keep_off_bodies(m, _keep_fitting(m, naming, alone=alone))
 
 
 def _keep_fitting(m: Material, naming: Naming, *, alone: bool = False) -> Naming:
-    """Return a naming without names that leave too much, or that what has no name beats."""
-    return keep_unbeaten(m, keep_complete(m, naming, alone=alone))
-
-
-def _keep_own(m: Material, naming: Naming) -> Naming:
-    """Return a naming without names of a part of what is the cause elsewhere."""
-    return keep_off_bodies(m, keep_no_stand_ins(m, naming))
+    """Return a naming without names that leave too much, or in whose stead another says more."""
+    naming = keep_unbeaten(m, keep_complete(m, naming, alone=alone))
+    return keep_no_stand_ins(m, naming)
 
 
 def _lost(before: Naming, after: Naming) -> list[Candidate]:
