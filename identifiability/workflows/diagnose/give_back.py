@@ -35,7 +35,8 @@ def with_denied(
     """Return a naming that remembers the names that were denied where it has functions now.
 
     Not where the cause is elsewhere: in a joint that feels forces on the bodies a spring foretells
-    as much as a function of the position, and is no more what is missing.
+    as much as a function of the position, and is no more what is missing. Nor what every joint has,
+    which was denied as the mean of something else: so it is of the function.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def with_denied(
         Joints where a name was denied because of what other joints feel as well.
     """
     places = {c.place for c in naming.chosen if c.family.unnamed} - set(elsewhere)
-    there = [c for c in denied if c.place in places]
+    there = [c for c in denied if c.place in places and not c.family.basic]
     own = (o for c in there for o in m.candidates if is_same(o, c))
     return replace(naming, denied=tuple(own))
 

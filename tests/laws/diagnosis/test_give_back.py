@@ -150,3 +150,6 @@ def test_only_what_was_denied_where_a_function_is_now_is_remembered_as_it_is_the
     # Where the cause is elsewhere a name foretells as much as a function, and is as wrong.
     assert with_denied(functions, denied, m, {"k"}).denied == (m.candidates[1], m.candidates[2])
     assert with_denied(functions, denied, m, {"j"}).denied == ()
+    # An offset that is the mean of a curve is one of the function, too.
+    offset = [candidate("d", "j", 1, basic=True)]
+    assert with_denied(functions, offset, m).denied == ()
