@@ -56,7 +56,8 @@ def list_preferred(m: Material, naming: Naming) -> dict[str, Chosen]:
     """Return names that make unseen motion as likely as the functions at their place, by place.
 
     The names that functions replaced there, or one that was denied, beside all else, if unseen
-    motion decides for them at all.
+    motion decides for them at all. Each name is a cause of its own: beyond as many as there are
+    functions every one takes what decides between two.
 
     Parameters
     ----------
@@ -73,7 +74,10 @@ def list_preferred(m: Material, naming: Naming) -> dict[str, Chosen]:
             continue
         functions = [c for c in naming.chosen if c.place == place and c.family.unnamed]
         rest = [c for c in naming.chosen if c not in functions]
-        said = [_foretell(m, rest, own) for own in options]
+        said = [
+            _foretell(m, rest, own) - DECISIVE * max(len(own) - len(functions), 0)
+            for own in options
+        ]
         best = int(np.argmax(said))
         if said[best] >= max(_foretell(m, rest, functions), DECISIVE):
             found[place] = options[best]

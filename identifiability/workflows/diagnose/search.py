@@ -12,7 +12,7 @@ from identifiability.effects import find_families
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.repeats import Recording
-from identifiability.workflows.diagnose.complete import keep_complete
+from identifiability.workflows.diagnose.complete import keep_complete, keep_one_way
 from identifiability.workflows.diagnose.conclude import conclude
 from identifiability.workflows.diagnose.doubted import name_doubted
 from identifiability.workflows.diagnose.finer import find_finer
@@ -82,17 +82,14 @@ class Search:
         if self.earlier is not None:
             naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
         # What resembles the missing effect makes room for it before the next pass.
-        fitting = _keep_fitting(m, naming)
-        complete = keep_off_bodies(m, fitting)
+        complete, elsewhere = _keep_own(m, naming)
         refused = [*_lost(naming, complete), *naming.refused]
         m, late = name_late(m, complete, streams[4], effects, self.draws, say, refused)
-        fits = _keep_fitting(m, late)
-        naming = keep_off_bodies(m, fits)
+        naming, besides = _keep_own(m, late)
         denied = [*refused, *_lost(late, naming)]
-        elsewhere = {c.place for c in (*_lost(fitting, complete), *_lost(fits, naming))}
         functions = () if self.earlier is None else self.earlier.functions
         m, naming = name_unnamed(m, naming, streams[5], effects, self.draws, say, functions)
-        naming = with_denied(naming, denied, m, elsewhere)
+        naming = with_denied(naming, denied, m, {*elsewhere, *besides})
         if not naming.chosen:
             naming = self._name_doubted(m, naming)
         found = self._verify(m, naming)
@@ -172,6 +169,14 @@ def _keep_fitting(m: Material, naming: Naming, *, alone: bool = False) -> Naming
     """Return a naming without names that leave too much, or in whose stead another says more."""
     naming = keep_unbeaten(m, keep_complete(m, naming, alone=alone))
     return keep_no_stand_ins(m, naming)
+
+
+def _keep_own(m: Material, naming: Naming) -> tuple[Naming, list[str]]:
+    """Return the same, and the joints of names that gave way to a cause that is elsewhere."""
+    fitting = _keep_fitting(m, naming)
+    kept = keep_off_bodies(m, fitting)
+    elsewhere = (*_lost(naming, keep_one_way(m, naming)), *_lost(fitting, kept))
+    return kept, [c.place for c in elsewhere]
 
 
 def _lost(before: Naming, after: Naming) -> list[Candidate]:

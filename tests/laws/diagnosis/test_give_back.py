@@ -126,8 +126,15 @@ def test_names_that_were_replaced_at_a_place_foretell_together(candidate):
         candidate("b", "j", 3),
     )
     naming = Naming((function,), {}, (), replaced=(one, two, candidate("c", "k", 4)))
-    told = {(("f", "j"),): 20.0, (("a", "j"), ("b", "j")): 25.0}
+    both = ("a", "j"), ("b", "j")
+    # Two causes in the stead of one: the second takes what decides between two names.
+    told = {(("f", "j"),): 20.0, both: 23.9}
+    assert list_preferred(Unseen((), told), naming) == {}
+    told[both] = 24.1
     assert list_preferred(Unseen((), told), naming) == {"j": [one, two]}
+    more = replace(naming, chosen=(function, candidate("g", "j", 5, unnamed=True)))
+    told = {(("f", "j"), ("g", "j")): 20.0, both: 20.0}
+    assert list_preferred(Unseen((), told), more) == {"j": [one, two]}
 
 
 def test_only_what_was_denied_where_a_function_is_now_is_remembered_as_it_is_there(candidate):
