@@ -175,6 +175,8 @@ def _state_contradicted(e: NamedEffect, verified_on: str) -> str:
     if e.joints_interval[0] > 0 and own.interval[0] <= 0:
         change = _change(e.joints_before, e.joints_after, e.joints_interval)
         return f"{start} it raises the error, every joint on its own scale, {change}."
+    if np.isnan(own.before):  # without a scale of its own there is no error over it
+        return f"{start} the torque where it is never changes there."
     change = _change(own.before, own.after, own.interval)
     if own.interval[0] > 0:
         return f"{start} it raises the error of its joints, each on its own scale, {change}."

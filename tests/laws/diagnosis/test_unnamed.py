@@ -229,6 +229,17 @@ def test_a_refuted_name_has_the_reason_for_which_it_was_refuted(evidence, interv
     assert said in words._state_contradicted(effect, "motion 5")
 
 
+def test_of_a_torque_that_never_changes_no_error_is_told():
+    none = Shown(np.nan, np.nan, (np.nan, np.nan), np.nan)
+    place = SimpleNamespace(place="j", p_value=0.02, rivals=(), rows=(), open=())
+    effect = NamedEffect(name="a", title="A", placements=(place,), before=0.2, after=0.1,
+                         interval=(-1.0, 1.0), joints_before=0.2, joints_after=0.1,
+                         joints_interval=(-0.5, 0.1), shown=none,
+                         both=Both(0.02, 1.0, 0.05))  # fmt: skip
+    said = words._state_contradicted(effect, "motion 5")
+    assert said.endswith("refuted: on motion 5 the torque where it is never changes there.")
+
+
 def test_the_nearest_names_are_said_to_predict_better_where_they_do():
     near = (Nearest("B", 0.076), Nearest("C", -0.074))
     effect = SimpleNamespace(nearest=near, joints=("j",), title="an unnamed function of time")
