@@ -10,7 +10,7 @@ friction that rises with speed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -172,16 +172,18 @@ def join(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def share_samples(lengths: Mapping[str, int]) -> dict[str, int]:
-    """Return the samples after decimation that are looked at in each fitted log, by its name.
+def samples_each(lengths: Iterable[int]) -> int:
+    """Return the samples after decimation that are looked at in each fitted log, of such lengths.
 
-    All have an equal share; what short ones, of such `lengths`, leave of it the longer ones have.
+    All have an equal share; what short ones leave of it the longer ones have.
     """
-    shares, left = {}, MOST_IN_ALL
-    for done, name in enumerate(sorted(lengths, key=lambda name: lengths[name])):
-        shares[name] = max(STRETCH, min(MOST_SAMPLES, left // (len(lengths) - done)))
-        left -= min(shares[name], lengths[name])
-    return shares
+    left, logs = MOST_IN_ALL, sorted(lengths)
+    for k, length in enumerate(logs):
+        share = left // (len(logs) - k)
+        if length >= share:
+            break
+        left -= length
+    return max(STRETCH, min(MOST_SAMPLES, share))
 
 
 def prepare_rows(

@@ -16,7 +16,7 @@ from identifiability.logs.prepare import Preparation, Samples
 from identifiability.regression.regression import Regression
 from identifiability.simulation import Trajectory
 from identifiability.workflows.diagnose.findings import Findings
-from identifiability.workflows.diagnose.motion import prepare_rows, share_samples
+from identifiability.workflows.diagnose.motion import prepare_rows, samples_each
 from identifiability.workflows.excite.question import Question
 
 #: Periods of a motion that are prepared to know what one of many says.
@@ -64,11 +64,9 @@ class Told:
         samples = prepare_rows(d.robot, log, how)
         W, _, runs = _rows(self.question, d, [samples])
         rows = self.noise.whiten(W, runs).reshape(-1, W.shape[2])
-        shares = share_samples(
-            {s.name: len(s.tau) for s in d.samples} | dict.fromkeys(("half", "other"), MANY)
-        )
         step = float(np.median(np.diff(samples.output_times())))
-        return rows.T @ rows / PREPARED, (shares["half"] + shares["other"]) * step / path.period
+        each = samples_each([*(len(s.tau) for s in d.samples), MANY, MANY])
+        return rows.T @ rows / PREPARED, 2 * each * step / path.period
 
 
 def _rows(question: Question, d: Findings, samples: Sequence[Samples]) -> tuple[Array, Array, Runs]:

@@ -21,7 +21,7 @@ from identifiability.logs.repeats import Recording
 from identifiability.workflows.diagnose.evidence import Bench, score_candidates
 from identifiability.workflows.diagnose.gates import CLOCK, Naming, Survival, keep_surviving
 from identifiability.workflows.diagnose.material import Material
-from identifiability.workflows.diagnose.motion import prepare_thin, share_samples
+from identifiability.workflows.diagnose.motion import prepare_thin, samples_each
 from identifiability.workflows.diagnose.rows import Candidate, Rows, number
 from identifiability.workflows.diagnose.table import build_rows
 from identifiability.workflows.diagnose.values import solve_chosen
@@ -173,12 +173,12 @@ def stress_named(
     how, d = preparation or Preparation(), train[0].decimation
     computed = d is not None and "dq" not in logs[0].channels
     factor = None if d is None else d.factor
-    shares = share_samples({log.name: len(log) for log in logs})
+    most = samples_each(map(len, logs))
 
     def prepare(log: Recording, limit: float | None, change: Callable[[Log], Log]) -> Samples:
         changed = how if limit is None else replace(how, cutoff=limit)
         changed = replace(changed, decimate=factor)
-        return prepare_thin(structure.robot, log, changed, change, most=shares[log.name])
+        return prepare_thin(structure.robot, log, changed, change, most=most)
 
     def build(variation: Variation) -> Rows:
         changed = [variation(log, s) for log, s in zip(logs, train, strict=True)]

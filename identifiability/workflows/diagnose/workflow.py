@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Annotated
@@ -24,7 +23,6 @@ from identifiability.foundation.threads import one_thread
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.logs.repeats import Recording
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
@@ -50,7 +48,7 @@ from identifiability.workflows.diagnose.motion import (
     assign_roles,
     halve_new,
     prepare_rows,
-    share_samples,
+    samples_each,
 )
 from identifiability.workflows.diagnose.odd_log import OddLog, describe_odd_log
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
@@ -163,11 +161,11 @@ def diagnose(
         settled = settle_cutoff(robot, roles.fit, preparation)
         how = preparation if settled.cutoff is None else settled
         structure, known = _settle_values(robot, model, fixed)
-        shares = share_samples({log.name: len(log) for log in roles.fit})
+        most = samples_each(map(len, roles.fit))
         opening = open_logs(
             structure,
             Recordings(roles.fit, (*roles.choose, *roles.verify), given.hints),
-            partial(_prepare, robot, how, shares),
+            partial(prepare_rows, robot, how=how, most=most),
             "diagnosed",
             engine,
         )
@@ -248,13 +246,6 @@ def _doubt_logs(opening: Opening) -> tuple[OddLog | None, str]:
         odd = None if odd is None or odd.number < fitted else odd
     decided = state_decisive(opening.robot.joints, opening.samples, information, fit)
     return odd, decided
-
-
-def _prepare(
-    robot: Robot, how: Preparation | None, shares: Mapping[str, int], log: Recording
-) -> Samples:
-    """Return a log ready for a diagnosis; one that is not fitted has an equal share."""
-    return prepare_rows(robot, log, how, shares.get(log.name, min(shares.values())))
 
 
 def _settle_values(

@@ -14,7 +14,7 @@ from identifiability.workflows.diagnose import evidence
 from identifiability.workflows.diagnose.dictionary import Block, Dictionary, Stacked
 from identifiability.workflows.diagnose.evidence import Bench, score_candidates
 from identifiability.workflows.diagnose.lookalikes import find_aliases
-from identifiability.workflows.diagnose.motion import MOST_IN_ALL, MOST_SAMPLES, share_samples
+from identifiability.workflows.diagnose.motion import MOST_IN_ALL, MOST_SAMPLES, samples_each
 from identifiability.workflows.diagnose.rows import list_candidates
 from identifiability.workflows.diagnose.table import build_rows
 from identifiability.workflows.diagnose.values import solve_chosen
@@ -117,16 +117,13 @@ def test_compressed_rows_answer_every_question_alike(
 
 
 def test_many_logs_share_the_samples_that_are_looked_at():
-    assert share_samples({"a": 10**6}) == {"a": MOST_SAMPLES}
-    for logs in (2, 5, 20):
-        shares = share_samples({str(k): 10**6 for k in range(logs)}).values()
-        assert sum(shares) <= MOST_IN_ALL
-        assert max(shares) - min(shares) <= 1
+    assert samples_each([10**6]) == MOST_SAMPLES
+    for logs in (2, 5, 20):  # however many of them have one name, as in a folder each
+        assert samples_each([10**6] * logs) == MOST_IN_ALL // logs
 
 
 def test_what_a_short_log_leaves_of_its_share_the_longer_ones_have():
     """A long log that was asked for goes on from short ones: its samples are why it was made."""
-    shares = share_samples({"new 1": 10**6, "short": 700, "new 2": 10**6, "other": 900})
-    assert shares["short"] >= 700
-    assert shares["other"] >= 900
-    assert shares["new 1"] == shares["new 2"] == (MOST_IN_ALL - 700 - 900) // 2
+    assert samples_each([10**6, 700, 10**6, 900]) == (MOST_IN_ALL - 700 - 900) // 2
+    assert samples_each([700, 10**6]) == MOST_SAMPLES
+    assert samples_each([100] * 200) >= 100
