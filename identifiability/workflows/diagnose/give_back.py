@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -96,7 +97,7 @@ def give_back(
     naming: Naming,
     gone: Collection[tuple[str, str]],
     present: Present,
-    preferred: Preferred | None = None,
+    preferred: Preferred = MappingProxyType({}),
 ) -> Naming | None:
     """Return a naming in which some functions give way to names.
 
@@ -112,25 +113,23 @@ def give_back(
     present : collection of (family, place)
         What the base model has.
     preferred : mapping of place to list of Candidate
-        To which functions give way that are not refuted.
+        Names to which functions give way whether they are refuted or not.
 
     Returns
     -------
     Naming or None
         None where no name comes back.
     """
-    better = {} if preferred is None else preferred
     functions = [c for c in naming.chosen if c.family.unnamed]
     refuted = [c for c in functions if c.group in gone]
     places = {c.place for c in refuted}
-    back = [c for c in naming.replaced if c.place in places or refuted == functions != []]
-    back = [
-        *(c for c in back if c.place not in better),
-        *(c for own in better.values() for c in own),
-    ]
+    if refuted == functions:
+        places |= {c.place for c in naming.replaced}
+    back = [c for c in naming.replaced if functions and c.place in places - preferred.keys()]
+    back += [c for own in preferred.values() for c in own]
     if not back:
         return None
-    without = [c for c in functions if c in refuted or c.place in better]
+    without = [c for c in functions if c in refuted or c.place in preferred]
     left = keep_surviving(naming, without, present, "what it replaced comes back")
     chosen = [*left.chosen, *back]
     p_values = {c.group: min(WAYS * naming.p_values.get(c.group, float("nan")), 1.0) for c in back}

@@ -82,10 +82,10 @@ class Search:
         if self.earlier is not None:
             naming = replace(naming, p_values={**self.earlier.p_values, **naming.p_values})
         # What resembles the missing effect makes room for it before the next pass.
-        complete, elsewhere = _keep_own(m, naming)
+        complete, elsewhere = _keep_told(m, naming)
         refused = [*_lost(naming, complete), *naming.refused]
         m, late = name_late(m, complete, streams[4], effects, self.draws, say, refused)
-        naming, besides = _keep_own(m, late)
+        naming, besides = _keep_told(m, late)
         denied = [*refused, *_lost(late, naming)]
         functions = () if self.earlier is None else self.earlier.functions
         m, naming = name_unnamed(m, naming, streams[5], effects, self.draws, say, functions)
@@ -107,14 +107,15 @@ class Search:
         kept = {(e.name, place) for e in found.effects for place in e.joints}
         left = replace(naming, chosen=tuple(c for c in naming.chosen if c.group in kept))
         gone = {c.group for c in naming.chosen} - kept
-        preferred = list_preferred(m, left)
-        again = give_back(naming, gone, m.setting.structure.present, preferred)
-        if again is None:
-            return found
-        back = self._verify(m, again)
-        if not preferred.keys() <= {place for e in back.effects for place in e.joints}:
-            return found  # what foretells more is refuted itself
-        return replace(back, refuted=(*found.refuted, *back.refuted))
+        # Names that foretell more may be refuted themselves; then only what is refuted gives way.
+        for better in (list_preferred(m, left), {}):
+            again = give_back(naming, gone, m.setting.structure.present, better)
+            if again is None:
+                break
+            back = self._verify(m, again)
+            if better.keys() <= {place for e in back.effects for place in e.joints}:
+                return replace(back, refuted=(*found.refuted, *back.refuted))
+        return found
 
     def _name_first(self, m: Material, first: Sequence[str]) -> Naming:
         """Return what the first pass names, families of an earlier diagnosis beside its own."""
@@ -171,8 +172,8 @@ def _keep_fitting(m: Material, naming: Naming, *, alone: bool = False) -> Naming
     return keep_no_stand_ins(m, naming)
 
 
-def _keep_own(m: Material, naming: Naming) -> tuple[Naming, list[str]]:
-    """Return the same, and the joints of names that gave way to a cause that is elsewhere."""
+def _keep_told(m: Material, naming: Naming) -> tuple[Naming, list[str]]:
+    """Return what `_keep` does, and the joints of names that gave way to a cause elsewhere."""
     fitting = _keep_fitting(m, naming)
     kept = keep_off_bodies(m, fitting)
     elsewhere = (*_lost(naming, keep_one_way(m, naming)), *_lost(fitting, kept))
