@@ -72,6 +72,8 @@ class Step:
     accepted : bool
         Whether the effect is still there at the end.
     reason : str
+    withdrawn : bool
+        Whether it was there, and went.
     """
 
     evidence: dict[tuple[str, str], float]
@@ -81,6 +83,7 @@ class Step:
     gain: float = float("nan")
     accepted: bool = False
     reason: str = ""
+    withdrawn: bool = False
 
 
 @frozen
@@ -231,7 +234,9 @@ def keep_surviving(
     kept = tuple(c for c in left if has_place(c, left, present))
     lost = {c.family.name for c in naming.chosen} - {c.family.name for c in kept}
     steps = tuple(
-        replace(s, accepted=False, reason=reason) if s.accepted and s.best[0] in lost else s
+        replace(s, accepted=False, reason=reason, withdrawn=True)
+        if s.accepted and s.best[0] in lost
+        else s
         for s in naming.steps
     )
     return replace(naming, chosen=kept, steps=steps)

@@ -130,12 +130,21 @@ def give_back(
     if not back:
         return None
     without = [c for c in functions if c in refuted or c.place in preferred]
-    left = keep_surviving(naming, without, present, "what it replaced comes back")
+    why = "a name that it replaced comes back, for unseen motion refutes it or says no more for it"
+    left = keep_surviving(naming, without, present, why)
+    again = {c.family.name for c in back}
+    steps = tuple(
+        replace(s, accepted=True, reason="named, in the stead of a function", withdrawn=False)
+        if s.withdrawn and s.best[0] in again
+        else s
+        for s in left.steps
+    )
     chosen = [*left.chosen, *back]
     p_values = {c.group: min(WAYS * naming.p_values.get(c.group, float("nan")), 1.0) for c in back}
     return replace(
         left,
         chosen=tuple(c for c in chosen if has_place(c, chosen, present)),
         p_values={**naming.p_values, **p_values},
+        steps=steps,
         replaced=tuple(c for c in naming.replaced if c not in back),
     )

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.diagnose.gates import Naming
+from identifiability.workflows.diagnose.gates import Naming, Step, keep_surviving
 from identifiability.workflows.diagnose.give_back import give_back, list_preferred, with_denied
 
 PRESENT = ()
@@ -63,6 +63,21 @@ def test_a_function_gives_way_to_what_is_preferred_and_not_to_what_it_replaced(r
     for gone in (set(), {("f", "j")}):
         back = give_back(replaced, gone, PRESENT, {"j": [denied]})
         assert groups(back.chosen) == [("f", "k"), ("d", "j")]
+
+
+def test_the_steps_say_what_came_back_and_for_what(replaced):
+    """Of those that named it: one that had been refused before stays refused."""
+    accepted = [Step({}, 1.0, best, 0.01, accepted=True) for best in [("a", "j"), ("b", "k")]]
+    refused = Step({}, 1.0, ("a", "j"), 0.01, reason="no gain")
+    functions = [Step({}, 1.0, c.group, 0.01, accepted=True) for c in replaced.chosen]
+    names = Naming(replaced.replaced, {}, (refused, *accepted))
+    left = keep_surviving(names, names.chosen, PRESENT, "a function explains it better")
+    naming = replace(replaced, steps=(*left.steps, *functions))
+    steps = give_back(naming, {("f", "j"), ("f", "k")}, PRESENT).steps
+    assert [s.accepted for s in steps] == [False, True, True, False, False]
+    assert steps[0].reason == "no gain"
+    assert "in the stead of a function" in steps[1].reason
+    assert "comes back" in steps[3].reason
 
 
 class Unseen:
