@@ -1,10 +1,16 @@
 """``identifiability`` and ``python -m identifiability`` are the command line."""
 
+import gc
 import sys
+
+#: New objects after which cycles of them are looked for, and how often among older ones. A command
+#: makes few, and arrays are freed without: by default it spent a twentieth of its time looking.
+SELDOM = (200_000, 20, 20)
 
 
 def main() -> None:
     """Run the command line; Ctrl-C ends it without a traceback from its first moment on."""
+    gc.set_threshold(*SELDOM)
     try:
         from identifiability.cli import main as run  # noqa: PLC0415 - takes a while
 

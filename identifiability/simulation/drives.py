@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -32,12 +33,15 @@ class Drives:
         names = [kinematics.robot.cables[k].name for k in self.cables]
         self._at = np.array([self.model.tendon(name).id for name in names], int)
 
-    def push(self, data: Any, force: Array, bias: tuple[Array, Array]) -> None:
-        """Apply forces (n,), less what is always taken off at joints (nv,) and cables (c,)."""
-        data.qfrc_applied[:] = -bias[0]
-        data.qfrc_applied[self.dofs] += force[self.joints]
-        data.ctrl[:] = -bias[1]
-        data.ctrl[self.cables] += force[self.tendons]
+    def forces(self, force: Array, bias: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Return forces (K, n) of K copies as the model takes them, at joints and actuators.
+
+        Less what is always taken off at joints (nv,) and cables (c,).
+        """
+        joints, cables = (np.tile(-always, (len(force), 1)) for always in bias)
+        joints[:, self.dofs] += force[:, self.joints]
+        cables[:, self.cables] += force[:, self.tendons]
+        return joints, cables
 
     @property
     def dry(self) -> Array:
@@ -52,20 +56,23 @@ class Drives:
         self.model.dof_frictionloss[self.dofs] = levels[self.joints]
         self.model.tendon_frictionloss[self._at] = levels[self.tendons]
 
-    def position(self, data: Any) -> Array:
-        """Return positions, (n,)."""
-        out = np.empty(len(self.joints) + len(self.tendons))
-        out[self.joints] = data.qpos[self.addresses]
+    def positions(self, copies: Sequence[Any]) -> Array:
+        """Return positions of K copies, (K, n)."""
+        out = np.empty((len(copies), len(self.joints) + len(self.tendons)))
+        out[:, self.joints] = np.array([data.qpos for data in copies])[:, self.addresses]
         if self._lines:
-            mujoco.mj_kinematics(self.model, data)
-            out[self.tendons] = [line.length(data) for line in self._lines]
+            for row, data in zip(out, copies, strict=True):
+                mujoco.mj_kinematics(self.model, data)
+                row[self.tendons] = [line.length(data) for line in self._lines]
         return out
 
-    def rates(self, data: Any) -> tuple[Array, Array]:
-        """Return velocities and accelerations, (n,) each."""
-        v, a = np.empty((2, len(self.joints) + len(self.tendons)))
-        v[self.joints], a[self.joints] = data.qvel[self.dofs], data.qacc[self.dofs]
+    def rates(self, copies: Sequence[Any]) -> tuple[Array, Array]:
+        """Return velocities and accelerations of K copies, (K, n) each."""
+        v, a = np.empty((2, len(copies), len(self.joints) + len(self.tendons)))
+        v[:, self.joints] = np.array([data.qvel for data in copies])[:, self.dofs]
+        a[:, self.joints] = np.array([data.qacc for data in copies])[:, self.dofs]
         for k, line in zip(self.tendons, self._lines, strict=True):
-            slope, bent = (line.slope(self.model, data, dot=dot) for dot in (False, True))
-            v[k], a[k] = slope @ data.qvel, slope @ data.qacc + bent @ data.qvel
+            for row, data in enumerate(copies):
+                slope, bent = (line.slope(self.model, data, dot=dot) for dot in (False, True))
+                v[row, k], a[row, k] = slope @ data.qvel, slope @ data.qacc + bent @ data.qvel
         return v, a

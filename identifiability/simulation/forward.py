@@ -160,31 +160,31 @@ class ForwardRobot:
         coulomb = drives.dry
         alive = np.ones(count, bool)
         limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
+        at = drives.positions(states)
         try:
             for step in range(steps):
-                force = tau[:, step]
-                dry = np.broadcast_to(coulomb, force.shape)
+                force, dry = tau[:, step], None
                 if extra is not None and alive.any():
-                    taken, added = self._evaluate(extra, step * dt, states, alive)
+                    taken, added = self._evaluate(extra, step * dt, states, at, alive)
                     force, dry = force - taken, np.maximum(coulomb + added, 0.0)
-                for k in np.flatnonzero(alive):
-                    drives.push(states[k], force[k], self._bias)
-                    drives.dry = dry[k]
+                joints, cables = drives.forces(force, self._bias)
+                for k in np.flatnonzero(alive).tolist():
+                    states[k].qfrc_applied[:], states[k].ctrl[:] = joints[k], cables[k]
+                    if dry is not None:
+                        drives.dry = dry[k]
                     mujoco.mj_step(self.model, states[k], inner)
-                    at = drives.position(states[k])
-                    alive[k] = bool(np.all(np.abs(at) < limit))
-                    if alive[k]:
-                        out[k, step] = at
+                at = drives.positions(states)
+                alive &= np.all(np.abs(at) < limit, axis=1)
+                out[alive, step] = at[alive]
         finally:
             drives.dry = coulomb
         return out
 
     def _evaluate(
-        self, extra: Extra, later: float, states: list[Any], alive: np.ndarray
+        self, extra: Extra, later: float, states: list[Any], q: Array, alive: np.ndarray
     ) -> tuple[Array, Array]:
         """Return torque and dry friction of the other effects at the present states."""
-        v, a = (np.array(part) for part in zip(*map(self._drives.rates, states), strict=True))
-        q = np.array([self._drives.position(s) for s in states])
+        v, a = self._drives.rates(states)
         torque, dry = np.zeros_like(q), np.zeros_like(q)
         which = np.flatnonzero(alive)
         torque[which], dry[which] = extra(which, later, q[which], v[which], a[which])

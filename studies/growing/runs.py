@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-#: BLAS threads fight over small matrices, and processor time is to be that of one.
+#: BLAS threads fight over small matrices, and processor time is to be that of one. What is
+#: installed was compiled once, whatever this environment says: empty is as if it said nothing.
 ONE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+ONE |= {"PYTHONDONTWRITEBYTECODE": ""}
 
 STUDIES = Path(__file__).resolve().parents[1]
 

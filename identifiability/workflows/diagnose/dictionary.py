@@ -105,13 +105,20 @@ class Stacked:
 
     def _acting(self, at: np.ndarray) -> Iterator[tuple[slice, np.ndarray, Array]]:
         """Yield rows of a joint, which of some columns act there, and these (·, k) in its rows."""
-        for start, stop, block in zip(self._ends, self._ends[1:], self.blocks, strict=False):
-            if not len(block.columns):
-                continue
-            where = np.minimum(np.searchsorted(block.columns, at), len(block.columns) - 1)
-            here = np.flatnonzero(block.columns[where] == at)
-            if len(here):
-                yield slice(start, stop), here, block.values[:, where[here]]
+        where = self._places[:, at]
+        acts: np.ndarray = where >= 0
+        for j in np.flatnonzero(acts.any(1)).tolist():
+            here = np.flatnonzero(acts[j])
+            rows = slice(self._ends[j], self._ends[j + 1])
+            yield rows, here, self.blocks[j].values[:, where[j, here]]
+
+    @cached_property
+    def _places(self) -> np.ndarray:
+        """Return where each column is among those of each joint, −1 where it does not act."""
+        out = np.full((len(self.blocks), self.width), -1)
+        for own, block in zip(out, self.blocks, strict=True):
+            own[block.columns] = np.arange(len(block.columns))
+        return out
 
 
 @dataclass

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
+from identifiability.estimation.estimate import estimate
+from identifiability.estimation.estimator import Estimate
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -53,8 +56,21 @@ class Folds:
         rows: Array = np.concatenate(kept).reshape(-1, self.width)
         return rows
 
-    def without(self, fold: int | None = None) -> Information:
-        """Return what all rows say, or all but those of one fold."""
+    def fit(self, left_out: int | None = None) -> tuple[Information, Estimate]:
+        """Return what all rows say, or all but those of one fold, and the free fit to that.
+
+        Kept: a fit of a real robot, and one beside known values, begin with it again.
+        """
+        if left_out not in self._fits:
+            information = self._without(left_out)
+            self._fits[left_out] = information, estimate(information)
+        return self._fits[left_out]
+
+    @cached_property
+    def _fits(self) -> dict[int | None, tuple[Information, Estimate]]:
+        return {}
+
+    def _without(self, fold: int | None) -> Information:
         kept = [k for k in range(len(self.parts)) if k != fold]
         rows = np.concatenate([self.parts[k] for k in kept])
         samples = np.array([sum(self.counts[k] for k in kept)])

@@ -13,14 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
-from identifiability.estimation.estimate import estimate
 from identifiability.estimation.layout import choose_folds
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_evenly
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.regression.information import Information
 from identifiability.workflows.diagnose.folds import Folds
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.known_fit import fit_known, solve_in_units
@@ -210,8 +208,7 @@ class HeldOut:
         Joints weigh by their own residual. With `real` it is the fit of a real robot; where the
         solver finds none, which is rare, the least-squares fit stands in.
         """
-        information = self._information(chosen, left_out)
-        free = estimate(information)
+        information, free = self._weighed(chosen).fit(left_out)
         straight = find_straight(information, free, chosen)
         if self.train.root is not None:
             b = self.train.X.shape[2]
@@ -222,10 +219,6 @@ class HeldOut:
             if found is not None:
                 return found
         return free.value if straight is None else fit_straight(information, free, straight)
-
-    def _information(self, chosen: Sequence[Candidate], left_out: int | None) -> Information:
-        """Return what some fitted rows say of the columns of a model, weighed by the noise."""
-        return self._weighed(chosen).without(left_out)
 
     def _weighed(self, chosen: Sequence[Candidate]) -> Folds:
         """Return the fitted rows of a model, weighed by the noise and by what it leaves."""
@@ -241,7 +234,7 @@ class HeldOut:
         plain = Folds.of(rows, fold_of)
         if self.noise is None:
             return plain
-        left = _leave(rows, estimate(plain.without()).value)
+        left = _leave(rows, plain.fit()[1].value)
         white = self.noise.whiten(rows, self.train.runs, self.noise.misfit(left))
         return Folds.of(white, fold_of)
 

@@ -31,10 +31,12 @@ def information_of(rows):
 @pytest.mark.parametrize("fold", [None, 0, 2])
 def test_a_fit_without_a_fold_is_that_of_the_other_rows(count, fold):
     rows, folds = rows_of(count)
-    held = Folds.of(rows, folds).without(fold)
+    every = Folds.of(rows, folds)
+    every.fit(1)  # what is kept of one fold is none of another
+    held, one = every.fit(fold)
     direct = information_of(rows[folds != fold])
     assert held.samples == direct.samples
-    one, other = estimate(held), estimate(direct)
+    other = estimate(direct)
     assert one.kept == other.kept
     for name in ("value", "variance", "weights", "rss"):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-8)
@@ -44,10 +46,16 @@ def test_a_fit_without_a_fold_is_that_of_the_other_rows(count, fold):
 def test_what_acts_in_one_fold_alone_is_nothing_without_it():
     rows, folds = rows_of(2000)
     held = Folds.of(rows, folds)
-    assert COLUMNS - 1 in estimate(held.without()).kept
-    left = estimate(held.without(2))
+    assert COLUMNS - 1 in held.fit()[1].kept
+    left = held.fit(2)[1]
     assert left.kept == tuple(range(COLUMNS - 1))
     assert left.value[-1] == 0.0
+
+
+def test_a_fit_is_made_once():
+    rows, folds = rows_of(60)
+    held = Folds.of(rows, folds)
+    assert held.fit(2)[1] is held.fit(2)[1]
 
 
 def test_only_folds_of_far_more_rows_than_columns_are_held_by_factors():
