@@ -5,9 +5,13 @@ from __future__ import annotations
 import gc
 import hashlib
 import os
+import pickle
+import shutil
+import tempfile
 from contextlib import contextmanager
 from functools import cache, partial
 from importlib import import_module
+from pathlib import Path
 
 import joblib
 import mujoco
@@ -31,6 +35,8 @@ from identifiability.workflows.analyze.belief import Effort
 ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
 #: Further mechanisms, which `make check-all` puts to the same laws.
 MECHANISMS = ("delta", "3-rrr", "palletizer", "six-actuators")
+#: The variable that says where runners leave simulated torque for each other.
+SIMULATED = "IDENTIFIABILITY_TESTS_SIMULATED"
 PAPER_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
 
 
@@ -44,11 +50,18 @@ def pytest_configure(config):
     config.addinivalue_line("markers", "everything: takes too long for make test")
     # Else a fifth of the time goes into looking for garbage among what modules hold for good.
     gc.set_threshold(100_000, 50, 100)
+    if not hasattr(config, "workerinput"):  # runners, which begin later, find it there
+        os.environ[SIMULATED] = tempfile.mkdtemp(prefix="simulated-")
     # Tests that run at the same time share the cores: else each starts processes for all of them.
     runners = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     if runners > 1:
         cores = max(1, joblib.cpu_count() // runners)
         os.environ.setdefault("LOKY_MAX_CPU_COUNT", str(cores))
+
+
+def pytest_unconfigure(config):
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(os.environ.pop(SIMULATED, ""), ignore_errors=True)
 
 
 def pytest_collection_modifyitems(config, items):
@@ -80,7 +93,10 @@ _torques: dict[str, RigidTorque] = {}
 
 
 def _remember(simulator: MujocoRobot, *motion: np.ndarray) -> RigidTorque:
-    """Simulate the same motion of the same robot once: tests add other noise to the same few."""
+    """Simulate the same motion of the same robot once: tests add other noise to the same few.
+
+    What one runner of this run has simulated the others read.
+    """
     robot, model = simulator.robot, np.empty(mujoco.mj_sizeModel(simulator.model), np.uint8)
     mujoco.mj_saveModel(simulator.model, None, model)
     parts = (robot.joints, robot.loops, robot.couplings, robot.cables, robot.locked)
@@ -89,7 +105,14 @@ def _remember(simulator: MujocoRobot, *motion: np.ndarray) -> RigidTorque:
         known.update(np.ascontiguousarray(array).tobytes())
     key = known.hexdigest()
     if key not in _torques:
-        _torques[key] = _compute(simulator, *motion)
+        path = Path(os.environ[SIMULATED], key)
+        if path.exists():
+            _torques[key] = pickle.loads(path.read_bytes())
+        else:
+            _torques[key] = _compute(simulator, *motion)
+            half = path.with_suffix(f".{os.getpid()}")
+            half.write_bytes(pickle.dumps(_torques[key]))
+            half.rename(path)
     return _torques[key]
 
 

@@ -51,7 +51,9 @@ def chromium() -> Iterator[object]:
         pytest.skip("needs Chromium")
     client = pytest.importorskip("playwright.sync_api", reason="needs the extra 'browser'")
     with client.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=program, args=["--disable-quic"])
+        # Pages scroll smoothly, for which each would be waited a second.
+        options = ["--disable-quic", "--disable-smooth-scrolling"]
+        browser = driver.chromium.launch(executable_path=program, args=options)
         yield browser
         browser.close()
 
