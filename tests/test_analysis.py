@@ -115,6 +115,18 @@ def test_the_same_inputs_give_the_same_result_and_a_data_frame_is_a_log(simulate
     assert a.to_dict()["models"] == c.to_dict()["models"]
 
 
+@pytest.mark.parametrize(
+    "robot",
+    [
+        *("five-bar", "six-ups", "six-dof-arm"),
+        # The first two are analysed by many other tests.
+        *(
+            pytest.param(name, marks=pytest.mark.everything)
+            for name in ("3-rps", "two-link", "delta", "3-rrr", "palletizer", "six-actuators")
+        ),
+    ],
+    indirect=True,
+)
 def test_other_robots_are_analysed_without_special_cases(simulated, robot):
     noise = Noise(torque=0.02)
     name = "601" if robot.name == "3-rps" else "a"

@@ -43,7 +43,7 @@ def results(simulated_session):
         from identifiability.workflows.diagnose import diagnose
     except ImportError:
         return out
-    return out | {"diagnosis": diagnose("two-link", log, quick=True)}
+    return out | {"diagnosis": diagnose("two-link", log, effects=["torque_offset"], quick=True)}
 
 
 @pytest.mark.parametrize("kind", ["analysis", "calibration", "ladder", "diagnosis"])

@@ -127,7 +127,7 @@ def test_workers_know_it(folder, plugin):
     load_plugin(plugin)
     train, held = ([Log.read(folder / f"{name}.csv").rows(0, 150)] for name in "ab")
     null = null_of(
-        diagnose("two-link", train, held, effects=["cogging"], seed=3, quick=True),
+        diagnose("two-link", train, held, effects=["cogging"], seed=3, quick=True, forward=False),
         train, held, None,
     )  # fmt: skip
     items = [(k, np.random.SeedSequence(k)) for k in (3, 4)]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from identifiability import analyze
+from identifiability import analyze, inspect
 from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.logs import Log
 from identifiability.robot import Robot
@@ -28,7 +28,8 @@ KINDS = ("json", "html", "csv", "parquet", "xml", "urdf", "sidecar", "model")
 def results(simulated_session):
     log = simulated_session("two-link", "a", samples=200)
     return {"log": log, "analysis": analyze("two-link", log, replicates=0),
-            "ladder": prune("two-link", log, replicates=2)}  # fmt: skip
+            "ladder": prune("two-link", log, replicates=2),
+            "inspection": inspect("two-link")}  # fmt: skip
 
 
 @pytest.fixture
@@ -41,7 +42,7 @@ def written(results, tmp_path):
         parameters = arm.nominal | ({f"{arm.axes[0].name}.Fc": 0.7} if kind == "sidecar" else {})
         ways = {
             "json": ("out.json", results["analysis"].to_json),
-            "html": ("out.html", results["analysis"].write_report),
+            "html": ("out.html", results["inspection"].write_report),
             "csv": ("out.csv", results["log"].write),
             "parquet": ("out.parquet", results["log"].write),
             "xml": ("out.xml", lambda _: write_parameters(arm, parameters, robot)),

@@ -44,12 +44,20 @@ def off_by_a_tenth(name, seed):
     return dict(zip(structure.columns, drawn, strict=True))
 
 
-def test_errors_of_the_file_are_named_only_where_it_is_taken_as_exact(logs_of):
+#: What looks like wrong masses and friction.
+FEW = ("payload", "gravity_tilt", "torque_offset", "joint_stiffness", "coulomb_friction",
+       "viscous_friction", "position_ripple")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "effects", [FEW, pytest.param(None, marks=pytest.mark.everything)], ids=["few", "all"]
+)
+def test_errors_of_the_file_are_named_only_where_it_is_taken_as_exact(logs_of, effects):
     logs = moved(logs_of("two-link"), "two-link", off_by_a_tenth("two-link", 0))
-    exact = quick("two-link", logs[:4], logs[4:], fixed=True)
+    exact = quick("two-link", logs[:4], logs[4:], fixed=True, effects=effects)
     assert exact.effects
     assert any("taken as exact" in hint for hint in exact.hints)
-    told = quick("two-link", logs[:4], logs[4:], fixed=0.1)
+    told = quick("two-link", logs[:4], logs[4:], fixed=0.1, effects=effects)
     assert told.effects == ()
     assert "each within 10 %," in told.statement
     assert not any("taken as exact" in hint for hint in told.hints)

@@ -70,7 +70,8 @@ def test_what_verifies_changes_no_name(logs_of, monkeypatch):
     logs = logs_of("two-link", "joint_stiffness@elbow=0.05")
     spoiled = replace(logs[4], tau=-3.0 * logs[4].tau[::-1], sha256="")
     monkeypatch.setattr(opening, "check_held_out", lambda *_: None)
-    few = {"quick": True, "forward": False}
+    known = ("joint_stiffness", "torque_offset", "free_spring", "stribeck_friction")
+    few = {"effects": known, "quick": True, "forward": False}
     a, b = (diagnose("two-link", logs[:3], [last], **few) for last in (logs[4], spoiled))
     assert [e.name for e in a.effects] == ["joint_stiffness"]
     kept = ["effect", "joint", "shape", "p_value", "parameter", "value", "error"]

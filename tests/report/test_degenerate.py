@@ -64,7 +64,7 @@ def test_many_logs_get_a_row_each(chain_analysis):
     assert len(blocks["provenance"][0].rows) >= 13  # hashes, although names repeat
 
 
-@pytest.mark.parametrize("joints", [12, pytest.param(24, marks=pytest.mark.everything)])
+@pytest.mark.parametrize("joints", [8, pytest.param(24, marks=pytest.mark.everything)])
 def test_many_joints_fit_into_a_page(chain_analysis, one_rung, joints):
     ladder = one_rung.model_copy(deep=True)
     ladder.models[0].effects = ["viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
