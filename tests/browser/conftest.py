@@ -58,7 +58,7 @@ def chromium() -> Iterator[object]:
         browser.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def visit(chromium) -> Callable:
     """A context (path, width) -> Visit of a page on a machine without a network."""
 
@@ -161,8 +161,18 @@ def later_reports(tmp_path_factory) -> dict[str, Path]:
     return {k: r.write_report(folder / f"{k}.html") for k, r in results.items()}
 
 
-@pytest.fixture(params=[*KINDS, *(pytest.param(k, marks=pytest.mark.everything) for k in LATER)])
+@pytest.fixture(
+    scope="module",
+    params=[*KINDS, *(pytest.param(k, marks=pytest.mark.everything) for k in LATER)],
+)
 def report(request) -> Path:
     """Every kind of report, one after the other."""
     reports = request.getfixturevalue("later_reports" if request.param in LATER else "reports")
     return reports[request.param]
+
+
+@pytest.fixture(scope="module")
+def seen(report, visit) -> Iterator[Visit]:
+    """That report, open for all tests of a module: none leaves it otherwise than it may be left."""
+    with visit(report) as opened:
+        yield opened

@@ -45,43 +45,40 @@ LINKS = """() => [...document.querySelectorAll("nav a")].map((link) => {
 })"""
 
 
-def test_a_report_is_silent_and_needs_no_network(report, visit):
-    with visit(report) as seen:
-        assert seen.page.locator("main h1").count() == 1
-        seen.page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
-        assert seen.complaints == []
-        assert [u for u in seen.requests if not u.startswith("data:")] == [report.as_uri()]
-        assert seen.page.evaluate("[...document.scripts].length") == 1
+def test_a_report_is_silent_and_needs_no_network(report, seen):
+    assert seen.page.locator("main h1").count() == 1
+    seen.page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+    assert seen.complaints == []
+    assert [u for u in seen.requests if not u.startswith("data:")] == [report.as_uri()]
+    assert seen.page.evaluate("[...document.scripts].length") == 1
 
 
-def test_a_report_is_never_wider_than_its_window(report, visit):
-    with visit(report) as seen:
-        for width in (1280, 400):
-            seen.page.set_viewport_size({"width": width, "height": 900})
-            assert seen.page.evaluate("innerWidth") == width
-            assert seen.page.evaluate(BEYOND) == [0, []]
-            assert seen.page.evaluate(CUT) == []
+def test_a_report_is_never_wider_than_its_window(seen):
+    for width in (400, 1280):
+        seen.page.set_viewport_size({"width": width, "height": 900})
+        assert seen.page.evaluate("innerWidth") == width
+        assert seen.page.evaluate(BEYOND) == [0, []]
+        assert seen.page.evaluate(CUT) == []
 
 
-def test_every_column_of_every_table_sorts_by_click(report, visit):
-    with visit(report) as seen:
-        seen.page.evaluate(
-            "document.querySelectorAll('details').forEach((d) => d.open = true);"
-            "document.getElementById('statistics')?.click()"
-        )
-        columns = seen.page.evaluate(SORTED)
-        for shown, before, up, down in columns:
-            assert shown
-            assert (up[0], down[0]) == ("ascending", "descending")
-            assert sorted(up[1]) == sorted(before) == sorted(down[1])
-            assert_ascending(up[1])
-            assert_ascending([k for k in down[1] if k][::-1])
-        assert columns or seen.page.locator("table").count() == 0
-        if columns:  # and a reader can do it
-            header = seen.page.locator("table thead th").first
-            header.locator("button").click()
-            assert header.get_attribute("aria-sort") == "ascending"
-        assert seen.complaints == []
+def test_every_column_of_every_table_sorts_by_click(seen):
+    seen.page.evaluate(
+        "document.querySelectorAll('details').forEach((d) => d.open = true);"
+        "document.getElementById('statistics')?.click()"
+    )
+    columns = seen.page.evaluate(SORTED)
+    for shown, before, up, down in columns:
+        assert shown
+        assert (up[0], down[0]) == ("ascending", "descending")
+        assert sorted(up[1]) == sorted(before) == sorted(down[1])
+        assert_ascending(up[1])
+        assert_ascending([k for k in down[1] if k][::-1])
+    assert columns or seen.page.locator("table").count() == 0
+    if columns:  # and a reader can do it
+        header = seen.page.locator("table thead th").first
+        header.locator("button").click()
+        assert header.get_attribute("aria-sort") == "ascending"
+    assert seen.complaints == []
 
 
 def assert_ascending(keys: list[str]) -> None:
@@ -95,12 +92,10 @@ def assert_ascending(keys: list[str]) -> None:
     assert numbers == sorted(numbers)
 
 
-def test_a_link_of_the_contents_leads_to_its_section(report, visit):
-    with visit(report) as seen:
-        # By script, without waiting for the scrolling.
-        for name, leads, found in seen.page.evaluate(LINKS):
-            assert (leads, found) == (name, 1)
-        assert seen.complaints == []
+def test_a_link_of_the_contents_leads_to_its_section(seen):
+    for name, leads, found in seen.page.evaluate(LINKS):
+        assert (leads, found) == (name, 1)
+    assert seen.complaints == []
 
 
 @pytest.mark.parametrize(
