@@ -35,6 +35,8 @@ from identifiability.workflows.analyze.belief import Effort
 ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
 #: Further mechanisms, which `make check-all` puts to the same laws.
 MECHANISMS = ("delta", "3-rrr", "palletizer", "six-actuators")
+#: Files with tests of ten seconds.
+LONGEST = {"test_readme.py", "test_commands.py", "test_plugin.py", "test_ur10.py", "test_kuka.py"}
 #: The variable that says where runners leave simulated torque for each other.
 SIMULATED = "IDENTIFIABILITY_TESTS_SIMULATED"
 PAPER_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
@@ -65,7 +67,11 @@ def pytest_unconfigure(config):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out, and do not skip, what takes long: skips are failures in CI."""
+    """Leave out, and do not skip, what takes long: skips are failures in CI.
+
+    Of what stays the files with the longest tests begin, lest one runner waits for another's.
+    """
+    items.sort(key=lambda item: item.path.name not in LONGEST)
     if config.getoption("--everything"):
         return
     left = [item for item in items if item.get_closest_marker("everything")]
