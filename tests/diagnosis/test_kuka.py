@@ -57,7 +57,11 @@ MISTAKEN = {"stribeck_friction", "quadratic_friction", "load_dependent_friction"
 def test_friction_and_offset_are_named_and_the_classic_mistakes_are_not(
     study, data, diagnosed, train, test, effects, shrink
 ):
-    d = study.run(data, [train], [test], effects=effects) if effects else diagnosed(train, test)
+    d = (
+        study.run(data, [train], [test], effects=effects, quick=True)
+        if effects
+        else diagnosed(train, test)
+    )
     names = {e.name for e in d.effects}
     assert names >= FOUND
     assert not names & MISTAKEN
