@@ -33,6 +33,7 @@ def test_a_text_that_stands_twice_or_nowhere_is_a_mistake(mutants):
             mutants.find_anchor(text, sources)
 
 
+@pytest.mark.everything  # as the mutants themselves
 def test_faults_that_the_laws_know_are_noticed_and_unknown_ones_named():
     def run(named):
         command = [sys.executable, SCRIPT, "--only", named, "--jobs", "1"]

@@ -72,6 +72,7 @@ FOUND = {
 }
 
 
+@pytest.mark.everything  # as what it judges
 def test_the_judge_sees_every_harm(tmp_path):
     words = [sys.executable, "-c", HARM, "good", *FOUND]
     env = os.environ | {"GOOD": str(tmp_path), "PYTHONPATH": os.pathsep.join(

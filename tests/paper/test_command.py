@@ -64,6 +64,7 @@ def test_every_script_states_its_question(name):
     assert "run_script(run)" in text
 
 
+@pytest.mark.everything  # what it runs is run above, in this process
 def test_a_script_runs_alone(tmp_path):
     script = STUDIES / "paper_slips.py"
     words = [sys.executable, str(script), "--quick", "--workers", "1", "--out", str(tmp_path)]
