@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 
@@ -20,36 +21,58 @@ from identifiability.robot.locate import shipped_folder
 LARGE = ("pandas", "scipy.stats", "matplotlib", "cvxpy", "mujoco", "joblib")
 
 
-@pytest.mark.parametrize(
-    ("words", "sentence", "also"),
-    [
-        (["analyze", "missing.urdf", "run.csv"], "There is no robot file", ["pinocchio"]),
-        (["diagnose", "two-link", "no.csv"], "There is no log file", ["pinocchio"]),
-        (["predict", "two-link", "result.json", "no.mcap"], "There is no bag", ["pinocchio"]),
-        (["prune", "six-dof-arm", "run.csv"], "numbers its joints otherwise", []),
-        (["payload", "two-link", "no.json", "run.csv"], "There is no result file", ["pinocchio"]),
-        (["simulate", "two-link", "no.csv", "--out", "x.csv"], "no motion file", ["pinocchio"]),
-        (["new", "x", "--robot", "no.urdf"], "There is no robot file", ["pinocchio"]),
-        (["excite", "no.urdf", "--out", "x.json"], "There is no robot file", ["pinocchio"]),
-        (["compare", "two-link", "run.csv", "no.csv"], "There is no log file", ["pinocchio"]),
-    ],
-)
-def test_it_is_refused_before_anything_large_is_imported(words, sentence, also, tmp_path):
-    (tmp_path / "run.csv").write_text("t,q1,tau1\n0,0,0\n")
-    (tmp_path / "result.json").write_text("{}")
-    script = f"""
-import sys
+#: What is typed, the sentence that refuses it, and what is not imported before, beside the above.
+REFUSED = [
+    (["analyze", "missing.urdf", "run.csv"], "There is no robot file", ["pinocchio"]),
+    (["diagnose", "two-link", "no.csv"], "There is no log file", ["pinocchio"]),
+    (["predict", "two-link", "result.json", "no.mcap"], "There is no bag", ["pinocchio"]),
+    (["prune", "six-dof-arm", "run.csv"], "numbers its joints otherwise", []),
+    (["payload", "two-link", "no.json", "run.csv"], "There is no result file", ["pinocchio"]),
+    (["simulate", "two-link", "no.csv", "--out", "x.csv"], "no motion file", ["pinocchio"]),
+    (["new", "x", "--robot", "no.urdf"], "There is no robot file", ["pinocchio"]),
+    (["excite", "no.urdf", "--out", "x.json"], "There is no robot file", ["pinocchio"]),
+    (["compare", "two-link", "run.csv", "no.csv"], "There is no log file", ["pinocchio"]),
+]
+
+#: Each command in a process of its own, which has imported what every command imports.
+SCRIPT = """
+import json, os, sys
 from identifiability.cli import app
-try:
-    app({words!r})
-except SystemExit as end:
-    print(end.code, *(name for name in {(*LARGE, *also)!r} if name in sys.modules))
+for words, large in json.load(sys.stdin):
+    for stream in (sys.stdout, sys.stderr):
+        print("<next>", file=stream, flush=True)
+    if not os.fork():
+        try:
+            app(words)
+        except SystemExit as end:
+            print(end.code, *(name for name in large if name in sys.modules), flush=True)
+        finally:
+            sys.stderr.flush()
+            os._exit(0)
+    os.wait()
 """
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    """What each command of `REFUSED` writes to its two streams."""
+    folder = tmp_path_factory.mktemp("first")
+    (folder / "run.csv").write_text("t,q1,tau1\n0,0,0\n")
+    (folder / "result.json").write_text("{}")
+    asked = json.dumps([(words, [*LARGE, *also]) for words, _, also in REFUSED])
     done = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    assert sentence in " ".join(done.stderr.split())
-    assert done.stdout.split() == ["2"]
+        [sys.executable, "-c", SCRIPT],
+        cwd=folder, input=asked, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    streams = (stream.split("<next>\n")[1:] for stream in (done.stdout, done.stderr))
+    return list(zip(*streams, strict=True))
+
+
+@pytest.mark.parametrize("which", range(len(REFUSED)), ids=lambda k: REFUSED[k][0][0])
+def test_it_is_refused_before_anything_large_is_imported(which, said):
+    stdout, stderr = said[which]
+    assert REFUSED[which][1] in " ".join(stderr.split())
+    assert stdout.split() == ["2"]
 
 
 #: Options that are written, with what else the verb must be told.
