@@ -86,7 +86,7 @@ def test_both_roads_agree_at_many_states(entry, tmp_path):
 @pytest.mark.parametrize(
     "entry",
     [
-        pytest.param(e, marks=pytest.mark.everything if k % (4 if e.urdf else 9) else ())
+        pytest.param(e, marks=pytest.mark.everything if k % (8 if e.urdf else 18) else ())
         for k, e in enumerate(READ)
     ],
     ids=lambda e: e.name,

@@ -25,10 +25,10 @@ CASES = [
     if what != "passive_joint_friction" or robot not in SERIAL
 ]
 SAMPLE = {
-    ("two-link", "full"), ("two-link", "zeroed"), ("two-link", "pruned"), ("five-bar", "zeroed"),
+    ("two-link", "full"), ("two-link", "pruned"), ("five-bar", "zeroed"),
     ("two-link", "load_dependent_friction"), ("two-link", "payload"), ("five-bar", "time_delay"),
     ("two-link", "joint_stiffness"), ("five-bar", "passive_joint_friction"),
-    ("two-link", "gravity_tilt"), ("six-dof-arm", "position_ripple"), ("3-rps", "joint_stiffness"),
+    ("two-link", "gravity_tilt"), ("six-dof-arm", "position_ripple"),
 }  # fmt: skip
 #: Errors are stated with less than this of themselves between engines: rounding, not 1 %.
 ROUNDING = 1e-9

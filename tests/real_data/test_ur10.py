@@ -11,9 +11,8 @@ from identifiability.workflows.diagnose import diagnose
 PAN = "shoulder_pan_joint"
 
 
-@pytest.mark.parametrize(
-    "back", [False, pytest.param(True, marks=pytest.mark.everything)], ids=["1 to 2", "2 to 1"]
-)
+@pytest.mark.everything
+@pytest.mark.parametrize("back", [False, True], ids=["1 to 2", "2 to 1"])
 def test_the_friction_of_the_pan_is_found_and_its_error_falls_on_the_other_half(data, back):
     """Half a log is short, and the model misses much: what explains a little more is no rival."""
     folder = data("unisa")
