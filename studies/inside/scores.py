@@ -42,7 +42,7 @@ def measure(draws: int, candidates: int, seed: int) -> Pair:
     material = gather(setting, [], rngs[2], draws=draws)
     single = [c for c in material.candidates if len(c.columns) == 1][:candidates]
     white = material.white
-    ours, scores = timed(lambda: score_candidates(white, white.X, single), 5)
+    ours, scores = timed(lambda: score_candidates(white, white.basis([]), single), 5)
     slow, naive = timed(lambda: _refit_each(white, single))
     found = np.column_stack([scores.data, scores.null])
     seen = np.isfinite(found)

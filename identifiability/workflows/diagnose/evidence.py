@@ -28,6 +28,8 @@ from identifiability.workflows.diagnose.straight import score_straight, straight
 NEGLIGIBLE = 1e-4
 #: Rows of a joint, and rows for each of its columns, beyond which they are compressed.
 MANY, TALL = 1500, 4
+#: Models whose basis is kept.
+REMEMBERED = 6
 #: Simulated series that are whitened together.
 AT_ONCE = 100
 
@@ -57,6 +59,19 @@ class Whitened:
     def columns(self, chosen: Sequence[Candidate]) -> Array:
         """Return the columns of the model with some candidates."""
         return np.column_stack([self.X, *(self.D[:, list(c.columns)] for c in chosen)])
+
+    def basis(self, chosen: Sequence[Candidate]) -> Array:
+        """Return an orthonormal basis of these columns (R, m), which many ask for in turn."""
+        key = tuple(k for c in chosen for k in c.columns)
+        if key not in self._bases:
+            if len(self._bases) >= REMEMBERED:
+                del self._bases[next(iter(self._bases))]
+            self._bases[key] = orthonormal(self.columns(chosen))
+        return self._bases[key]
+
+    @cached_property
+    def _bases(self) -> dict[tuple[int, ...], Array]:
+        return {}
 
 
 @frozen
@@ -202,10 +217,9 @@ class Scores:
 
 
 def score_candidates(
-    white: Whitened, model: Array, candidates: Sequence[Candidate], *, null: bool = True
+    white: Whitened, Q: Array, candidates: Sequence[Candidate], *, null: bool = True
 ) -> Scores:
-    """Return the scores of candidates beside the columns of a model (R, m)."""
-    Q = orthonormal(model)
+    """Return the scores of candidates beside a model with the orthonormal basis Q (R, m)."""
     targets = np.column_stack([white.y, white.scale, *([white.noise] if null else [])])
     targets, draws = project_out(Q, targets), white.scale.shape[1]
     D = white.D

@@ -34,7 +34,7 @@ def find_finer(m: Material, chosen: Sequence[Candidate]) -> Finer:
             if c.family.continuous and (c.place, c.family.against) == (place, against)
         ]
         rest = [c for c in chosen if (c.place, c.family.against) != (place, against)]
-        fit = score_candidates(m.white, m.white.columns(rest), kind, null=False).fit
+        fit = score_candidates(m.white, m.white.basis(rest), kind, null=False).fit
         for slot, group in groupby(zip(kind, fit, strict=True), key=lambda one: one[0].slot):
             tried = sorted((c.shape, value) for c, value in group if np.isfinite(value))
             shapes = _between(*np.array(tried).reshape(-1, 2).T)

@@ -1,8 +1,12 @@
-"""`Folds`: rows of a model that are left out in turn, compressed once for all fits without one."""
+"""`Folds`: rows of a model that are left out in turn, compressed once for all fits without one.
+
+And `Made`: what came of them, for the same models are asked for again and again.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -13,9 +17,20 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
+from identifiability.workflows.diagnose.rows import Candidate, Key
 
 #: Rows of a fold for each of its columns beyond which it is held by factors.
 TALL = 2
+#: Models whose compressed rows are kept.
+REMEMBERED = 4
+
+#: A model that is fitted: what is added to the base model, in the order of the values.
+Model = tuple[tuple[Key, bool], ...]
+
+
+def name_model(chosen: Sequence[Candidate]) -> Model:
+    """Return what a model with some candidates is, whatever numbers their columns have."""
+    return tuple((c.key, c.positive) for c in chosen)
 
 
 @frozen
@@ -75,6 +90,39 @@ class Folds:
         rows = np.concatenate([self.parts[k] for k in kept])
         samples = np.array([sum(self.counts[k] for k in kept)])
         return replace(_information_of(rows), counts=samples)
+
+
+@dataclass
+class Made:
+    """What was fitted to some rows with some noise.
+
+    Attributes
+    ----------
+    folds : dict
+        The last models' rows: folds and bounds ask for the same ones again.
+    values : dict
+        Of a model, without a fold or none, of a real robot or not, beside the values of another.
+    errors : dict
+        Of what it has, in whatever order, of a real robot or not, beside the values of another.
+    """
+
+    folds: dict[Model, Folds] = field(default_factory=dict)
+    values: dict[tuple[Model, int | None, bool, Model | None], Array] = field(default_factory=dict)
+    errors: dict[tuple[frozenset[tuple[Key, bool]], bool, Model | None], Array] = field(
+        default_factory=dict
+    )
+
+    def keep(self, model: Model, folds: Folds) -> None:
+        """Keep the rows of a model, and those of the last few."""
+        while len(self.folds) >= REMEMBERED:
+            del self.folds[next(iter(self.folds))]
+        self.folds[model] = folds
+
+    def recall(self, before: Made) -> None:
+        """Take over what was made before of the same rows with the same noise."""
+        self.folds.update(before.folds)
+        self.values.update(before.values)
+        self.errors.update(before.errors)
 
 
 def _compress(rows: Array) -> Array:

@@ -149,7 +149,7 @@ class Earlier:
             ]
             if options:
                 white = m.white
-                fit = score_candidates(white, white.columns(chosen), options, null=False).fit
+                fit = score_candidates(white, white.basis(chosen), options, null=False).fit
                 chosen.append(options[int(fit.argmax())])
         return chosen
 

@@ -19,7 +19,7 @@ from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_even
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.folds import Folds
+from identifiability.workflows.diagnose.folds import Folds, Made, name_model
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.known_fit import fit_known, solve_in_units
 from identifiability.workflows.diagnose.predictive import Predictive
@@ -29,8 +29,6 @@ from identifiability.workflows.diagnose.smooth import find_straight, fit_straigh
 
 #: Share by which fits that the noise weighs must predict worse to be given up.
 WORSE = 0.02
-#: Models whose compressed rows are kept.
-REMEMBERED = 4
 
 
 @frozen
@@ -101,6 +99,16 @@ class HeldOut:
         loss = gain_of(*errors)
         return equal if loss.share > max(loss.error, WORSE) else white
 
+    @cached_property
+    def made(self) -> Made:
+        """What was fitted so far."""
+        return Made()
+
+    def recall(self, before: HeldOut) -> HeldOut:
+        """Return it with what was made before of the same rows with the same noise."""
+        self.made.recall(before.made)
+        return self
+
     def error(self, chosen: Sequence[Candidate], *, real: bool = False) -> float:
         """Return the mean absolute error while choosing, every joint in units of its own."""
         return float(np.mean(self.errors(chosen, real=real)))
@@ -119,15 +127,11 @@ class HeldOut:
         """
         real = real and self.real is not None
         beside = None if self.train.root is None else beside
-        key = real, _columns(chosen), None if beside is None else _columns(beside)
-        if key not in self._known:
+        key = frozenset(name_model(chosen)), real, None if beside is None else name_model(beside)
+        if key not in self.made.errors:
             residual = self._predict(self.choosing, chosen, real=real, beside=beside)
-            self._known[key] = np.mean(np.abs(residual) / self._scale, axis=1)
-        return self._known[key]
-
-    @cached_property
-    def _known(self) -> dict[tuple[bool, tuple[int, ...], tuple[int, ...] | None], Array]:
-        return {}
+            self.made.errors[key] = np.mean(np.abs(residual) / self._scale, axis=1)
+        return self.made.errors[key]
 
     @cached_property
     def _scale(self) -> Array:
@@ -208,13 +212,26 @@ class HeldOut:
         Joints weigh by their own residual. With `real` it is the fit of a real robot; where the
         solver finds none, which is rare, the least-squares fit stands in.
         """
+        real = real and self.real is not None
+        key = name_model(chosen), left_out, real, None if beside is None else name_model(beside)
+        if key not in self.made.values:
+            self.made.values[key] = self._fit(chosen, left_out, real, beside)
+        return self.made.values[key]
+
+    def _fit(
+        self,
+        chosen: Sequence[Candidate],
+        left_out: int | None,
+        real: bool,
+        beside: Sequence[Candidate] | None,
+    ) -> Array:
         information, free = self._weighed(chosen).fit(left_out)
         straight = find_straight(information, free, chosen)
         if self.train.root is not None:
             b = self.train.X.shape[2]
             kept = None if beside is None else self.fit(beside, left_out)[:b]
             return fit_known(information, free, self.train.root, kept, straight)
-        if real and self.real:
+        if real and self.real is not None:
             found = self.real.fit(information, free, chosen, straight)
             if found is not None:
                 return found
@@ -222,12 +239,10 @@ class HeldOut:
 
     def _weighed(self, chosen: Sequence[Candidate]) -> Folds:
         """Return the fitted rows of a model, weighed by the noise and by what it leaves."""
-        key = tuple(k for c in chosen for k in c.columns)  # in the order of the values
-        if key not in self._folds:
-            if len(self._folds) >= REMEMBERED:
-                del self._folds[next(iter(self._folds))]
-            self._folds[key] = self._weigh(chosen)
-        return self._folds[key]
+        key = name_model(chosen)
+        if key not in self.made.folds:
+            self.made.keep(key, self._weigh(chosen))
+        return self.made.folds[key]
 
     def _weigh(self, chosen: Sequence[Candidate]) -> Folds:
         fold_of, rows = choose_folds(self.train.log), _model_rows(self.train, chosen)
@@ -237,11 +252,6 @@ class HeldOut:
         left = _leave(rows, plain.fit()[1].value)
         white = self.noise.whiten(rows, self.train.runs, self.noise.misfit(left))
         return Folds.of(white, fold_of)
-
-    @cached_property
-    def _folds(self) -> dict[tuple[int, ...], Folds]:
-        """Return the last rows that were weighed: folds and bounds ask for the same ones again."""
-        return {}
 
     def fitted_residual(self, chosen: Sequence[Candidate]) -> Array:
         """Return the errors on the rows that were fitted, (N, n)."""
@@ -273,7 +283,3 @@ def _leave(rows: Array, value: Array) -> Array:
     """Return what values (k,) leave of such rows, (N, n)."""
     left: Array = rows[:, :, -1] - rows[:, :, :-1] @ value
     return left
-
-
-def _columns(chosen: Sequence[Candidate]) -> tuple[int, ...]:
-    return tuple(sorted(k for c in chosen for k in c.columns))

@@ -133,7 +133,7 @@ class Remains:
         times [Bonferroni].
         """
         white, rows = self.bench.plain, self.bench.rows
-        Q = orthonormal(white.columns([o for o in self.chosen if o is not c]))
+        Q = white.basis([o for o in self.chosen if o is not c])
         own = basis_beside(Q, white.D[:, list(c.columns)])
         explained = float(np.sum((own.T @ white.y) ** 2)) - own.shape[1]
         joints = np.flatnonzero(rows.D.take(c.columns).any(axis=(0, 2))).tolist()

@@ -18,7 +18,6 @@ from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
     Whitened,
     compress,
-    orthonormal,
     project_out,
     score_candidates,
     unit_columns,
@@ -146,8 +145,7 @@ def find_rivals(
     similar : float
         Similarity above which two names may be undecided.
     """
-    model = white.columns(rest)
-    Q = orthonormal(model)
+    model, Q = white.columns(rest), white.basis(rest)
     own = _directions(Q, white, named)
     taken = {c.group for c in rest} | {named.group}
     # What refines the named effect is no rival: it comes on top of it. Nor is a function that was
@@ -159,7 +157,7 @@ def find_rivals(
     ]
     if not others:
         return []
-    score, *scores = _score_smooth(white, model, Q, [named, *others])
+    score, *scores = _score_smooth(white, Q, [named, *others])
     out: dict[tuple[str, str], Rival] = {}
     for c, s in zip(others, scores, strict=True):
         directions = _directions(Q, white, c)
@@ -184,17 +182,15 @@ def find_rivals(
     return sorted(out.values(), key=lambda r: -r.similarity)
 
 
-def _score_smooth(
-    white: Whitened, model: Array, Q: Array, candidates: Sequence[Candidate]
-) -> list[float]:
+def _score_smooth(white: Whitened, Q: Array, candidates: Sequence[Candidate]) -> list[float]:
     """Return the fit of each candidate, of a curve by as many columns as it has freedom.
 
     Parameters
     ----------
-    model, Q : (R, m), (R, ·)
-        Columns beside which they stand, and an orthonormal basis of them.
+    Q : (R, m)
+        Orthonormal basis of the columns beside which they stand.
     """
-    fit: list[float] = score_candidates(white, model, candidates, null=False).fit.tolist()
+    fit: list[float] = score_candidates(white, Q, candidates, null=False).fit.tolist()
     for k, c in enumerate(candidates):
         if is_smooth(c):
             Z = project_out(Q, white.D[:, list(c.columns)])
@@ -265,9 +261,7 @@ def leave_to_model(
     D = white.D[:, list(c.columns)]
     length = np.linalg.norm(D, axis=0)
     length = np.where(length > 0, length, 1.0)
-    _, s, Vt = np.linalg.svd(
-        project_out(orthonormal(white.columns(rest)), D / length), full_matrices=False
-    )
+    _, s, Vt = np.linalg.svd(project_out(white.basis(rest), D / length), full_matrices=False)
     V, s = Vt[s > share], s[s > share]
     own: Array = V.T @ (V @ (value * length)) / length
     error: Array = np.sqrt(((V.T / s) ** 2).sum(1)) / length

@@ -217,6 +217,8 @@ class Material:
         """
         every, noisy = tuple(number([*self.candidates, *more])), beside or self
         held = self.tables.held(every, noisy.held.noise)
+        if noisy.tables is self.tables:
+            held = held.recall(noisy.held)
         bench = replace(noisy.bench, rows=held.train)
         return replace(self, held=held, candidates=every, bench=bench)
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from identifiability.workflows.diagnose.evidence import score_candidates
+from identifiability.workflows.diagnose.evidence import orthonormal, score_candidates
 from identifiability.workflows.diagnose.gates import Naming
 from identifiability.workflows.diagnose.in_bodies import keep_off_bodies
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
@@ -79,5 +79,5 @@ def is_curved(m: Material, chosen: Sequence[Candidate], function: Candidate) -> 
     """Whether the data decide for a function over a constant, which any function contains."""
     model = m.white.columns([c for c in chosen if c is not function])
     constant = m.white.D[:, list(function.columns)].sum(1)  # splines add up to one
-    beside = np.column_stack([model, constant])
+    beside = orthonormal(np.column_stack([model, constant]))
     return float(score_candidates(m.white, beside, [function], null=False).fit[0]) > DECISIVE

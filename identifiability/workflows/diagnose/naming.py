@@ -69,7 +69,7 @@ class Selection:
 
     def score(self, beside: Sequence[Candidate], options: Sequence[Candidate]) -> Scores:
         """Return the scores of options beside some choices."""
-        return score_candidates(self.white, self.white.columns(beside), options, null=False)
+        return score_candidates(self.white, self.white.basis(beside), options, null=False)
 
     def level(self, draws: int) -> float:
         """Return the family-wise level of the next name.
@@ -89,7 +89,7 @@ class Selection:
         if not options:
             return False
         self.whiten(self.chosen)
-        scores = score_candidates(self.white, self.white.columns(self.chosen), options)
+        scores = score_candidates(self.white, self.white.basis(self.chosen), options)
         highest, top = scores.null.max(0), float(scores.data.max())
         if top == -np.inf:  # all that could be added is in the model already
             return False

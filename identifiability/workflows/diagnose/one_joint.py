@@ -22,7 +22,7 @@ from scipy import stats
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import tail_of_sum
 from identifiability.workflows.diagnose.dictionary import Stacked
-from identifiability.workflows.diagnose.evidence import Whitened, orthonormal
+from identifiability.workflows.diagnose.evidence import Whitened
 from identifiability.workflows.diagnose.gates import Chosen
 from identifiability.workflows.diagnose.leftover import basis_beside, squares_along
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
@@ -56,7 +56,7 @@ def is_in_one_joint(
     """Whether one name, or several together, is of what one of its joints alone has."""
     columns = [k for c in unit for k in c.columns]
     apart = split_by_joint(white.D, columns)
-    Q = orthonormal(white.columns([c for c in chosen if c not in unit]))
+    Q = white.basis([c for c in chosen if c not in unit])
     whole = basis_beside(Q, white.D[:, columns])
     alone = [basis_beside(Q, part) for part in apart]
     explained = [squares_along(U, white.y) for U in alone]

@@ -10,7 +10,7 @@ from identifiability.foundation.names import INERTIAL, INERTIAL_KINDS, Array
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import Projection
-from identifiability.workflows.diagnose.evidence import Whitened, orthonormal, project_out
+from identifiability.workflows.diagnose.evidence import Whitened, project_out
 from identifiability.workflows.diagnose.rows import Candidate
 
 
@@ -30,7 +30,7 @@ def fit_body(white: Whitened, rest: Sequence[Candidate], c: Candidate) -> Array:
     c : Candidate
         For which `is_body` holds.
     """
-    Q = orthonormal(white.columns(rest))
+    Q = white.basis(rest)
     columns = project_out(Q, white.D[:, list(c.columns)])
     target = project_out(Q, white.y)
     R: Array = np.asarray(np.linalg.qr(np.column_stack([columns, target]), mode="r"))

@@ -17,7 +17,6 @@ from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
     Whitened,
-    orthonormal,
     project_out,
 )
 from identifiability.workflows.diagnose.leftover import Left
@@ -123,7 +122,7 @@ def smallest_sizes(
     rms: Array,
 ) -> dict[str, float]:
     """Return the smallest nameable effect of each family as a share of the residual."""
-    Q = orthonormal(white.columns(chosen))
+    Q = white.basis(chosen)
     reach = float(stats.norm.isf(np.exp(-critical))) + POWER
     taken = {c.group for c in chosen}
     out: dict[str, float] = {}

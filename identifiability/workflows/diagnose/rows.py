@@ -23,6 +23,9 @@ from identifiability.workflows.diagnose.dictionary import Block, Dictionary, Sta
 Present = Collection[tuple[str, str]]
 #: Why a family is not tried where it is.
 HAS = "the model has it already"
+#: What a candidate's columns depend on along some logs: family, place, kinds and shape, of each
+#: place that it stands for.
+Key = tuple[tuple[str, str, tuple[str, ...], float | None], ...]
 #: More shapes of some families at some places, beside those of their grids.
 Finer = Mapping[tuple[str, str], tuple[float, ...]]
 
@@ -67,6 +70,13 @@ class Candidate:
     def slot(self) -> tuple[str, str, tuple[str, ...]]:
         """Family, place and kinds: what a model has once, whatever its shape."""
         return self.family.name, self.place, () if self.family.flexible else self.kinds
+
+    @property
+    def key(self) -> Key:
+        """What its columns depend on along some logs, whatever numbers they have."""
+        if self.members:
+            return tuple(key for c in self.members for key in c.key)
+        return ((*self.group, self.kinds, None if np.isnan(self.shape) else self.shape),)
 
     @property
     def part(self) -> Part:

@@ -142,7 +142,7 @@ def _fare(rows: Rows, noise: ARNoise, chosen: Sequence[Candidate]) -> list[tuple
     white, out = Bench(rows, noise, np.empty((*rows.tau.shape, 0))).whiten(), []
     for c in chosen:
         others = [o for o in chosen if o is not c]
-        score = score_candidates(white, white.columns(others), [c], null=False).fit[0]
+        score = score_candidates(white, white.basis(others), [c], null=False).fit[0]
         out.append((float(score), solve_chosen(white, [*others, c])[-1][0]))
     return out
 
@@ -153,7 +153,7 @@ def _grown(score: float, before: float) -> bool:
 
 def _score_as_it_is(material: Material, chosen: Sequence[Candidate], c: Candidate) -> float:
     """Return the score of a named candidate beside the others, whatever its sign."""
-    beside = material.white.columns([o for o in chosen if o is not c])
+    beside = material.white.basis([o for o in chosen if o is not c])
     unsigned = replace(c, positive=False)
     return float(score_candidates(material.white, beside, [unsigned], null=False).fit[0])
 

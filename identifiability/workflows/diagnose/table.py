@@ -24,10 +24,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose.dictionary import Dictionary, Entries, compute_entries
 from identifiability.workflows.diagnose.known_values import KnownValues
-from identifiability.workflows.diagnose.rows import Candidate, Rows
-
-#: What a candidate's columns depend on along some logs: family, place, kinds and shape.
-Key = tuple[str, str, tuple[str, ...], float | None]
+from identifiability.workflows.diagnose.rows import Candidate, Key, Rows
 
 
 @frozen
@@ -94,7 +91,7 @@ class Table:
             return {
                 (j, c.columns[k]): x
                 for c in wanted
-                for (j, k), x in self._known[_key(c)].items()
+                for (j, k), x in self._known[c.key].items()
                 if c.columns[k] in asked
             }
 
@@ -113,7 +110,7 @@ class Table:
 
     def _compute(self, candidates: Iterable[Candidate]) -> None:
         """Compute the columns of candidates that were not asked for before."""
-        missing = {_key(c): c for c in candidates if _key(c) not in self._known}
+        missing = {c.key: c for c in candidates if c.key not in self._known}
         ends = np.cumsum([0, *(len(c.columns) for c in missing.values())]).tolist()
         parts = [
             (c.part, range(start, start + len(c.columns)))
@@ -180,10 +177,6 @@ def build_rows(
         Whether columns of candidates are computed only when they are looked at.
     """
     return Table.of(structure, samples, fixed, known).rows(candidates, later=later)
-
-
-def _key(c: Candidate) -> Key:
-    return c.family.name, c.place, c.kinds, None if np.isnan(c.shape) else c.shape
 
 
 def _states(samples: Samples) -> Array:

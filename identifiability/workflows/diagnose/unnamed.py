@@ -146,7 +146,7 @@ def decide_for(m: Material, several: Sequence[Candidate], chosen: Sequence[Candi
     functions = [c for c in chosen if c.family.unnamed and c.place in places]
     if not functions:
         return True
-    model = m.white.columns([c for c in chosen if c not in functions])
+    model = m.white.basis([c for c in chosen if c not in functions])
     both = [together(several), together(functions)]
     names, one = score_candidates(m.white, model, both, null=False).fit
     return bool(names > one + DECISIVE)
@@ -190,7 +190,7 @@ def keep_fitting(m: Material, named: Sequence[Candidate], level: float) -> tuple
     for place in places:
         options = [c for c in m.candidates if c.family.unnamed and c.place == place]
         if options:
-            scores = score_candidates(white, white.columns(named), options)
+            scores = score_candidates(white, white.basis(named), options)
             highest, top = scores.null.max(0), scores.data.max()
             if 1 + np.count_nonzero(highest >= top) <= level / len(places) * (1 + len(highest)):
                 doubted.add(place)
@@ -201,7 +201,7 @@ def _begin(
     m: Material, beside: Sequence[Candidate], told: Sequence[tuple[str, str]]
 ) -> list[Candidate]:
     """Return functions that were given before, each of the shape that explains most."""
-    model, out = m.white.columns(beside), []
+    model, out = m.white.basis(beside), []
     for group in told:
         options = [c for c in m.candidates if c.group == group]
         if options:
@@ -221,7 +221,7 @@ def _nearest(m: Material, chosen: Sequence[Candidate], function: Candidate) -> t
     ]
     if not options:
         return ()
-    fit = score_candidates(m.white, m.white.columns(rest), options, null=False).fit
+    fit = score_candidates(m.white, m.white.basis(rest), options, null=False).fit
     best: dict[str, Candidate] = {}
     for k in np.argsort(-fit).tolist():
         best.setdefault(options[k].family.name, options[k])

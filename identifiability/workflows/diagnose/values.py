@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.foundation.names import Array
-from identifiability.workflows.diagnose.evidence import Whitened, orthonormal, project_out
+from identifiability.workflows.diagnose.evidence import Whitened, project_out
 from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.smooth import list_bends, list_curves, weigh_bends
 
@@ -69,4 +69,4 @@ def measure_strength(
 ) -> float:
     """Return the size of an effect of some value (k,) in standard errors, beside the others."""
     added = white.D[:, list(c.columns)] @ value
-    return float(np.linalg.norm(project_out(orthonormal(white.columns(rest)), added)))
+    return float(np.linalg.norm(project_out(white.basis(rest), added)))

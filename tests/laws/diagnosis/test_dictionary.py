@@ -107,7 +107,7 @@ def test_compressed_rows_answer_every_question_alike(
     for many in (10**9, 10):
         monkeypatch.setattr(evidence, "MANY", many)
         white = replace(bench).whiten(np.array([0.5, 0.0]))
-        scores = score_candidates(white, white.columns(options[:1]), options[1:])
+        scores = score_candidates(white, white.basis(options[:1]), options[1:])
         aliases = find_aliases(rows, options, ["x", "y", "z"], 0.03)
         solved = np.concatenate([x for pair in solve_chosen(white, options[1:]) for x in pair])
         left = [a.remaining for a in aliases]

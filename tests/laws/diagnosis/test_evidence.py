@@ -42,7 +42,7 @@ def test_one_column_scores_its_level_in_standard_errors(rng, candidate):
     u /= np.linalg.norm(u)
     z, scale, noise = u @ w.y, u @ w.scale, u @ w.noise
     unit = np.sqrt(np.mean(scale**2))
-    s = score_candidates(w, model, [candidate("a", "j", 0)])
+    s = score_candidates(w, w.basis([]), [candidate("a", "j", 0)])
     assert s.fit[0] == pytest.approx(-np.log(2 * stats.norm.sf(abs(z))))
     assert s.data[0] == pytest.approx(-np.log(2 * stats.norm.sf(abs(z) / unit)))
     np.testing.assert_allclose(s.null[0], -np.log(2 * stats.norm.sf(np.abs(noise) / unit)))
@@ -55,7 +55,7 @@ def test_a_sign_that_physics_forbids_scores_nothing(rng, candidate, level):
     u = beside(model, w.D[:, 0])
     u /= np.linalg.norm(u)
     w = Whitened(y=level * u, X=w.X, D=w.D, scale=w.scale, noise=w.noise)
-    s = score_candidates(w, model, [candidate("a", "j", 0, positive=True)])
+    s = score_candidates(w, w.basis([]), [candidate("a", "j", 0, positive=True)])
     assert s.fit[0] == pytest.approx(-np.log(stats.norm.sf(level)) if level > 0 else 0.0)
     noise = u @ w.noise / np.sqrt(np.mean((u @ w.scale) ** 2))
     # Noise that would need the forbidden sign is no rival either.
@@ -72,7 +72,7 @@ def test_several_columns_score_together_as_a_chi_square_of_their_directions(rng,
     assert s[0] > 1.01 * s[1]
     z = Q.T @ w.y
     unit = np.sqrt(np.mean((Q.T @ w.scale) ** 2, axis=1))
-    found = score_candidates(w, model, [candidate("a", "j", 0, 1)])
+    found = score_candidates(w, w.basis([]), [candidate("a", "j", 0, 1)])
     assert found.fit[0] == pytest.approx(-stats.chi2.logsf(z @ z, 2))
     assert found.data[0] == pytest.approx(-stats.chi2.logsf((z / unit) @ (z / unit), 2))
     noise = ((Q.T @ w.noise / unit[:, None]) ** 2).sum(0)
@@ -92,7 +92,7 @@ def test_several_columns_with_a_sign_score_what_nonnegative_levels_explain(rng, 
             level, left = nnls(U, beside(model, w.y))
             explained = float(beside(model, w.y) @ beside(model, w.y)) - left**2
             checked += bool((level == 0).any())
-        s = score_candidates(w, model, [candidate("a", "all joints", 0, 1, positive=True)])
+        s = score_candidates(w, w.basis([]), [candidate("a", "all joints", 0, 1, positive=True)])
         assert s.fit[0] == pytest.approx(-stats.chi2.logsf(max(explained, 0.0), 2), abs=1e-6)
     assert checked > 5
 
@@ -106,7 +106,7 @@ def test_a_straight_line_does_not_pay_for_the_bends_that_a_function_could_have(r
     for bent in (0.0, 3.0):
         y = 2.0 * x + bent * np.sin(20.0 * x) + rng.standard_normal(R)
         w = Whitened(y=y, X=np.ones((R, 1)), D=D, scale=rng.standard_normal((R, 4000)), noise=noise)
-        found = score_candidates(w, w.X, [function])
+        found = score_candidates(w, w.basis([]), [function])
         line, whole = (np.linalg.qr(beside(w.X, A))[0] for A in (x[:, None], D[:, 1:]))
         one, all_ = np.sum((line.T @ y) ** 2), np.sum((whole.T @ y) ** 2)
         tails = [stats.chi2.logsf(one, 1), stats.chi2.logsf(all_, K - 1)]
@@ -125,21 +125,21 @@ def test_what_the_model_contains_leaves_nothing_to_score(rng, candidate):
         y=w.y, X=w.X, D=np.column_stack([w.X @ [2.0, -1.0], w.D[:, 0]]), scale=w.scale,
         noise=w.noise,
     )  # fmt: skip
-    s = score_candidates(inside, inside.X, [candidate("a", "j", 0), candidate("b", "j", 1)])
+    s = score_candidates(inside, inside.basis([]), [candidate("a", "j", 0), candidate("b", "j", 1)])
     assert s.data[0] == -np.inf
     assert (s.null[0] == -np.inf).all()
     assert np.isfinite(s.data[1])
     # A chosen candidate is part of the model.
     chosen = [candidate("b", "j", 1)]
-    again = score_candidates(inside, inside.columns(chosen), chosen)
+    again = score_candidates(inside, inside.basis(chosen), chosen)
     assert again.data[0] == -np.inf
 
 
 def test_scores_without_noise_are_the_same_scores(rng, candidate):
     w = made(rng, 3)
     options = [candidate("a", "j", 0, positive=True), candidate("b", "j", 1, 2)]
-    every = score_candidates(w, w.X, options)
-    few = score_candidates(w, w.X, options, null=False)
+    every = score_candidates(w, w.basis([]), options)
+    few = score_candidates(w, w.basis([]), options, null=False)
     np.testing.assert_allclose(few.data, every.data, rtol=1e-12)
     np.testing.assert_allclose(few.fit, every.fit, rtol=1e-12)
     assert few.null.shape == (2, 0)

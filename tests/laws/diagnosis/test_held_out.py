@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.noise.ar_noise import ARNoise, JointNoise
+from identifiability.workflows.diagnose.dictionary import Dictionary
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.held_out import HeldOut
 
@@ -56,6 +57,29 @@ def test_values_come_in_the_order_in_which_candidates_are_given(rng, rows_of, ca
     np.testing.assert_allclose(second, first[[0, 2, 1]], rtol=1e-9)
     np.testing.assert_allclose(first[1:], [1.0, 0.0], atol=0.05)
     assert held.errors([b, a]) is held.errors([a, b])  # they are one model
+
+
+def test_what_was_fitted_is_known_by_what_it_is_whatever_its_number(rng, rows_of, candidate):
+    rows = data(rng, rows_of)
+    turned = replace(rows, D=Dictionary.of(rows.D.take([1, 0])))
+    before, fresh = HeldOut(train=rows, choosing=None), HeldOut(train=turned, choosing=None)
+    again = HeldOut(train=turned, choosing=None)
+    first, second = [candidate("a", "j", 0)], [candidate("a", "j", 1)]
+    before.fit(first), before.errors(first)
+    assert again.recall(before).fit(second) is before.fit(first)
+    assert again.errors(second) is before.errors(first)
+    np.testing.assert_allclose(fresh.fit(second), again.fit(second), rtol=1e-9)
+
+
+def test_other_shapes_signs_and_folds_are_other_fits(rng, rows_of, candidate):
+    held = HeldOut(train=data(rng, rows_of), choosing=None)
+    one, other = (candidate("a", "j", k, shape=1.0 + k) for k in range(2))
+    np.testing.assert_allclose(held.fit([one])[1], 1.0, atol=0.2)
+    np.testing.assert_allclose(held.fit([other])[1], 0.0, atol=0.2)
+    assert abs(held.fit([one], 0)[1] - held.fit([one])[1]) > 1e-6
+    assert held.fit([replace(one, positive=True)]) is not held.fit(
+        [one]
+    )  # of a real robot it may be
 
 
 def test_the_error_while_choosing_is_in_units_of_each_joint_without_candidates(
