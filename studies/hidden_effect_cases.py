@@ -20,8 +20,9 @@ from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory
 from identifiability.simulation.hidden import hideable
 from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, gather
-from identifiability.workflows.diagnose.evidence import Bench, orthonormal, project_out
+from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.motion import prepare_rows
+from identifiability.workflows.diagnose.spans import orthonormal, project_out
 from identifiability.workflows.diagnose.table import build_rows
 from identifiability.workflows.diagnose.workflow import usual_effects
 

@@ -48,8 +48,9 @@ from identifiability.simulation import (
     random_trajectory,
 )
 from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, find_next, gather
-from identifiability.workflows.diagnose.evidence import Bench, orthonormal, project_out
+from identifiability.workflows.diagnose.evidence import Bench
 from identifiability.workflows.diagnose.motion import prepare_rows
+from identifiability.workflows.diagnose.spans import orthonormal, project_out
 from identifiability.workflows.diagnose.table import build_rows
 from identifiability.workflows.diagnose.workflow import usual_effects
 

@@ -155,10 +155,9 @@ class Placed(Effect):
     @staticmethod
     def part_parameters(robot: Robot, part: Part) -> list[Parameter]:
         """Return the parameters of one part."""
-        every = part.effect.parameters(robot)
         found = [p for p in _find_place(part, robot).effect.parameters(robot) if part.takes(p)]
         if not found:
-            owners = dict.fromkeys(p.owner for p in every)
+            owners = dict.fromkeys(p.owner for p in part.effect.parameters(robot))
             raise ModelError(
                 f"{part.effect.name} has no parameter at '{part.owner}' of {robot.name}; it acts "
                 f"at {listing(owners) or 'none of its joints'}."

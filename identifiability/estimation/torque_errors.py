@@ -65,16 +65,17 @@ def joint_errors(squares: Array, variation: Array) -> Array:
 
 
 def joint_weights(variation: Array) -> Array:
-    """Return what a squared error of each joint weighs, (n,): all joints alike in all.
+    """Return what a squared error of each joint weighs, (…, n): all joints alike in all.
 
     Parameters
     ----------
-    variation : (n,) [(N·m)² or N²]
+    variation : (…, n) [(N·m)² or N²]
         As in `joint_errors`, its sum; a joint without any weighs nothing.
     """
     seen = variation > 0
-    weights: Array = np.where(seen, 1.0, 0.0) / np.where(seen, variation, 1.0)
-    return weights / seen.sum() if seen.any() else np.full(len(variation), np.nan)
+    weights = np.where(seen, 1.0, 0.0) / np.where(seen, variation, 1.0)
+    count = seen.sum(-1, keepdims=True)
+    return weights / np.where(count > 0, count, np.nan)
 
 
 def error_over_joints(squares: Array, variation: Array) -> Array:
@@ -141,8 +142,8 @@ def change_interval_over_joints(
     parts = np.array([p.sum(0) for p in split_evenly(squares, DRAWN_STRETCHES)])
     own = np.array([p.sum(0) for p in split_evenly(variation, DRAWN_STRETCHES)])
     counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), size=draws)
-    drawn = zip(np.tensordot(counts, parts, 1), counts @ own, strict=True)
-    both = np.array([error_over_joints(p[None], v[None]) for p, v in drawn])
+    weights = joint_weights(counts @ own)  # of every draw
+    both = np.sqrt(np.sum(weights[:, :, None] * np.tensordot(counts, parts, 1), axis=1))
     low, high = np.quantile(both[:, 1] - both[:, 0], ENDS)
     return float(low), float(high)
 

@@ -27,10 +27,19 @@ def levinson(pacf: Array) -> tuple[list[Array], Array]:
     predictors = [np.empty((0, *pacf.shape[1:]))]
     for r in pacf:
         before = predictors[-1]
-        predictors.append(np.concatenate([before - r * before[::-1], np.asarray(r)[None]]))
+        longer = np.empty((len(before) + 1, *pacf.shape[1:]))
+        longer[:-1], longer[-1] = before - r * before[::-1], r
+        predictors.append(longer)
     ones = np.ones((1, *pacf.shape[1:]))
     shrink = np.concatenate([ones, np.cumprod(1 - pacf**2, axis=0)])
     return predictors, shrink / shrink[-1]
+
+
+def innovation_filter(predictor: Array) -> Array:
+    """Return the filter (m + 1,) that leaves of a series what m samples before do not predict."""
+    out = np.ones(len(predictor) + 1)
+    np.negative(predictor, out=out[1:])
+    return out
 
 
 def colour(e: Array, pacf: Array) -> Array:
@@ -42,7 +51,7 @@ def colour(e: Array, pacf: Array) -> Array:
         x[m] *= np.sqrt(variances[m])
         x[m] += predictors[m] @ x[:m][::-1]
     if len(e) > p > 0:
-        a = np.append(1.0, -predictors[-1])
+        a = innovation_filter(predictors[-1])
         start = scipy.signal.lfiltic([1.0], a, x[:p][::-1])
         x[p:] = scipy.signal.lfilter([1.0], a, e[p:], zi=start)[0]
     return x

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from identifiability.estimation.noise.autoregression import Runs, levinson
+from identifiability.estimation.noise.autoregression import Runs, innovation_filter, levinson
 from identifiability.foundation.names import Array
 
 #: Highest order that is tried.
@@ -55,11 +55,11 @@ class RestrictedLikelihood:
         """Return the Gram matrix of the whitened columns and the log-determinant."""
         predictors, variances = levinson(np.tanh(theta))
         p = len(theta)
-        c = np.append(1.0, -predictors[-1])
-        G = (np.outer(c, c).ravel() @ self.gram[p]).reshape(self.k + 1, self.k + 1)
+        c = innovation_filter(predictors[-1])
+        G = ((c[:, None] * c).ravel() @ self.gram[p]).reshape(self.k + 1, self.k + 1)
         logdet = 0.0
         for m, head in enumerate(self.heads[:p]):
-            weights = np.append(1.0, -predictors[m])
+            weights = innovation_filter(predictors[m])
             row = weights @ head  # of every stretch
             G += row.T @ row / variances[m]
             G[-1, -1] += len(head) * self.floor * (weights @ weights) / variances[m]
@@ -68,7 +68,8 @@ class RestrictedLikelihood:
 
     def _factor(self, theta: Array) -> tuple[Array, float]:
         G, logdet = self._whitened(theta)
-        return np.linalg.cholesky(G + 1e-14 * np.trace(G) * np.eye(len(G))), logdet
+        G.ravel()[:: len(G) + 1] += 1e-14 * np.trace(G)
+        return np.linalg.cholesky(G), logdet
 
     def deviance(self, theta: Array) -> float:
         """Return minus twice the restricted log-likelihood, sigma profiled out."""

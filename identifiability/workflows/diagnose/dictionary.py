@@ -269,7 +269,7 @@ def _lay_out(
     out: dict[int, tuple[Effect, int, list[tuple[int, int]]]] = {}
     for part, columns in parts:
         effect, own = Placed([part]).layout(robot)[0]
-        width = len(effect.parameters(robot))
-        entry = out.setdefault(id(effect), (effect, width, []))
-        entry[2].extend(zip(own, columns, strict=True))
+        if id(effect) not in out:
+            out[id(effect)] = (effect, len(effect.parameters(robot)), [])
+        out[id(effect)][2].extend(zip(own, columns, strict=True))
     return list(out.values())

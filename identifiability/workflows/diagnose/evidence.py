@@ -22,6 +22,7 @@ from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.dictionary import Block, Stacked
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 from identifiability.workflows.diagnose.smooth import is_smooth
+from identifiability.workflows.diagnose.spans import orthonormal, project_out
 from identifiability.workflows.diagnose.straight import score_straight, straight_first
 
 #: Directions of a candidate below this share of its length are not there.
@@ -173,28 +174,6 @@ def compress(
         else [Q.T @ change(part.astype(float)) for part in parts]
     )
     return A, np.concatenate([np.empty((len(A), 0)), *found], axis=1)
-
-
-def unit_columns(A: Array) -> Array:
-    """Return columns of length one; those of length zero as they are."""
-    length = np.linalg.norm(A, axis=0)
-    unit: Array = A / np.where(length > 0, length, 1.0)
-    return unit
-
-
-def orthonormal(X: Array) -> Array:
-    """Return an orthonormal basis of the columns of X (R, b)."""
-    length = np.linalg.norm(X, axis=0)
-    unit = X[:, length > 0] / length[length > 0]
-    U, s, _ = np.linalg.svd(unit, full_matrices=False)
-    basis: Array = U[:, s > 1e-8 * s.max(initial=0.0)]
-    return basis
-
-
-def project_out(Q: Array, A: Array) -> Array:
-    """Return A less its part in the span of Q."""
-    left: Array = A - Q @ (Q.T @ A)
-    return left
 
 
 @frozen

@@ -24,7 +24,6 @@ from scipy import stats
 
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.shares import log_tail, tail_of_sum
-from identifiability.workflows.diagnose.evidence import orthonormal, project_out
 from identifiability.workflows.diagnose.gates import Chosen, Naming, keep_surviving
 from identifiability.workflows.diagnose.late import is_curve
 from identifiability.workflows.diagnose.leftover import (
@@ -37,6 +36,7 @@ from identifiability.workflows.diagnose.leftover import (
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.spans import orthonormal, project_out
 
 #: Of polynomials of a position, which a force would leave nothing to.
 DEGREE = 8

@@ -23,17 +23,13 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.shares import log_tail
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.anything import list_kinds
-from identifiability.workflows.diagnose.evidence import (
-    NEGLIGIBLE,
-    orthonormal,
-    project_out,
-    unit_columns,
-)
+from identifiability.workflows.diagnose.evidence import NEGLIGIBLE
 from identifiability.workflows.diagnose.gates import Naming, keep_surviving
 from identifiability.workflows.diagnose.leftover import basis_beside, in_units_of_rest
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.spans import orthonormal, project_out, unit_columns
 
 
 def keep_unbeaten(material: Material, naming: Naming) -> Naming:

@@ -21,14 +21,15 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.shares import tail_of_sum
 from identifiability.foundation.values import frozen
 from identifiability.workflows.diagnose.anything import list_kinds, list_together
-from identifiability.workflows.diagnose.evidence import (
-    Bench,
+from identifiability.workflows.diagnose.evidence import Bench
+from identifiability.workflows.diagnose.held_out import HeldOut
+from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.spans import (
+    directions,
     orthonormal,
     project_out,
     unit_columns,
 )
-from identifiability.workflows.diagnose.held_out import HeldOut
-from identifiability.workflows.diagnose.rows import Candidate
 
 #: Directions of unit columns beside the model that are shorter are the model's.
 THIN = 1e-2
@@ -205,9 +206,7 @@ def _rms(x: Array) -> float:
 def basis_beside(Q: Array, A: Array) -> Array:
     """Return an orthonormal basis of what columns A (R, k) add to orthonormal ones Q (R, b)."""
     U = project_out(Q, project_out(Q, unit_columns(A)))  # once would keep some of the model's
-    vectors, length, _ = np.linalg.svd(U, full_matrices=False)
-    basis: Array = vectors[:, length > THIN]
-    return basis
+    return directions(U, THIN)
 
 
 def in_units_of_rest(y: Array, parts: Sequence[Array], known: int = 0) -> tuple[Array, int]:

@@ -18,12 +18,16 @@ from identifiability.workflows.diagnose.evidence import (
     NEGLIGIBLE,
     Whitened,
     compress,
-    project_out,
     score_candidates,
-    unit_columns,
 )
 from identifiability.workflows.diagnose.rows import Candidate, Rows
 from identifiability.workflows.diagnose.smooth import Bends, bends_of, is_smooth, lines_of
+from identifiability.workflows.diagnose.spans import (
+    directions,
+    project_out,
+    singular_values,
+    unit_columns,
+)
 from identifiability.workflows.diagnose.values import solve_values
 
 #: Logarithm of the likelihood ratio that decides between two similar names: about 50 to 1.
@@ -89,10 +93,9 @@ def find_aliases(
     inverse = np.linalg.pinv(X, rcond=1e-8)
     out: dict[tuple[str, str], Alias] = {}
     for c in candidates:
-        vectors, s, _ = np.linalg.svd(unit_columns(D[:, list(c.columns)]), full_matrices=False)
-        own = vectors[:, s > NEGLIGIBLE]
+        own = directions(unit_columns(D[:, list(c.columns)]), NEGLIGIBLE)
         value = inverse @ own
-        left = float(np.linalg.svd(own - X @ value, compute_uv=False).max(initial=0.0))
+        left = float(singular_values(own - X @ value).max(initial=0.0))
         if c.group in out and round(out[c.group].remaining, DECIMALS) >= round(left, DECIMALS):
             continue
         size = np.linalg.norm(value, axis=1)
@@ -160,14 +163,14 @@ def find_rivals(
     score, *scores = _score_smooth(white, Q, [named, *others])
     out: dict[tuple[str, str], Rival] = {}
     for c, s in zip(others, scores, strict=True):
-        directions = _directions(Q, white, c)
-        if not directions.shape[1] or not own.shape[1]:
+        other = _directions(Q, white, c)
+        if not other.shape[1] or not own.shape[1]:
             continue
-        if _opposite(own, directions, white, (named, c)):
+        if _opposite(own, other, white, (named, c)):
             continue
-        shared = np.linalg.svd(own.T @ directions, compute_uv=False)
+        shared = singular_values(own.T @ other)
         similarity = float(shared[0])
-        contains = own.shape[1] < directions.shape[1] and float(shared[-1]) > SAME
+        contains = own.shape[1] < other.shape[1] and float(shared[-1]) > SAME
         undecided = similarity > similar and s > score - DECISIVE
         if undecided and contains:
             undecided = not _shows_no_more(white, model, (named, c), own, Q)
@@ -274,6 +277,4 @@ def _directions(Q: Array, white: Whitened, c: Candidate) -> Array:
 
 
 def _basis(Q: Array, D: Array) -> Array:
-    vectors, s, _ = np.linalg.svd(project_out(Q, unit_columns(D)), full_matrices=False)
-    basis: Array = vectors[:, s > NEGLIGIBLE]
-    return basis
+    return directions(project_out(Q, unit_columns(D)), NEGLIGIBLE)

@@ -6,13 +6,14 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from identifiability.workflows.diagnose.evidence import orthonormal, score_candidates
+from identifiability.workflows.diagnose.evidence import score_candidates
 from identifiability.workflows.diagnose.gates import Naming
 from identifiability.workflows.diagnose.in_bodies import keep_off_bodies
 from identifiability.workflows.diagnose.lookalikes import DECISIVE
 from identifiability.workflows.diagnose.material import Material
 from identifiability.workflows.diagnose.options import find_same, signature
 from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.spans import orthonormal
 
 #: A curve over the position, without and with its name.
 CURVE, NAMED_CURVE = "function_of_position", "position_torque"

@@ -10,8 +10,9 @@ from identifiability.foundation.names import INERTIAL, INERTIAL_KINDS, Array
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.project import Projection
-from identifiability.workflows.diagnose.evidence import Whitened, project_out
+from identifiability.workflows.diagnose.evidence import Whitened
 from identifiability.workflows.diagnose.rows import Candidate
+from identifiability.workflows.diagnose.spans import project_out
 
 
 def is_body(c: Candidate) -> bool:

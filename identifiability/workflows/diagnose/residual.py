@@ -14,13 +14,10 @@ from scipy import stats
 from identifiability.estimation.noise.autocorrelation import autocorrelation_time
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.evidence import (
-    NEGLIGIBLE,
-    Whitened,
-    project_out,
-)
+from identifiability.workflows.diagnose.evidence import NEGLIGIBLE, Whitened
 from identifiability.workflows.diagnose.leftover import Left
 from identifiability.workflows.diagnose.rows import Candidate, Rows
+from identifiability.workflows.diagnose.spans import project_out
 
 #: Bins in which the residual is averaged.
 BINS = 12

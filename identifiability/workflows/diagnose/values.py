@@ -8,9 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.foundation.names import Array
-from identifiability.workflows.diagnose.evidence import Whitened, project_out
+from identifiability.workflows.diagnose.evidence import Whitened
 from identifiability.workflows.diagnose.rows import Candidate
 from identifiability.workflows.diagnose.smooth import list_bends, list_curves, weigh_bends
+from identifiability.workflows.diagnose.spans import project_out
 
 #: Singular values of unit columns below this share of the largest are zero; and the share of a
 #: column in what they leave open from which on it is not determined by itself.
