@@ -17,6 +17,7 @@ def analysis():
 
 
 # What was measured is three times these or more.
+@pytest.mark.everything
 @pytest.mark.parametrize(
     ("measure", "least"),
     [

@@ -105,12 +105,26 @@ class Stacked:
 
     def _acting(self, at: np.ndarray) -> Iterator[tuple[slice, np.ndarray, Array]]:
         """Yield rows of a joint, which of some columns act there, and these (·, k) in its rows."""
-        where = self._places[:, at]
+        key = at.tobytes()
+        if key not in self._found:
+            self._found[key] = self._find(at)
+        for rows, here, block, where in self._found[key]:
+            yield rows, here, block.values[:, where]
+
+    def _find(self, at: np.ndarray) -> list[tuple[slice, np.ndarray, Block, np.ndarray]]:
+        """Return rows of a joint, which of some columns act there, its block and where in it."""
+        where, out = self._places[:, at], []
         acts: np.ndarray = where >= 0
         for j in np.flatnonzero(acts.any(1)).tolist():
             here = np.flatnonzero(acts[j])
             rows = slice(self._ends[j], self._ends[j + 1])
-            yield rows, here, self.blocks[j].values[:, where[j, here]]
+            out.append((rows, here, self.blocks[j], where[j, here]))
+        return out
+
+    @cached_property
+    def _found(self) -> dict[bytes, list[tuple[slice, np.ndarray, Block, np.ndarray]]]:
+        """Return what `_find` found: each candidate is asked for many times."""
+        return {}
 
     @cached_property
     def _places(self) -> np.ndarray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -66,12 +67,12 @@ class Candidate:
         """Family and place: what is named."""
         return self.family.name, self.place
 
-    @property
+    @cached_property
     def slot(self) -> tuple[str, str, tuple[str, ...]]:
         """Family, place and kinds: what a model has once, whatever its shape."""
         return self.family.name, self.place, () if self.family.flexible else self.kinds
 
-    @property
+    @cached_property
     def key(self) -> Key:
         """What its columns depend on along some logs, whatever numbers they have."""
         if self.members:
