@@ -87,6 +87,7 @@ def test_engines_that_cannot_be_are_one_sentence(words, sentence, log, tmp_path)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no process groups")
+@pytest.mark.everything  # the signals themselves: test_ends_well
 def test_ctrl_c_ends_a_calibration_and_its_workers_at_once(log, spawn, group, tmp_path):
     report, result, work = (tmp_path / name for name in ("r.html", "r.json", "work"))
     for path in (report, result):
