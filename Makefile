@@ -11,8 +11,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 # BLAS threads fight over the small matrices of this project.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
-# Bytecode is kept, whatever the environment says: the tests start hundreds of processes, each of
-# which would compile the package anew, and pytest would rewrite every test in every worker.
+# Bytecode is kept, whatever the environment says: each process that the tests start would compile
+# the package anew, and pytest would rewrite every test in every worker.
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo paper test lowest lint golden format bench docs mutants processors check-all clean

@@ -217,8 +217,7 @@ class Material:
         """
         every, noisy = tuple(number([*self.candidates, *more])), beside or self
         held = self.tables.held(every, noisy.held.noise)
-        if noisy.tables is self.tables:
-            held = held.recall(noisy.held)
+        held = held.recall(noisy.held) if noisy.tables is self.tables else held
         bench = replace(noisy.bench, rows=held.train)
         return replace(self, held=held, candidates=every, bench=bench)
 
