@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
+from identifiability.foundation.last import remember
 from identifiability.foundation.linalg import few_at_once, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -133,11 +134,7 @@ class Information:
 
     def remember(self, key: Any, make: Callable[[], Any]) -> Any:
         """Return what is made of the sums over all blocks: a fit asks for the same many times."""
-        if key not in self._made:
-            self._made[key] = make()
-            if len(self._made) > REMEMBERED:
-                del self._made[next(iter(self._made))]
-        return self._made[key]
+        return remember(self._made, key, make, REMEMBERED)
 
     @property
     def _width(self) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from identifiability.estimation.noise.ar_noise import ARNoise
+from identifiability.foundation.last import remember
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import log_tail
 from identifiability.foundation.values import frozen
@@ -64,11 +65,7 @@ class Whitened:
     def basis(self, chosen: Sequence[Candidate]) -> Array:
         """Return an orthonormal basis of these columns (R, m), which many ask for in turn."""
         key = tuple(k for c in chosen for k in c.columns)
-        if key not in self._bases:
-            if len(self._bases) >= REMEMBERED:
-                del self._bases[next(iter(self._bases))]
-            self._bases[key] = orthonormal(self.columns(chosen))
-        return self._bases[key]
+        return remember(self._bases, key, lambda: orthonormal(self.columns(chosen)), REMEMBERED)
 
     @cached_property
     def _bases(self) -> dict[tuple[int, ...], Array]:

@@ -112,12 +112,6 @@ class Made:
         default_factory=dict
     )
 
-    def keep(self, model: Model, folds: Folds) -> None:
-        """Keep the rows of a model, and those of the last few."""
-        while len(self.folds) >= REMEMBERED:
-            del self.folds[next(iter(self.folds))]
-        self.folds[model] = folds
-
     def recall(self, before: Made) -> None:
         """Take over what was made before of the same rows with the same noise."""
         self.folds.update(before.folds)

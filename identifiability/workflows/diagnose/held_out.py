@@ -9,17 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from identifiability.estimation.layout import choose_folds
 from identifiability.estimation.noise.ar_noise import ARNoise
 from identifiability.estimation.torque_errors import DRAWN_STRETCHES, split_evenly
+from identifiability.foundation.last import remember
 from identifiability.foundation.linalg import triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.workflows.diagnose.folds import Folds, Made, name_model
+from identifiability.workflows.diagnose.folds import REMEMBERED, Folds, Made, name_model
 from identifiability.workflows.diagnose.gap import Gap
 from identifiability.workflows.diagnose.known_fit import fit_known, solve_in_units
 from identifiability.workflows.diagnose.predictive import Predictive
@@ -239,10 +240,8 @@ class HeldOut:
 
     def _weighed(self, chosen: Sequence[Candidate]) -> Folds:
         """Return the fitted rows of a model, weighed by the noise and by what it leaves."""
-        key = name_model(chosen)
-        if key not in self.made.folds:
-            self.made.keep(key, self._weigh(chosen))
-        return self.made.folds[key]
+        make = partial(self._weigh, chosen)
+        return remember(self.made.folds, name_model(chosen), make, REMEMBERED)
 
     def _weigh(self, chosen: Sequence[Candidate]) -> Folds:
         fold_of, rows = choose_folds(self.train.log), _model_rows(self.train, chosen)
