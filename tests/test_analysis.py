@@ -239,3 +239,15 @@ def test_cross_validation_asks_no_certificate(monkeypatch, simulated) -> None:
     found = analyze("3-rps", log, posterior=False, replicates=20, engine=Serial())
     assert len(asked) == len(found.models)
     assert np.isfinite([m.error_ra_physical for m in found.models]).all()
+
+
+def test_a_sensor_that_is_off_by_more_than_friction_forbids_no_sign(simulated):
+    """Two Coulomb levels would be one below zero, and no real robot would be near the log."""
+    frame = simulated("two-link", "a", 0, Noise(torque=0.02)).to_frame()
+    frame["elbow.tau"] += 4.0
+    found = analyze("two-link", frame, replicates=20)
+    assert found.chosen.name == "full model"
+    assert found.chosen.feasible
+    values = found.to_frame().set_index("name")["value"]
+    assert values["elbow.off"] == pytest.approx(4.0, abs=0.1)
+    assert values["elbow.Fc"] < 2.0

@@ -125,7 +125,7 @@ def test_the_command_writes_a_report(simulated_session, tmp_path):
     )
     assert run.exit_code == 0, run.output
     lines = run.stdout.splitlines()
-    assert "of 95 % intervals of symmetric friction, " in lines[0]
+    assert "of 95 % intervals of no torque offset, " in lines[0]
     assert lines[1].startswith("Wrong by more than half: ")
     assert lines[2].startswith("Least sure: ")
     assert "posterior is calibrated" in " ".join(run.output.split())

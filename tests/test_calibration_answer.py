@@ -44,7 +44,7 @@ def test_yes_where_intervals_hold(log):
     found = calibrate(analyze("two-link", log(Noise(torque=0.05)), replicates=60), **ONE)
     assert found.answer.word == "yes"
     first, second, third = found.lines
-    assert first.startswith("Yes: of 95 % intervals of symmetric friction, ")
+    assert first.startswith("Yes: of 95 % intervals of no torque offset, ")
     assert second.startswith("Wrong by more than half: 0.0 % ")
     assert third.startswith("Least sure: ")
     assert found.effects == ()
@@ -181,7 +181,11 @@ def test_the_size_of_noise_is_found_constant_or_relative():
 
 
 def test_true_robots_are_possible_and_scatter_around_what_file_and_log_say(log):
-    analysis = analyze("two-link", log(Noise(torque=0.02)), replicates=60)
+    effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
+    ties = {f"{j}.Fc": [f"{j}.Fc+", f"{j}.Fc-"] for j in ("shoulder", "elbow")}
+    rungs = [RungEntry(name="two levels", effects=effects), RungEntry(name="one", tie=ties)]
+    ladder = LadderEntry(models=rungs)
+    analysis = analyze("two-link", log(Noise(torque=0.02)), ladder=ladder, replicates=60)
     robots = TrueRobots.of(analysis, analysis.chosen)
     structure, rng = analysis.structure, np.random.default_rng(0)
     like = structure.nominal[structure.inertial]

@@ -6,6 +6,7 @@ import pytest
 from identifiability import Model, Robot, analyze, find_base_parameters, prune, simulate
 from identifiability.regression.base_parameters import random_motion
 from identifiability.regression.reduction import DEFAULT_EFFECTS
+from identifiability.regression.reduction.file import LadderEntry, RungEntry
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.calibrate.calibration import calibrate
 
@@ -47,7 +48,7 @@ def test_asymmetric_friction_at_the_joints_holds_all_that_a_mixing_motor_can_hav
 def test_default_analysis_finds_the_motors_values_in_a_log_without_noise(mixed):
     log = simulate(mixed, shipped_trajectory(mixed, "a"))
     result = analyze(mixed, log, replicates=50)
-    assert [m.name for m in result.models] == ["full model", "symmetric friction"]
+    assert [m.name for m in result.models] == ["full model", "no torque offset"]
     symmetric = result.models[1]
     true = {"m6.Fc": 0.8, "shoulder.Fc": 2.0, "elbow.Fc": 0.8, "m6.Fv": 0.3}
     found = dict(zip(symmetric.rung.columns, symmetric.estimate.value, strict=True))
@@ -56,7 +57,9 @@ def test_default_analysis_finds_the_motors_values_in_a_log_without_noise(mixed):
 
 
 def test_pruning_makes_levels_equal_that_are_equal(mixed, noisy):
-    ladder = prune(mixed, noisy, replicates=2)
+    effects = ["rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia"]
+    asymmetric = LadderEntry(models=[RungEntry(name="two levels", effects=effects)])
+    ladder = prune(mixed, noisy, ladder=asymmetric, replicates=2)
     ties = [c for r in ladder.rungs if r.step.move for c in r.step.move.tie]
     assert ("shoulder.Fc+", "shoulder.Fc-") in ties
     assert not any("m6" in name for members in ties for name in members)
@@ -65,6 +68,6 @@ def test_pruning_makes_levels_equal_that_are_equal(mixed, noisy):
 def test_default_calibration_runs(mixed, noisy):
     analysis = analyze(mixed, noisy, replicates=0)
     found = calibrate(analysis, replicates=2, refits=20, sbc=0, names=0)
-    assert found.model == analysis.chosen.name == "symmetric friction"
+    assert found.model == analysis.chosen.name == "no torque offset"
     full = len(find_base_parameters(mixed, Model.of(*DEFAULT_EFFECTS)))
-    assert found.parameters == full - len(mixed.joints)  # one Coulomb level a joint instead of two
+    assert found.parameters == full - len(mixed.joints)  # an offset a joint

@@ -155,7 +155,7 @@ def test_the_table_in_the_terminal_has_no_number_that_is_none(case, arm, tmp_pat
     done = CliRunner().invoke(app, ["analyze", "two-link", str(log)])
     assert done.exit_code == 0
     check_words(done.output)
-    for row in ("full model", "symmetric"):
+    for row in ("full model", "no torque offset"):
         assert re.search(rf"{row}.*│ +0 │ +0 │ +– │ +– │ open", done.output), done.output
 
 

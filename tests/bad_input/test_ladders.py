@@ -36,16 +36,16 @@ BAD = {
     "rung twice": (FIRST + FIRST, "two rungs named 'a'; give each its own"),
     "no name": ('[[models]]\nname = ""', "'models.0.name': string should have at least 1"),
     "tie of one": (
-        FIRST + 'tie = {"x.Fc" = ["elbow.Fc+"]}',
-        "The rung 'a' ties 'x.Fc' = ['elbow.Fc+']; give two or more different parameters",
+        FIRST + 'tie = {"x.Fc" = ["elbow.Fc"]}',
+        "The rung 'a' ties 'x.Fc' = ['elbow.Fc']; give two or more different parameters",
     ),
     "tie of one twice": (FIRST + 'tie = {"x.F" = ["elbow.Fv", "elbow.Fv"]}', "give two or more"),
     "tie with a taken name": (
-        FIRST + 'tie = {"elbow.Fv" = ["elbow.Fc+", "elbow.Fc-"]}',
+        FIRST + 'tie = {"elbow.Fv" = ["elbow.Fc", "shoulder.Fc"]}',
         "a name that no other parameter has",
     ),
     "tie across units": (
-        FIRST + 'tie = {"x.F" = ["elbow.Fc+", "elbow.Fv"]}',
+        FIRST + 'tie = {"x.F" = ["elbow.Fc", "elbow.Fv"]}',
         "of the units N·m, N·m·s/rad; only parameters of one unit can be equal",
     ),
     "hold in words": (

@@ -99,7 +99,7 @@ CALIBRATE = {
     "rho in words": ({"rho": ("high",)}, "rho must be a list of numbers above -1 and below 1"),
     "noise": ({"noise": "paper"}, "noise must be a list of numbers above 0, not 'paper'"),
     "no noise": ({"noise": ()}, "noise must be a list of numbers above 0, not ()"),
-    "model": ({"model": "fll model"}, "model must be 'full model' or 'symmetric friction', not"),
+    "model": ({"model": "fll model"}, "model must be 'full model' or 'no torque offset', not"),
     "replicates": ({"replicates": 1}, "a whole number of at least 2 or None, not 1"),
     "sbc": ({"sbc": -1}, "sbc must be a whole number of at least 0 or None, not -1"),
     "seed": ({"seed": -1}, SEED),
@@ -245,7 +245,7 @@ def test_stages_name_what_is_valid(analysis, log):
 
 
 def test_results_name_what_is_valid(analysis):
-    models = "model must be 'full model' or 'symmetric friction', not 'x'"
+    models = "model must be 'full model' or 'no torque offset', not 'x'"
     refuses(analysis.to_frame, {"model": "x"}, models)
     refuses(analysis.to_json, {"path": 3}, "path must be the path of a file, not 3")
     refuses(analysis.write_report, {"path": None}, "path must be the path of a file, not None")

@@ -134,6 +134,7 @@ class Case:
             values |= {f"{body}.{k}": v for k, v in zip(kinds, whole, strict=True)}
         for joint, (fv, fc) in FRICTION.items():
             values |= {f"{joint}.Fv": fv} | {f"{joint}.{k}": fc for k in ("Fc", "Fc+", "Fc-")}
+            values[f"{joint}.off"] = 0.0
             values[f"{joint}.Ia"] = ROTORS[joint] if self.path.suffix == ".xml" else 0.0
         return values
 

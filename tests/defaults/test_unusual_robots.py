@@ -79,7 +79,7 @@ def test_the_exported_robot_moves_as_the_measured_one(case, which, error, reques
 
 
 def test_levels_that_were_tied_come_back_as_one(case, fitted, tmp_path):
-    assert fitted.chosen.name == "symmetric friction"
+    assert fitted.chosen.name == "no torque offset"
     assert fitted.robot.title == "arm"
     out = export(case.path, fitted.to_json(tmp_path / "a.json"), tmp_path / f"b{case.path.suffix}")
     assert "asymmetric Coulomb friction" not in out.statement

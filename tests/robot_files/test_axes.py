@@ -153,11 +153,11 @@ def test_a_sidecar_places_effects_of_default_models(placed, texts, load_text):
     assert list(found) == [*rest, "joint_stiffness", *texts[len(rest) :]]
     other = default_effects(robot, ("coulomb_friction",))
     assert ("coulomb_friction" in other) != ("coulomb" in placed)
-    full, symmetric = build_ladder(
+    full, none = build_ladder(
         default_ladder(robot), Structure.of(robot, ladder_model(default_ladder(robot)))
     )
-    ties = sum(c.endswith("Fc+") for c in full.columns)
-    assert len(full) - len(symmetric) == ties == (1 if "coulomb" in placed else 2)
+    offsets = sum(c.endswith("off") for c in full.columns)
+    assert len(full) - len(none) == offsets == len(robot.joints)
 
 
 def test_inspection_says_what_is_named_after_an_axis(load_text):

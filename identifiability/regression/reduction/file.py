@@ -42,12 +42,13 @@ from identifiability.logs.checks import LARGEST
 from identifiability.regression.model import Model
 from identifiability.robot import Robot
 
-#: The model that a log is analysed with when no ladder is given.
-DEFAULT_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
-
-#: The model of those that judge one alone: the second rung of that ladder, friction alike in both
-#: directions, so that a difference can be named, or asked for by a motion.
+#: The model of those that judge one alone: no torque offset, so that one can be named, or asked
+#: for by a motion.
 USUAL_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+
+#: The model that a log is analysed with when no ladder is given. An offset and one Coulomb level
+#: span what two levels do, and no sign is forbidden where a sensor is off by more than friction.
+DEFAULT_EFFECTS = (*USUAL_EFFECTS, "torque_offset")
 
 
 def _held(value: Any) -> Any:
@@ -218,25 +219,21 @@ def _toml(value: str | float | list[str]) -> str:
 
 
 def default_ladder(robot: Robot) -> LadderEntry:
-    """Return the ladder for a robot that has none: asymmetric, then symmetric friction.
+    """Return the ladder for a robot that has none: with torque offsets, then without.
 
     Springs are part of it where the robot file states some.
     """
-    effects = [*default_effects(robot, DEFAULT_EFFECTS)]
-    known = {p.name for p in Model.of(*effects).parameters(robot)}
-    pairs = {f"{joint}.Fc": [f"{joint}.Fc+", f"{joint}.Fc-"] for joint in robot.joints}
-    tie = {name: pair for name, pair in pairs.items() if known.issuperset(pair)}
     return LadderEntry(
         models=[
             RungEntry(
                 name="full model",
-                description="every base parameter, friction asymmetric",
-                effects=effects,
+                description="every base parameter, with torque offsets",
+                effects=[*default_effects(robot, DEFAULT_EFFECTS)],
             ),
             RungEntry(
-                name="symmetric friction",
-                description="one Coulomb level for both directions",
-                tie=tie,
+                name="no torque offset",
+                description="torque is zero where nothing acts",
+                zero=["*.off"],
             ),
         ]
     )

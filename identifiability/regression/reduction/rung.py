@@ -137,7 +137,7 @@ def build_comparison(entry: LadderEntry, structure: Structure) -> tuple[Rung, ..
 
 def _build_rung(item: RungEntry, start: Rung, structure: Structure) -> Rung:
     rung = replace(start, name=item.name, description=item.description)
-    zero = _find_columns(rung, item.zero, item.name)
+    zero = _find_columns(rung, item.zero, item.name, structure.columns)
     hold: dict[str, float | Literal["nominal"]] = {}
     for text in sorted(item.hold, key=is_pattern, reverse=True):  # a name says more
         hold |= dict.fromkeys(_find_columns(rung, [text], item.name), item.hold[text])
@@ -168,13 +168,18 @@ def _build_rung(item: RungEntry, start: Rung, structure: Structure) -> Rung:
     return rung
 
 
-def _find_columns(rung: Rung, texts: Sequence[str], where: str) -> list[str]:
-    """Return the parameters that names and patterns stand for, each once."""
+def _find_columns(
+    rung: Rung, texts: Sequence[str], where: str, grouped: Sequence[str] = ()
+) -> list[str]:
+    """Return the parameters that names and patterns stand for, each once.
+
+    A pattern may fit none but those that are `grouped` into others: at zero they leave these alone.
+    """
     found: dict[str, None] = {}
     for name in texts:
         named = find_named(name, rung.columns)
         found |= dict.fromkeys(named)
-        if not named:
+        if not (named or (is_pattern(name) and find_named(name, grouped))):
             raise ModelError(
                 f"The rung '{where}' names the parameter '{name}', which is not there"
                 f"{near_match(name, rung.columns)} It has {listing(rung.columns)}."

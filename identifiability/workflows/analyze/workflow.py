@@ -86,7 +86,7 @@ def analyze(
         Held out; without them errors come from blocked cross-validation.
     ladder : path, LadderEntry or result of `prune`, optional
         Models to compare, each also with the unpruned one; by default the ladder beside the robot
-        file, else asymmetric and symmetric friction.
+        file, else the default one, with torque offsets and without.
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator

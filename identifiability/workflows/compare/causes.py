@@ -109,10 +109,12 @@ def _of_effects(structure: Structure) -> Iterator[tuple[str, str, str, _Columns]
             continue
         if p.kind == "Fc-":
             continue
-        if p.kind == "Fc+":
+        if p.group == "torque_offset":
+            offsets[p.owner] = [((k,), (1.0,))]
+        elif p.kind == "Fc+":
             both = (k, at[f"{p.owner}.Fc-"])
             friction.setdefault(p.owner, []).append((both, (1.0, 1.0)))
-            offsets[p.owner] = [(both, (1.0, -1.0))]
+            offsets.setdefault(p.owner, [(both, (1.0, -1.0))])
         elif "friction" in p.group:
             friction.setdefault(p.owner, []).append(((k,), (1.0,)))
         else:
@@ -120,8 +122,7 @@ def _of_effects(structure: Structure) -> Iterator[tuple[str, str, str, _Columns]
     for joint, columns in friction.items():
         yield "friction", joint, f"friction of {joint}", columns
     for joint, columns in offsets.items():
-        if (joint, "torque_offset") not in others:
-            yield "offset", joint, f"torque offset of {joint}", columns
+        yield "offset", joint, f"torque offset of {joint}", columns
     for (joint, group), columns in others.items():
         yield "effect", joint, f"{title_of(group)} of {joint}", columns
 

@@ -64,7 +64,7 @@ def compare(
         Two results of one model, or logs on both sides.
     ladder : path, LadderEntry or result of `prune`, optional
         Its first model is the one that logs are compared under; by default the one beside the robot
-        file, else every base parameter with asymmetric friction. Results have their own.
+        file, else every base parameter, with torque offsets. Results have their own.
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator

@@ -173,7 +173,7 @@ def walk(fit: Fit, plan: Plan) -> Path:
     walker = _Walker(fit, plan)
     for move in plan.forced:
         walker.make(move)
-    for kind in (Kind.MERGE, Kind.ZERO, Kind.TIE):
+    for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
         walker.suggest([m for m in plan.suggested if m.kind is kind])
     walker.descend()
     return Path(tuple(walker.steps), tuple(walker.refused))

@@ -23,6 +23,7 @@ class Kind(StrEnum):
 
     UNEXCITED = "not excited"
     FORCED = "forced"
+    OFFSET = "zero offset"
     MERGE = "merge Coulomb"
     ZERO = "zero by geometry"
     TIE = "tie by symmetry"

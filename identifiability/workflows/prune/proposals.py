@@ -36,11 +36,20 @@ def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     columns : sequence of str
         The base parameters that the model has.
     """
-    moves = merge_moves(structure, columns)
+    moves = offset_moves(structure, columns) + merge_moves(structure, columns)
     moves += declared_moves(structure.robot, columns)
     moves += zero_moves(structure, columns)
     ties = {frozenset(c) for m in moves if m.kind is Kind.TIE for c in m.tie}
     return moves + [m for m in tie_moves(structure, columns) if frozenset(m.tie[0]) not in ties]
+
+
+def offset_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
+    """Return the zeros of torque offsets.
+
+    An offset looks like gravity; asked late, it would stand for a mass that was dropped.
+    """
+    names = (f"{joint}.off" for joint in structure.robot.joints)
+    return [Move(Kind.OFFSET, (n,), why="Torque without offset") for n in names if n in columns]
 
 
 def merge_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:

@@ -106,8 +106,8 @@ def prune(
     validate : the same, optional
         Held out from everything; only reported.
     ladder : path, LadderEntry or result of `prune`, optional
-        Its first model is where pruning starts; by default every base parameter with asymmetric
-        friction.
+        Its first model is where pruning starts; by default every base parameter, with
+        torque offsets.
     forbid : sequence of str
         Parameters that must not be dropped.
     force : sequence of str

@@ -1,5 +1,6 @@
 """Rungs as a ladder file states them: zeroed, held, tied, kept, over named groups."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,10 +13,12 @@ from identifiability.regression.model import Model
 from identifiability.regression.reduction import (
     LadderEntry,
     build_ladder,
+    default_ladder,
     full_rung,
     ladder_model,
 )
 from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
 
 NOMINAL = {"arm.m": 2.0, "arm.mx": 0.3, "arm.Ixx": 0.5, "arm.Fv": 7.0, "arm.Fc+": 1.0}
 ROBOT = SimpleNamespace(nominal=NOMINAL)
@@ -119,3 +122,15 @@ def test_only_the_first_rung_names_effects():
         ladder_model(two)
     one = LadderEntry(models=[{"name": "a", "effects": ["rigid_body"]}])
     assert ladder_model(one).names == ("rigid_body",)
+
+
+def test_the_default_ladder_ends_without_offsets_and_none_is_named_where_mass_stands_for_it():
+    rig = Robot.load("two-link")
+    entry = default_ladder(rig)
+    full, none = build_ladder(entry, Structure.of(rig, ladder_model(entry)))
+    assert set(full.columns) - set(none.columns) == {"shoulder.off", "elbow.off"}
+    base = Structure.of(rig, ladder_model(entry)).base
+    alone = replace(base, kept=base.kept[:-2], G=base.G[:-2])
+    assert not any(n.endswith(".off") for n in alone.names)
+    first, second = build_ladder(entry, Structure(rig, Model(()), alone))
+    assert first.columns == second.columns
