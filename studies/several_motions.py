@@ -2,8 +2,10 @@
 
 Planted: three logs of one robot (how often is a difference said, do 95 % intervals hold the
 truth), and with one of them changed: 10 % or 20 % more friction in one joint, or a load of 1 kg (is
-that log named). Real: KUKA LWR4+ runs 1 and 3 together, and halves of the first two thirds of a
-Stäubli TX40; what else there is of them is held back.
+that log named). One log of a robot that does not change (how often is it said to), and the same log
+with one parameter, drawn at random, changed in its second half by five standard deviations of the
+difference between halves (is it found). Real: KUKA LWR4+ runs 1 and 3 together, and halves of the
+first two thirds of a Stäubli TX40; what else there is of them is held back.
 """
 
 from __future__ import annotations
@@ -22,8 +24,8 @@ from real_data.study import data_folder
 from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
-from identifiability.estimation.estimate import estimate
-from identifiability.estimation.motions import LEVEL, Motions
+from identifiability.estimation.estimate import estimate, find_estimator, settle_noise
+from identifiability.estimation.motions import LEVEL, Motions, compare_halves
 from identifiability.estimation.uncertainty import Uncertainty, assess_uncertainty
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import Array
@@ -53,18 +55,22 @@ LOGS, SAMPLES, BLOCKS = 3, 1500, 256
 CHANGES = ("nothing", "friction + 10 %", "friction + 20 %", "load of 1 kg")
 MOST_FALSE, LEAST_NAMED, LEAST_COVERED, LEAST_HELD = 0.10, 0.90, 0.90, 0.90
 
+#: One log: samples at 100 Hz, correlations, a change in standard deviations, and what must hold.
+LENGTHS, SLOW, CHANGE = (1500, 6000, 24000), (0.0, 0.9, 0.98), 5.0
+MOST_CHANGED, LEAST_FOUND = 0.01, 0.80
+
 
 class Bench:
     """The regressor of random motions of a robot, and what it says with noise of any kind."""
 
-    def __init__(self, name: str, logs: int, seed: int) -> None:
+    def __init__(self, name: str, logs: int, seed: int, samples: int = SAMPLES) -> None:
         rng = np.random.default_rng(seed)
         self.robot = Robot.load(name)
         self.structure = Structure.of(self.robot, Model.of(*EFFECTS))
         self.truth = self.structure.nominal_base
         parts = []
         for _ in range(logs):
-            motion = random_trajectory(self.robot, rng, period=SAMPLES / 100, samples=SAMPLES)
+            motion = random_trajectory(self.robot, rng, period=samples / 100, samples=samples)
             log = simulate(self.robot, PrescribedMotion.of(motion), noise=Noise(), rng=rng)
             regression = self.structure.regression([prepare_samples(self.robot, log)])
             parts.append(np.concatenate([W for _, _, W, _ in regression.chunks()]))
@@ -96,14 +102,18 @@ class Bench:
             parts.append(lfilter([np.sqrt(1 - rho**2)], [1, -rho], white, axis=0)[200:])
         return NOISE * self.size * np.concatenate(parts)
 
+    def inform(self, tau: Array) -> Information:
+        """Return the information of the motions with these torques."""
+        size = -(-len(tau) // BLOCKS)
+        return Information.of_rows(self.structure.base.names, self.W, tau, self.log, size)
+
     def run(
         self, values: Sequence[Array], rho: float, rng: np.random.Generator, replicates: int
     ) -> tuple[Array, Uncertainty]:
         """Return the fit to logs of robots with these values, and its uncertainty."""
         tau = np.concatenate([self.W[self.log == k] @ x for k, x in enumerate(values)])
         tau += self.noise(rho, rng)
-        size = -(-len(tau) // BLOCKS)
-        information = Information.of_rows(self.structure.base.names, self.W, tau, self.log, size)
+        information = self.inform(tau)
         fit = estimate(information)
         residual = tau - self.W @ fit.value
         return fit.value, assess_uncertainty(information, fit, residual, self.log, rng, replicates)
@@ -147,6 +157,65 @@ def planted_rows(trials: int, replicates: int) -> Iterator[dict[str, Any]]:
                 row = plant(name, rho, what, trials, replicates)
                 print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()})
                 yield row
+
+
+def change_within(name: str, samples: int, rho: float, trials: int, seed: int) -> dict[str, Any]:
+    """Return how often one log is said to change: where it does not, and where it does."""
+    bench = Bench(name, 1, seed, samples)
+    later = np.arange(len(bench.W)) >= len(bench.W) / 2
+    asked, false, found = 0, 0, 0
+    for trial in range(trials):
+        rng = np.random.default_rng([seed, trial, samples])
+        tau = bench.W @ bench.truth + bench.noise(rho, rng)
+        motions = _halves(bench.inform(tau))
+        if motions is None:
+            continue
+        asked, false = asked + 1, false + (not motions.agree)
+        spread = np.hypot(*motions.sd)
+        k = rng.choice(np.flatnonzero(np.isfinite(spread)))
+        tau[later] += CHANGE * spread[k] * bench.W[later][:, :, k]
+        again = _halves(bench.inform(tau))
+        found += again is not None and not again.agree
+    keys = ("robot", "samples", "ρ", "logs", "compared", "said to change", "change found")
+    return dict(zip(keys, (name, samples, rho, trials, asked, false, found), strict=True))
+
+
+def _halves(information: Information) -> Motions | None:
+    fit = settle_noise(find_estimator("wls"), information).fit(information)
+    return compare_halves(information, fit)
+
+
+def within_rows(trials: int, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield one row a robot, length and correlation."""
+    for name in ROBOTS:
+        for samples in LENGTHS:
+            for rho in SLOW:
+                row = change_within(name, samples, rho, trials, seed)
+                print(row, flush=True)
+                yield row
+
+
+def within_table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """Return the shares over all robots and lengths, one row a correlation."""
+    out = []
+    for rho, own in pd.DataFrame(rows).groupby("ρ"):
+        logs, asked = int(own["logs"].sum()), int(own["compared"].sum())
+        false = exact_share(float(own["said to change"].sum()), logs)
+        found = exact_share(float(own["change found"].sum()), max(asked, 1))
+        texts = [
+            f"{100 * s.value:.3g} % ({100 * s.low:.2g} … {100 * s.high:.3g})"
+            for s in (false, found)
+        ]
+        out.append(
+            {
+                "ρ": rho,
+                "logs": logs,
+                "long enough": asked,
+                "said to change": Check(texts[0], false.value <= MOST_CHANGED, "at most 1 %"),
+                f"{CHANGE:g} σ found": Check(texts[1], found.value >= LEAST_FOUND, "80 %"),
+            }
+        )
+    return pd.DataFrame(out)
 
 
 def kuka_rows(data: Path) -> tuple[Analysis, list[dict[str, Any]]]:
@@ -234,12 +303,20 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=100)
     parser.add_argument("--replicates", type=int, default=100, help="of each bootstrap")
+    parser.add_argument("--only-one-log", action="store_true", help="nothing of several logs")
+    parser.add_argument("--seed", type=int, default=0, help="of the logs that are compared within")
     parser.add_argument("--data", help="folder of the data sets")
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / "several_motions.json")
     options = parser.parse_args(argv)
     with threadpool_limits(1, "blas"):
+        within = list(within_rows(options.trials, options.seed))
+        one_log = within_table(within)
+        print(one_log.map(lambda x: x.text if isinstance(x, Check) else x).to_string(index=False))
+        if options.only_one_log:
+            return {"within": within}
         planted = pd.DataFrame(planted_rows(options.trials, options.replicates))
         result: dict[str, Any] = {"planted": planted.to_dict("records"), "level": LEVEL}
+        result["within"] = within
         sections = [
             Section(
                 "planted",
@@ -251,7 +328,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
                         planted_table(planted), "Three logs of one robot, one of them changed"
                     ),
                 ),
-            )
+            ),
+            Section("within", "One log", "", (frame_table(one_log, "Halves of one log"),)),
         ]
         folder = data_folder("kuka_lwr4", options.data)
         if folder.is_dir():

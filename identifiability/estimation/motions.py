@@ -8,7 +8,9 @@ a variance between motions [DerSimonian & Laird 1986]. Two or three logs say nex
 one parameter's, so it is pooled, in units of the sampling variance: model errors, like noise, move
 most what a motion shows least. Only a parameter that moves for sure has one of its own.
 
-One log says nothing of another motion; but its own stretches are compared in the same way.
+One log says nothing of another motion; but where its halves are long enough to be judged by
+themselves they are compared in the same way. Stretches that are shorter scatter by less than they
+know, because a slow noise seems to be a part of what each of them shows.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from scipy.special import chdtrc, chdtri, fdtrc, stdtrit
 from identifiability.estimation.estimate import forget_noise
 from identifiability.estimation.estimator import NOTHING, Estimate
 from identifiability.estimation.holm import holm
-from identifiability.estimation.scores import MEMORIES, scatter_scores
+from identifiability.estimation.scores import FEWEST, MEMORIES, scatter_scores
+from identifiability.estimation.verdict import Thresholds
 from identifiability.foundation.names import Array
 from identifiability.foundation.shares import ENDS, REACH
 from identifiability.foundation.values import frozen
@@ -30,6 +33,9 @@ from identifiability.regression.information import Information
 
 #: Level of each of the two tests: of all parameters together, and of those that move by themselves.
 LEVEL = 0.05
+
+#: Level of each where the halves of one log are compared: every log is asked.
+SURE = 0.01
 
 #: Fewest outputs of a motion for each parameter, below which it is not fitted by itself.
 FEWEST_OUTPUTS = 1.0
@@ -65,6 +71,8 @@ class Motions:
     between : (k,)
         What the scatter adds to the standard deviations of the fit to all motions, in quadrature;
         a normal interval with it has the width of Student's t. Zero where motions agree.
+    level : float
+        Of each of the two tests.
     """
 
     which: np.ndarray
@@ -77,17 +85,18 @@ class Motions:
     ratio: float
     ratio_dof: float
     between: Array
+    level: float = LEVEL
 
     @property
     def moved(self) -> np.ndarray:
         """Parameters whose values differ for sure, (k,) bool."""
-        moved: np.ndarray = self.p < LEVEL
+        moved: np.ndarray = self.p < self.level
         return moved
 
     @property
     def agree(self) -> bool:
         """Whether neither test finds a difference."""
-        return not (self.moved.any() or self.pooled < LEVEL)
+        return not (self.moved.any() or self.pooled < self.level)
 
     def away(self, one: int) -> tuple[Array, Array]:
         """Return the weighted mean of all other motions' values, and how many σ one is off, (k,).
@@ -120,7 +129,11 @@ class Motions:
 
 
 def compare_motions(
-    information: Information, fit: Estimate, time: float, groups: np.ndarray | None = None
+    information: Information,
+    fit: Estimate,
+    time: float,
+    groups: np.ndarray | None = None,
+    level: float = LEVEL,
 ) -> Motions | None:
     """Return what motions say of each other; None where fewer than two can be fitted.
 
@@ -134,6 +147,8 @@ def compare_motions(
         Autocorrelation time of the residual.
     groups : (B,) int, optional
         Which motion each block comes from; by default its log.
+    level : float
+        Of each of the two tests.
     """
     groups = information.log if groups is None else groups
     if len(np.unique(groups)) < 2:
@@ -168,7 +183,7 @@ def compare_motions(
         return None
     values, spread = np.array([e.value for e in own]), np.array(sd)
     ratios, p, d = _welch(values, spread, np.array(dof))
-    pooled, ratio, ratio_dof = _pool(p, d, _correlate(own, spread))
+    pooled, ratio, ratio_dof = _pool(p, d, _correlate(own, spread), level)
     motions = Motions(
         which=np.array(found),
         values=values,
@@ -180,10 +195,40 @@ def compare_motions(
         ratio=ratio,
         ratio_dof=ratio_dof,
         between=np.zeros(information.size),
+        level=level,
     )
     if motions.agree:
         return motions
     return replace(motions, between=np.sqrt(_excess(motions, ratios, fit.value)))
+
+
+def compare_halves(information: Information, fit: Estimate) -> Motions | None:
+    """Return what the halves of one log say of each other; None where they are too short.
+
+    Each must have what a verdict asks of a log, and what scores need: so many independent outputs a
+    parameter, and so many stretches that are longer than its noise remembers at any actuator. The
+    fit to both does not tell how long: what changes between them is slow.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns, of one log.
+    fit : Estimate
+        To all of it.
+    """
+    middle = np.cumsum(information.counts) - information.counts / 2
+    later = middle > information.samples / 2
+    time = 0.0
+    for half in (information.take(~later), information.take(later)):
+        if half.rows <= len(fit.kept):
+            return None
+        times = forget_noise(fit.estimator).fit(half).times
+        independent = half.samples * float(np.sum(1.0 / times))
+        least = FEWEST * MEMORIES * float(times.max())
+        if half.samples < least or independent < Thresholds().outputs_per_parameter * len(fit.kept):
+            return None
+        time = max(time, float(times.max()))
+    return compare_motions(information, fit, time, later.astype(int), SURE)
 
 
 def _welch(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
@@ -220,7 +265,9 @@ def _correlate(own: Sequence[Estimate], sd: Array) -> Array:
     return found
 
 
-def _pool(p: Array, d: Array, correlation: Array) -> tuple[float, float, float]:
+def _pool(
+    p: Array, d: Array, correlation: Array, level: float = LEVEL
+) -> tuple[float, float, float]:
     """Return p-value, ratio and degrees of freedom of the sum over correlated parameters.
 
     Each parameter counts with the χ² that has its p-value; the sum is χ² of as many degrees of
@@ -240,7 +287,7 @@ def _pool(p: Array, d: Array, correlation: Array) -> tuple[float, float, float]:
     dof = 2 * mean**2 / variance
     ratio = float(square.sum()) / mean
     pooled = float(chdtrc(dof, ratio * dof))
-    return pooled, ratio if pooled < LEVEL else 1.0, dof
+    return pooled, ratio if pooled < level else 1.0, dof
 
 
 def _excess(motions: Motions, ratios: Array, joint: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What logs say of each other, in words; of one log, what its own stretches say."""
+"""What logs say of each other, in words; of one long log, what its halves say."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.motions import LEVEL, Motions, compare_motions
+from identifiability.estimation.motions import LEVEL, Motions, compare_halves
 from identifiability.foundation.errors import listing
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.longsamples import Prepared
@@ -17,11 +17,8 @@ from identifiability.workflows.analyze.assessment import RungResult
 #: Parameters that a sentence names.
 NAMED = 3
 
-#: The stretches of one log that are compared; fewer where they are too short.
-STRETCHES = (
-    ("the first quarter", "the second quarter", "the third quarter", "the last quarter"),
-    ("the first half", "the second half"),
-)
+#: What of one log is compared.
+HALVES = ("the first half", "the second half")
 
 #: The error of a joint is spoken of where it is so many times as large.
 LARGER = 1.3
@@ -40,7 +37,7 @@ class SeveralLogs:
     motions : Motions or None
         None where there are not two that can be fitted by themselves.
     names : tuple of str
-        Of its logs, or of the stretches of one.
+        Of its logs, or of the halves of one.
     columns : tuple of str
         The k parameters.
     statement : str
@@ -76,7 +73,7 @@ def compare_logs(
     information: Information,
     result: RungResult,
 ) -> SeveralLogs:
-    """Return what logs say of each other under a model, or the stretches of one log.
+    """Return what logs say of each other under a model, or the halves of one log.
 
     Parameters
     ----------
@@ -100,28 +97,21 @@ def compare_logs(
             return SeveralLogs(motions, names, columns, text)
         hint = _blame(motions, names, columns, joints)
         return SeveralLogs(motions, names, columns, hint, hint)
-    part, count, log = result.rung.reduce(information), len(information.counts), samples[0].name
-    for stretches in STRETCHES:
-        which = np.arange(count) * len(stretches) // max(count, 1)
-        motions = compare_motions(part, result.estimate, result.estimate.memory, which)
-        if motions is not None:
-            break
-    else:
-        text = f"{ONE} {log} is too short for its halves to be fitted by themselves."
+    log = samples[0].name
+    motions = compare_halves(result.rung.reduce(information), result.estimate)
+    if motions is None:
+        text = f"{ONE} {log} is too short for its halves to be compared."
         return SeveralLogs(None, (), columns, text)
-    names = tuple(stretches[k] for k in motions.which)
     if motions.agree:
-        kind = stretches[0].split()[-1].replace("half", "halve")
-        text = f"{ONE} The {kind}s of {log} agree: {_chance(motions, columns)}."
-        return SeveralLogs(motions, names, columns, text)
-    odd = motions.odd()
+        text = f"{ONE} The halves of {log} agree: {_chance(motions, columns)}."
+        return SeveralLogs(motions, HALVES, columns, text)
     hint = (
-        f"{names[odd][0].upper()}{names[odd][1:]} of {log} disagrees with the rest of it: "
-        f"{differences(motions, columns, odd)}{_worse(motions, joints, odd)}. Something changed "
+        f"{HALVES[0].capitalize()} of {log} disagrees with the second: "
+        f"{differences(motions, columns, 0)}{_worse(motions, joints, 0)}. Something changed "
         "while it was logged (a temperature, a load, a contact), or the model leaves out what only "
         "a part of the motion shows: compare it with another log."
     )
-    return SeveralLogs(motions, names, columns, f"{ONE} {hint}", hint)
+    return SeveralLogs(motions, HALVES, columns, f"{ONE} {hint}", hint)
 
 
 def _blame(

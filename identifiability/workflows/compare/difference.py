@@ -34,10 +34,6 @@ from identifiability.regression.structure import Structure
 from identifiability.workflows.pairs import Pair
 from identifiability.workflows.predict import Fit
 
-#: Stretches of a single log whose scatter stands for that of motions, where their values surely
-#: differ: at this level, since short stretches of one motion say little.
-QUARTERS, SURE = 4, 0.01
-
 
 @frozen(kw_only=True)
 class Difference:
@@ -195,8 +191,8 @@ class _Side:
         """Return a fit with what is known of it.
 
         Where scores scatter more than the formula says, all of it is larger by one factor: what few
-        values do not know of each other, a combination may know well. Several logs, or the quarters
-        of one, add what scatters between them where they disagree.
+        values do not know of each other, a combination may know well. Several logs add what
+        scatters between them where they disagree.
 
         Raises
         ------
@@ -215,10 +211,8 @@ class _Side:
         merged = merge_blocks(part, part.samples / scores.stretches)
         moves = fit.estimator.influence(merged, fit)
         moves = moves * np.mean(scores.sd / np.sqrt((moves**2).sum(0)))  # short stretches
-        alone = len(np.unique(part.log)) == 1
-        quarters = np.arange(len(part.log)) * QUARTERS // len(part.log)
-        motions = compare_motions(part, fit, fit.memory, quarters if alone else None)
-        if motions is not None and (not alone or min(motions.pooled, motions.p.min()) < SURE):
+        motions = compare_motions(part, fit, fit.memory)
+        if motions is not None:
             covariance = covariance + np.diag(motions.between**2)
         return _Side(fit=fit, covariance=covariance, moves=moves, dof=scores.stretches - 1.0)
 

@@ -5,7 +5,15 @@ import pytest
 from scipy.stats import binom, norm, ttest_ind_from_stats
 
 from identifiability.estimation.estimate import estimate
-from identifiability.estimation.motions import LEVEL, MOST_STRETCHES, _pool, _welch, compare_motions
+from identifiability.estimation.motions import (
+    LEVEL,
+    MOST_STRETCHES,
+    SURE,
+    _pool,
+    _welch,
+    compare_halves,
+    compare_motions,
+)
 from identifiability.estimation.scores import ScoreScatter
 from identifiability.estimation.uncertainty import Uncertainty
 from identifiability.regression.information import Information
@@ -169,17 +177,37 @@ def test_one_log_short_logs_and_rounding_say_nothing():
     assert compare_motions(short, estimate(short), 1.0) is None
 
 
-def test_stretches_of_one_log_are_compared_alike():
-    rng = np.random.default_rng(1)
-    W = np.concatenate([motion(rng) for _ in range(2)])
-    values = np.repeat(shifted(2, 1, [0, 0, 0.5, 0]), SAMPLES, axis=0)
-    tau = (W * values[:, None]).sum(2) + 0.3 * rng.standard_normal((len(W), 2))
+def halved(seed, change=0.0, rho=0.0, times=2):
+    """Return what the halves of one log say, whose third value changes in the second one."""
+    rng = np.random.default_rng([12, seed])
+    W = np.concatenate([motion(rng) for _ in range(times)])
+    later = np.arange(len(W)) >= len(W) / 2
+    tau = W @ VALUES + change * later[:, None] * W[:, :, 2] + 0.3 * ar1(rng, rho, len(W), 2)
     whole = Information.of_rows("abcd", W, tau, np.zeros(len(W), int), BLOCK)
-    fit, half = estimate(whole), np.arange(len(whole.counts)) * 2 // len(whole.counts)
-    found = compare_motions(whole, fit, 1.0, half)
+    return compare_halves(whole, estimate(whole))
+
+
+def test_halves_of_one_log_are_compared_alike():
+    found = halved(1, 0.5)
     assert list(np.flatnonzero(found.moved)) == [2]
     assert found.dof.max() < MOST_STRETCHES
-    assert compare_motions(whole, fit, 1.0) is None
+    assert halved(1).agree
+
+
+def test_halves_that_are_short_beside_what_the_noise_remembers_are_not_compared():
+    for rho, times, asked in ((0.0, 2, True), (0.98, 2, False), (0.98, 40, True)):
+        found = [halved(seed, rho=rho, times=times) for seed in range(3)]
+        assert [m is not None for m in found] == [asked] * 3
+    assert halved(0, change=5.0) is not None  # what changes is slow, and no noise
+
+
+@pytest.mark.everything
+def test_a_log_that_does_not_change_is_seldom_said_to():
+    trials = 200
+    fired = sum(
+        not m.agree for rho in (0.0, 0.5) for m in (halved(k, rho=rho) for k in range(trials))
+    )
+    assert fired <= binom.ppf(0.999, 2 * trials, SURE)
 
 
 def test_what_scatters_between_logs_is_in_the_robust_deviation():
