@@ -2,8 +2,9 @@
 
 Four robots, two logs each: of the same motion, and of two motions. Nothing changes in the first
 half of the comparisons; in the others the friction of one joint, drawn at random, is 20 % higher
-in the second log. Noise: encoders that are rounded, torque with autocorrelated errors. Beside
-them, runs 1 and 3 of a real arm, where the data are there.
+in the second log. On the six-axis arm, a load of .6 kg as well, drawn at random in shape and place,
+on two motions. Noise: encoders that are rounded, torque with autocorrelated errors. Beside them,
+runs 1 and 3 of a real arm, where the data are there.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any
 import kuka_lwr4
 import numpy as np
 import pandas as pd
+from planted_load import PlantedLoad, unit_loads
 from real_data.study import data_folder
 from threadpoolctl import threadpool_limits
 
@@ -47,10 +49,14 @@ SIZE, RHO = 0.02, 0.8
 #: By how much friction rises.
 RISE = 0.2
 
+#: The load [kg].
+LOAD = 0.6
+
 #: What must hold.
 MOST_FALSE, LEAST_FOUND = 0.10, 0.90
 
 MOTIONS = ("same motion", "other motion")
+MOST_FALSE_LOADS, LEAST_LOADS = 1, 0.96
 
 
 def measure(name: str, trials: int) -> list[dict[str, Any]]:
@@ -87,6 +93,25 @@ def measure(name: str, trials: int) -> list[dict[str, Any]]:
                 )
     print(name, trials, flush=True)
     return rows
+
+
+def measure_loads(trials: int, seed: int) -> dict[str, int]:
+    """Return in how many pairs of logs of two motions a load is found, and where none is."""
+    robot = Robot.load("six-dof-arm")
+    campaign = Campaign.of(robot, [shipped_trajectory(robot, k) for k in ("a", "b")])
+    unit = unit_loads(campaign, robot.bodies[-1])
+    noise = Noise(additive=SIZE, correlation=RHO, encoder=1e-5)
+    count = {"pairs": trials, "a change is said": 0, "the load is found": 0}
+    for trial in range(trials):
+        rng = np.random.default_rng([seed, trial, 7])
+        planted = PlantedLoad.draw(LOAD, rng)
+        base, bare = campaign.logs((), noise, rng)
+        _, loaded = campaign.logs(unit @ planted.parameters, noise, rng)
+        count["a change is said"] += bool(compare(robot, base, bare).changes)
+        found = compare(robot, base, loaded).changes
+        count["the load is found"] += any(c.cause.kind == "load" for c in found)
+    print(count, flush=True)
+    return count
 
 
 def _logs(campaign: Campaign, noise: Noise, rng: np.random.Generator, when: str) -> list[Log]:
@@ -146,6 +171,16 @@ def summary(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def _load_table(loads: dict[str, int]) -> pd.DataFrame:
+    pairs, false, found = loads.values()
+    row = {
+        "pairs": pairs,
+        "a change is said": Check(f"{false}", false <= MOST_FALSE_LOADS, "at most 1"),
+        "the load is found": Check(f"{found}", found >= LEAST_LOADS * pairs, "at least 96 %"),
+    }
+    return pd.DataFrame([row])
+
+
 def kuka(data: str | None) -> dict[str, str]:
     """Return what is said of runs 1 and 3 of the real arm; nothing without the data."""
     folder = data_folder("kuka_lwr4", data)
@@ -164,10 +199,15 @@ def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=60)
     parser.add_argument("--robot", choices=ROBOTS, action="append")
+    parser.add_argument("--loads", type=int, default=50, help="pairs of logs with a load")
+    parser.add_argument("--seed", type=int, default=0, help="of these pairs")
     parser.add_argument("--data", help="folder of the data sets")
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / "compare.json")
     options = parser.parse_args(argv)
     with threadpool_limits(1, "blas"):
+        loads = measure_loads(options.loads, options.seed)
+        if not options.trials:
+            return pd.DataFrame([loads])
         rows = [r for name in options.robot or ROBOTS for r in measure(name, options.trials)]
         real = kuka(options.data)
     frame = pd.DataFrame(rows)
@@ -183,9 +223,11 @@ def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
     options.out.parent.mkdir(parents=True, exist_ok=True)
     content = {"schema": "identifiability/study/compare/1", "statement": statement}
     content |= {"rows": rows, "summary": told.to_dict("records"), "kuka": real}
+    content["loads"] = loads
     print(write_json(options.out, content))
     sections = [
         Section("shares", "Planted", "", (frame_table(table, "By robot and motion"),)),
+        Section("loads", f"A load of {LOAD:g} kg", "", (frame_table(_load_table(loads)),)),
         *(
             [Section("kuka", "KUKA, runs 1 and 3", "", (Prose(tuple(real.values())),))]
             if real
