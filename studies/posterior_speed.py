@@ -1,7 +1,8 @@
 """How many effective draws a second do the posteriors give, beside emcee's default move?
 
 The 3-RPS at the paper's noise: Model 1 (37 parameters with signs, flat prior) and all standard
-parameters on the cone of bodies that can exist; and the semidefinite program, first and again.
+parameters on the cone of bodies that can exist; the semidefinite program, first and again; and
+what ``analyze(…, posterior=True)`` takes beside the rest of `analyze`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import pandas as pd
 from arviz_stats.base.array import array_stats
 from threadpoolctl import threadpool_limits
 
+from identifiability.foundation.engines.mapping import Serial
 from identifiability.foundation.output import write_json
 from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.least_squares import LeastSquares
@@ -29,7 +31,13 @@ from identifiability.posterior.prior import Prior
 from identifiability.posterior.target import Target
 from identifiability.report import Check, Section, frame_table, write_page
 from identifiability.robot import Robot
-from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.simulation import (
+    PAPER_NOISE,
+    Noise,
+    PrescribedMotion,
+    shipped_trajectory,
+    simulate,
+)
 from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.analyze.belief import START_MARGIN
 from identifiability.workflows.analyze.form_belief import state_prior
@@ -43,6 +51,10 @@ Array = Any
 #: Effective draws a second that are asked for, and seconds for the semidefinite program.
 ASKED = {"Model 1 with signs": 10_000.0, "All bodies": 300.0}
 FIRST, AGAIN = 0.1, 0.020
+
+
+#: Robots of which the whole is timed, and a trajectory of each.
+ROBOTS = {"two-link": "a", "five-bar": "a", "3-rps": "601", "six-dof-arm": "a", "six-ups": "a"}
 
 
 #: Steps of the exact sampler alone before its draws count.
@@ -224,6 +236,23 @@ def measure_program(analysis: Analysis, repeats: int) -> dict[str, float]:
     }
 
 
+def measure_whole(name: str, seed: int) -> dict[str, str | float]:
+    """Return what `analyze` of three short logs takes without posteriors and with [s]."""
+    robot = Robot.load(name)
+    motion = PrescribedMotion.of(shipped_trajectory(robot, ROBOTS[name]), 400)
+    rngs = np.random.default_rng(seed).spawn(3)
+    logs = [simulate(robot, motion, noise=Noise(torque=0.03), rng=rng) for rng in rngs]
+    analyze(robot, logs[0], replicates=0)  # imports are not the posterior's
+    row: dict[str, str | float] = {"robot": name}
+    for key, posterior in (("without [s]", False), ("with [s]", True)):
+        begin = time.process_time()
+        found = analyze(robot, logs[:2], logs[2], posterior=posterior, seed=seed, engine=Serial())
+        row[key] = time.process_time() - begin
+    row["parameters"] = len(found.chosen.rung)
+    row["posterior / rest"] = float(row["with [s]"]) / float(row["without [s]"]) - 1
+    return row
+
+
 def speed_frame(speeds: Sequence[Speed]) -> pd.DataFrame:
     """Return one row a sampler, with what is asked of ours."""
     rows = []
@@ -282,7 +311,12 @@ def state(speeds: Sequence[Speed], programs: Sequence[dict[str, float]]) -> str:
     )
 
 
-def write(speeds: Sequence[Speed], programs: Sequence[dict[str, float]], out: Path) -> None:
+def write(
+    speeds: Sequence[Speed],
+    programs: Sequence[dict[str, float]],
+    whole: Sequence[dict[str, str | float]],
+    out: Path,
+) -> None:
     """Write the page and the numbers, and print where."""
     lead = (
         "One process, one thread; seconds of the processor, with the warm-up. The stretch move "
@@ -296,13 +330,20 @@ def write(speeds: Sequence[Speed], programs: Sequence[dict[str, float]], out: Pa
             "program", "The semidefinite program", "The nearest real robot, median of repetitions.",
             (frame_table(program_frame(programs)),),
         ),
+        Section(
+            "whole", "Beside the rest of analyze", "Three logs of 400 samples, in one process.",
+            (frame_table(pd.DataFrame(whole), digits=3),),
+        ),
     )  # fmt: skip
     out.parent.mkdir(parents=True, exist_ok=True)
     rows = [vars(s) | {"rate": s.rate} for s in speeds]
     text = state(speeds, programs)
     data = {"schema": "identifiability/study/posterior_speed/1", "statement": text}
     print(text)
-    print(write_json(out, data | {"samplers": rows, "program": list(programs)}))
+    print(
+        write_json(out, data | {"samplers": rows, "program": list(programs), "whole": list(whole)})
+    )
+    print(pd.DataFrame(whole).to_string(index=False, float_format="%.2f"))
     page = out.with_suffix(".html")
     subtitle = "3-RPS, trajectory 601, the paper's noise"
     print(
@@ -339,7 +380,8 @@ def main(argv: Sequence[str] | None = None) -> list[Speed]:
         logs = [analyse(given.seed, samples) for samples in (100, 10_000 if part == 1 else 1000)]
         repeats = 3 if given.quick else 15
         programs = [measure_program(a, repeats) for a in (analysis, *logs)]
-    write(speeds, programs, given.out)
+        whole = [measure_whole(name, given.seed) for name in ROBOTS]
+    write(speeds, programs, whole, given.out)
     return speeds
 
 

@@ -60,7 +60,7 @@ def analyze(
     Parameters
     ----------
     posterior
-        Also sample the posteriors of the selected model; costs about as much as the rest.
+        Also sample the posteriors of the selected model; costs two to three times the rest.
     replicates
         Refits of the bootstrap, 0: none; default 2000, quick 200.
     quick

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.cone_program import ConeProgram
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.program import adjoint_inverse
+from identifiability.physical.program import adjoint_inverse, square
 from identifiability.physical.pseudo_inertia import BASIS, BOUNDARY, check_body, to_matrix
 
 #: Weights [σ²] among which the error on unseen motion chooses by default, the strongest first. All
@@ -22,9 +23,6 @@ WEAK = 1.0
 
 #: Least mean square of a nominal body's thickness, as a share of that of its size.
 THIN = 1e-3
-
-#: Variables that the divergence of a body takes of a program: a triangle and four logarithms.
-DIVERGENCE = 14
 
 
 @frozen
@@ -53,33 +51,19 @@ class CadPrior:
             )
 
 
-def add_divergence(program: ConeProgram, map_: Array, level: Array, start: int) -> Array:
-    """Add the divergence ``tr J − log det J − 4`` of a body and return its slope (p,).
-
-    ``log det J`` is the largest ``Σ log L_ii`` of lower triangular L for which the matrix
-    ``[[J, L], [Lᵀ, diag L]]`` is positive semidefinite.
+def divergence(map_: Array, x: Any) -> Any:
+    """Return the divergence of a body as cvxpy knows it: ``tr J − log det J − 4``.
 
     Parameters
     ----------
-    program : ConeProgram
-        Of p variables.
-    map_, level : (16, p), (16,)
-        ``J = map_ x + level``.
-    start : int
-        Of `DIVERGENCE` variables that are free for this: L by rows, then the logarithms.
+    map_ : (16, p)
+        Of `nominal_cones`: ``J = map_ x``.
+    x : cvxpy expression, (p,)
     """
-    J = map_.reshape(4, 4, -1)
-    M, m = np.zeros((8, 8, program.size)), np.zeros((8, 8))
-    M[:4, :4], m[:4, :4] = J, -level.reshape(4, 4)
-    slope: Array = np.trace(J)
-    for entry, (row, column) in enumerate(zip(*np.tril_indices(4), strict=True)):
-        M[row, 4 + column, start + entry] = M[4 + column, row, start + entry] = 1.0
-        if row == column:
-            M[4 + row, 4 + row, start + entry] = 1.0
-            program.logarithm(start + 10 + int(row), start + entry)
-    program.semidefinite(M, m)
-    slope[start + 10 : start + DIVERGENCE] -= 1.0
-    return slope
+    import cvxpy as cp  # noqa: PLC0415
+
+    J = square(map_, x)
+    return cp.trace(J) - cp.log_det(J) - 4
 
 
 def nominal_cones(region: PhysicalSet, prior: CadPrior) -> Array:

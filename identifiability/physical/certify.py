@@ -15,9 +15,8 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
-from identifiability.physical.cone_program import ConeProgram
 from identifiability.physical.feasible_set import PhysicalSet
-from identifiability.physical.program import ADVICE, adjoint
+from identifiability.physical.program import ADVICE, Program, above, adjoint
 from identifiability.physical.pseudo_inertia import BOUNDARY
 
 #: Margins beyond one body scale are not pursued: the question is whether there is any.
@@ -92,6 +91,8 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
     ValueError
         When shapes disagree, no vector at all maps to `beta`, or the solver finds no answer.
     """
+    import cvxpy as cp  # noqa: PLC0415
+
     if base_map.shape != (beta.size, region.size):
         raise ValueError(
             f"certificate: a map {base_map.shape} and {beta.size} base parameters were given; "
@@ -102,30 +103,23 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         scale = _column_scale(base_map, beta, region)
         G = base_map * scale
         start, null = _solutions(G, beta)
-        q, lines = null.shape[1], region.scaled_rows
-        wide = np.hstack([null, np.zeros((len(null), 1))])  # the last variable is the margin
-        program = ConeProgram(q + 1)
-        signs = lines @ wide
-        signs[:, q] = -1.0
-        program.at_least(signs, region.least - lines @ start)
-        program.at_least(-np.eye(q + 1)[q:], np.array([-ROOM]))
+        u, t = cp.Variable(null.shape[1]), cp.Variable()
+        x = start + null @ u
+        signs = region.scaled_rows @ x - region.least >= t
         cones = np.concatenate([region.cones, region.ellipsoids])
-        for map_ in cones:
-            M = (map_ @ wide).reshape(4, 4, -1)
-            M[:, :, q] = -np.eye(4)
-            program.semidefinite(M, -(map_ @ start).reshape(4, 4))
+        bodies = [above(map_, x, t) for map_ in cones]
         try:
-            found = program.solve(np.zeros(q + 1), -np.eye(q + 1)[q])
+            Program(-t, [signs, t <= ROOM, *bodies]).solve()
         except ValueError as error:
             raise ValueError(
                 f"certificate: the solver found no answer ({error}); expected one; {ADVICE}."
             ) from error
-        phi, margin = scale * (start + null @ found.x[:q]), float(found.x[q])
+        phi, margin = scale * (start + null @ u.value), float(t.value)
         if margin >= -BOUNDARY:
             return Certificate(margin, phi, np.zeros_like(beta), 0.0)
-        held, _, *bodies = found.multipliers
-        Z = np.array([body.ravel() for body in bodies]).reshape(-1, 16)
-        force = adjoint(cones, Z) + held @ lines
+        held = signs.dual_value
+        Z = np.array([body.dual_value.ravel() for body in bodies]).reshape(-1, 16)
+        force = adjoint(cones, Z) + held @ region.scaled_rows
         combination = np.linalg.lstsq(G.T, force)[0]
         level = float(held @ region.least)
         return Certificate(margin, phi, combination, float(combination @ beta), level)

@@ -2,14 +2,16 @@
 
     minimise  ‖R phi − z‖²   over   J_k(phi) ⪰ margin (every body k),  signs,  H phi = h
 
-What to use when: `project` for one estimate; `Projection` when many data sets share one robot. A
-`CadPrior` pulls what the data do not determine towards a nominal robot.
+What to use when: `project` for one estimate; `Projection` when many data sets share one robot,
+since its program is compiled once. A `CadPrior` pulls what the data do not determine towards a
+nominal robot.
 
 Two things keep the optimum right: R is factored, never squared, and the columns are scaled.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,19 +19,14 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.threads import one_thread
 from identifiability.foundation.values import frozen
-from identifiability.physical.cad_prior import (
-    DIVERGENCE,
-    CadPrior,
-    add_divergence,
-    nominal_cones,
-    prior_gap,
-)
-from identifiability.physical.cone_program import ConeProgram
+from identifiability.physical.cad_prior import CadPrior, divergence, nominal_cones, prior_gap
 from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Held, Plane
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.program import (
     ADVICE,
+    Program,
+    above,
     adjoint,
     adjoint_inverse,
     most_gain,
@@ -155,7 +152,11 @@ class Projection:
                 pulled = pull(self.region, nominal, lines, scaled.factor, free, scaled.plane)
                 if pulled is not None and self._holds(pulled[0]):
                     return self._read(data, scaled, *pulled, np.zeros((0, 16)), "optimal")
-            return self._read(data, scaled, *_solve_program(self, scaled, free))
+            return self._read(data, scaled, *self._program.solve(scaled, free))
+
+    @cached_property
+    def _program(self) -> _Program:
+        return _Program(self)
 
     def _scale(self, data: LeastSquares) -> _Scaled:
         norms = np.linalg.norm(data.R, axis=0)
@@ -225,48 +226,48 @@ class Projection:
         return Z, gap
 
 
-def _solve_program(
-    projection: Projection, scaled: _Scaled, free: Array
-) -> tuple[Array, Array, Array, str]:
-    """Return the optimum (p,), multipliers of rows (m,) and ellipsoids (e, 16), the status.
+class _Program:
+    """The program of a projection as cvxpy states it.
 
     The unknown is the step from the unconstrained optimum, so that the solver's accuracy is
-    relative to what feasibility changes, not to the data; squares are those of further variables.
+    relative to what feasibility changes, not to the data. The cost is that of ``factor @ step``.
     """
-    region, margin, prior = projection.region, projection.margin, projection.prior
-    p, nb = free.size, len(region.bodies) if prior is not None else 0
-    program = ConeProgram(2 * p + DIVERGENCE * nb)
-    wide = np.zeros((p, program.size))
-    wide[:, :p] = np.eye(p)
-    squares, slope = np.zeros(program.size), np.zeros(program.size)
-    squares[p : 2 * p] = 1.0
-    difference = scaled.factor @ wide
-    difference[:, p : 2 * p] = -np.eye(p)
-    program.equal(difference, np.zeros(p))
-    program.equal(scaled.plane.normal.T @ wide, np.zeros(len(scaled.plane.value)))
-    lines = region.scaled_rows
-    program.at_least(lines @ wide, region.least_with(margin) - lines @ free)
-    for map_ in [*region.cones, *region.ellipsoids]:
-        level = margin * np.eye(4) - (map_ @ free).reshape(4, 4)
-        program.semidefinite((map_ @ wide).reshape(4, 4, -1), level)
-    if prior is not None:
-        for k, map_ in enumerate(projection.nominal):
-            start = 2 * p + DIVERGENCE * k
-            slope += prior.weight * add_divergence(program, map_ @ wide, map_ @ free, start)
-    try:
-        found = program.solve(squares, slope)
-    except ValueError as error:
-        raise ValueError(
-            f"projection: the solver found no answer ({error}); expected one, since every body has "
-            f"room; {ADVICE}."
-        ) from error
-    y = np.maximum(found.multipliers[2], 0.0)
-    inside = found.multipliers[3 + len(region.cones) :][: len(region.ellipsoids)]
-    duals = np.array([E.ravel() for E in inside]).reshape(-1, 16)
-    x = scaled.plane.project(free + found.x[:p])
-    # The solver's last digits may lie beyond a sign, which a reader of robot files refuses.
-    x[region.signed] = np.maximum(x[region.signed], 0.0)
-    return x, y, semidefinite(duals), found.status
+
+    def __init__(self, projection: Projection) -> None:
+        import cvxpy as cp  # noqa: PLC0415
+
+        region, margin, prior = projection.region, projection.margin, projection.prior
+        p, held = region.size, len(projection.held.rows)
+        step, image = cp.Variable(p), cp.Variable(p)
+        data = np.ones((p + held, p)) @ step == np.eye(p + held, p) @ image
+        self._signs = region.scaled_rows @ step >= region.least_with(margin)
+        self._inside = [above(map_, step, margin) for map_ in region.ellipsoids]
+        bodies = [above(map_, step, margin) for map_ in region.cones]
+        cost, constraints = cp.sum_squares(image), [data, self._signs, *bodies, *self._inside]
+        if prior is not None:
+            away = cp.Variable(len(projection.nominal))
+            cost += prior.weight * cp.sum(away)
+            constraints += [
+                divergence(m, step) <= a for m, a in zip(projection.nominal, away, strict=True)
+            ]
+        self._region, self._step = region, step
+        self._compiled = Program(cost, constraints, step)
+
+    def solve(self, scaled: _Scaled, free: Array) -> tuple[Array, Array, Array, str]:
+        """Return the optimum (p,), multipliers of rows (m,) and ellipsoids (e, 16), the status."""
+        try:
+            status = self._compiled.solve(np.vstack([scaled.factor, scaled.plane.normal.T]), free)
+        except ValueError as error:
+            raise ValueError(
+                f"projection: the solver found no answer ({error}); expected one, since every "
+                f"body has room; {ADVICE}."
+            ) from error
+        y = np.maximum(self._signs.dual_value, 0.0)
+        duals = np.array([c.dual_value.ravel() for c in self._inside]).reshape(-1, 16)
+        x = scaled.plane.project(free + self._step.value)
+        # The solver's last digits may lie beyond a sign, which a reader of robot files refuses.
+        x[self._region.signed] = np.maximum(x[self._region.signed], 0.0)
+        return x, y, semidefinite(duals), status
 
 
 def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> FeasibleEstimate:

@@ -2,9 +2,12 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from identifiability.physical import pulled
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.feasible_set import PhysicalSet
+from identifiability.physical.held import Held
 from identifiability.physical.least_squares import LeastSquares
+from identifiability.physical.program import Program
 from identifiability.physical.project import MARGIN, RIDGE, Projection, project
 from identifiability.physical.pseudo_inertia import BASIS, to_matrix
 
@@ -159,3 +162,36 @@ def test_a_cad_prior_that_is_no_body_is_refused_with_the_body_named(pair, theta,
 def test_data_of_another_model_are_refused(pair, robot, rng):
     with pytest.raises(ValueError, match="data on 88 parameters were given; expected the 26"):
         project(robot.data(rng), pair.region)
+
+
+@pytest.mark.parametrize("prior", [None, 3.0])
+def test_a_program_that_is_compiled_once_is_that_of_each_data_set(pair, rng, prior, monkeypatch):
+    monkeypatch.setattr("identifiability.physical.project.pull", lambda *_: None)
+    row = np.zeros((1, pair.phi.size))
+    row[0, -2:] = 1.0
+    options = {
+        "prior": prior and CadPrior(pair.phi * 1.2, prior),
+        "held": Held(row, row @ pair.phi * 1.1),
+    }
+    once = Projection(pair.region, **options)
+    for _ in range(3):
+        data = pair.data(rng, 0.3)
+        found, alone = once.solve(data), project(data, pair.region, **options)
+        assert found.gap < 1e-4
+        np.testing.assert_array_equal(found.phi, alone.phi)
+
+
+def test_patience_ends_where_haste_does(monkeypatch, pair, rng):
+    data, prior = pair.data(rng, 0.3), CadPrior(pair.phi * 1.2, 0.01)
+    hasty = project(data, pair.region, prior=prior)
+    monkeypatch.setattr(pulled, "STEPS", pulled.STEPS[1:])
+    monkeypatch.setattr(pulled, "PATIENCE", pulled.PATIENCE[1:])
+    monkeypatch.setattr("identifiability.physical.project._Program", None)
+    patient = project(data, pair.region, prior=prior)
+    np.testing.assert_allclose(patient.phi, hasty.phi, rtol=1e-4, atol=1e-6)
+
+
+def test_what_no_value_satisfies_is_refused_with_the_solver_s_word():
+    x = cp.Variable()
+    with pytest.raises(ValueError, match="infeasible"):
+        Program(cp.square(x), [x >= 1, x <= 0]).solve()

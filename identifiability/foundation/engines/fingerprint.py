@@ -15,7 +15,7 @@ import cloudpickle
 import joblib
 
 #: Packages whose version may change a result in its last bits.
-NUMERICS = ("numpy", "scipy", "pin", "mujoco", "clarabel", "emcee")
+NUMERICS = ("numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee")
 
 
 def fingerprint(function: Callable[..., Any]) -> str:

@@ -99,7 +99,7 @@ def analyze(
     replicates : int, optional
         Refits of the block bootstrap, 0 for none; by default 2000, or 200 if `quick`.
     posterior : bool
-        Also sample the posteriors of the selected model; costs about as much as the rest. Off
+        Also sample the posteriors of the selected model; costs two to three times the rest. Off
         everywhere unless asked for: it says more of what the data leave open, and never changes a
         verdict on what they determine.
     cad_prior : float, optional
