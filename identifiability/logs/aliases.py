@@ -12,15 +12,25 @@ import re
 from collections.abc import Sequence
 
 from identifiability.foundation.values import frozen
-from identifiability.logs.stated_units import UNITS, Unit, find_unit, split_unit
+from identifiability.logs.stated_units import (
+    UNITS,
+    Unit,
+    bracketed,
+    find_unit,
+    is_no_unit,
+    split_unit,
+)
 
 #: Words for each channel.
 CHANNEL_WORDS = {
-    "q": ("q", "pos", "position", "positions", "angle", "angles", "theta"),
-    "dq": ("dq", "qd", "qdot", "vel", "velocity", "velocities", "speed", "speeds"),
-    "ddq": ("ddq", "qdd", "qddot", "acc", "accel", "acceleration", "accelerations"),
-    "tau": ("tau", "torque", "torques", "trq", "effort", "efforts", "force", "forces", "moment"),
-    "current": ("current", "currents", "curr"),
+    "q": ("q", "pos", "position", "positions", "angle", "angles", "theta", "winkel", "lage"),
+    "dq": ("dq", "qd", "qdot", "vel", "velocity", "velocities", "speed", "speeds")
+    + ("geschwindigkeit", "drehzahl", "vitesse"),
+    "ddq": ("ddq", "qdd", "qddot", "acc", "accel", "acceleration", "accelerations")
+    + ("beschleunigung",),
+    "tau": ("tau", "torque", "torques", "trq", "effort", "efforts", "force", "forces", "moment")
+    + ("drehmoment", "kraft", "couple"),
+    "current": ("current", "currents", "curr", "strom", "courant"),
 }
 KINDS = {word: kind for kind, words in CHANNEL_WORDS.items() for word in words}
 
@@ -51,6 +61,10 @@ SILENT = frozenset(
         "log",
         "value",
         "values",
+        "achse",
+        "axe",
+        "ist",
+        "istwert",
     )
 )
 
@@ -73,12 +87,15 @@ COMMANDED = frozenset(
         "goal",
         "planned",
         "nominal",
+        "soll",
+        "sollwert",
+        "consigne",
     )
 )
 
 #: Words for time.
 TIME_WORDS = frozenset(
-    ("t", "time", "times", "timestamp", "timestamps", "stamp", "zeit", "elapsed")
+    ("t", "time", "times", "timestamp", "timestamps", "stamp", "zeit", "temps", "elapsed")
 )
 _TIME_UNITS = tuple(name for name, (what, _) in UNITS.items() if what == "time")
 
@@ -137,6 +154,8 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
         Of the robot.
     """
     plain, unit = split_unit(name)
+    if unit is None and unread_unit(name, joints):  # what it is of can be told all the same
+        plain = name[: name.rindex(bracketed(name)) - 1]
     parts = [p for p in plain.split("/") if p]
     words, above = words_of(" ".join(parts[-2:])), words_of(" ".join(parts[:-2]))
     time = _guess_time(source, words, unit)
@@ -156,6 +175,24 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Guess | None:
         return None
     number = int(numbers[0]) if numbers and len(numbers[0]) < 4 else -1
     return Guess(source, KINDS[kinds[0]], joint, number, unit)
+
+
+def unread_unit(name: str, joints: Sequence[str]) -> str:
+    """Return what stands in brackets at the end of a name as a unit that is not known, or nothing.
+
+    Numbers, names of joints and words that say nothing of a unit are none.
+
+    Example
+    -------
+    >>> unread_unit("elbow.q [gon]", ["elbow"]), unread_unit("position [elbow]", ["elbow"])
+    ('gon', '')
+    """
+    text = bracketed(name)
+    if not text or find_unit(text) or is_no_unit(text):
+        return ""
+    said = [w for w in _take_joint(words_of(text), joints)[1] if not w.isdecimal()]
+    plain = {*SILENT, *KINDS, *TIME_WORDS}.issuperset(said) and (said or words_of(text))
+    return "" if plain else text
 
 
 def _guess_time(source: str, words: list[str], unit: Unit | None) -> Guess | None:

@@ -47,6 +47,12 @@ REFUSED = {
     ".gz": "compressed; unpack it",
 }
 
+#: What can be read, for sentences.
+READ = (
+    "tables of text (.csv, .tsv, .txt …), Parquet, .npz, .mat, .xlsx and ROS bags (.mcap, .db3, "
+    ".bag) are read"
+)
+
 #: Names of an array of the names of joints.
 NAMES = ("joints", "joint_names", "names", "name")
 
@@ -64,6 +70,23 @@ def check_suffix(path: Path) -> None:
     what = REFUSED.get(path.suffix.lower())
     if what:
         raise LogError(f"{path} is {what}.")
+
+
+def check_text(path: Path, start: bytes) -> None:
+    """Refuse a file that is no text, by its first bytes.
+
+    Raises
+    ------
+    LogError
+    """
+    if start.startswith(b"PAR1"):
+        raise LogError(f"{path} is Parquet by its content; name it so: {path.stem}.parquet.")
+    if b"\0" in start:
+        kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
+        raise LogError(
+            f"{path} is {kind} that holds no text, and is none that is known: {READ}; export it as "
+            "one of these."
+        )
 
 
 def read_container(path: Path, content: bytes) -> tuple[pd.DataFrame, Form]:

@@ -5,6 +5,7 @@ It is decided once, on the first lines, before anything is read as a number.
 
 from __future__ import annotations
 
+import codecs
 import csv
 import re
 from collections import Counter
@@ -70,7 +71,7 @@ class Form:
     def plain_text(self, piece: bytes) -> bytes:
         """Return some lines as UTF-8, without comments."""
         if self.encoding != "utf-8":
-            piece = piece.decode(self.encoding).encode()
+            piece = piece.decode(self.encoding, "replace").encode()
         if self.comment and self.comment.encode() in piece:
             mark = re.escape(self.comment.encode())
             piece = re.sub(rb"(?m)^[ \t]*" + mark + rb"[^\r\n]*(\r\n|\r|\n|$)", b"", piece)
@@ -94,14 +95,23 @@ class Form:
 PLAIN = Form()
 
 
+#: How Windows writes Western text that is no Unicode; ISO 8859-1 has the same signs of units.
+WESTERN = "cp1252"
+
+
 def find_encoding(start: bytes) -> str:
-    """Return how the first bytes of a text are encoded."""
+    """Return how the first bytes of a text are encoded; text of one byte a letter is Western."""
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16-le" if start[0] == 0xFF else "utf-16-be"
     pairs = start[: 2 * (min(len(start), 200) // 2)]
     for encoding, letters, zeros in (("utf-16-le", 0, 1), ("utf-16-be", 1, 0)):
-        if pairs and not any(pairs[zeros::2]) and all(pairs[letters::2]):
+        # Letters beyond Latin-1, as in units, have a second byte that is not zero.
+        if pairs and all(pairs[letters::2]) and 4 * sum(map(bool, pairs[zeros::2])) < len(pairs):
             return encoding
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(start)  # the last letter may be cut
+    except UnicodeDecodeError:
+        return WESTERN
     return "utf-8"
 
 
@@ -185,7 +195,8 @@ def _is_comment(line: str, mark: str) -> bool:
 def _notes(form: Form, lines: Sequence[str], plain: Sequence[int]) -> tuple[str, ...]:
     notes = []
     if form.encoding != "utf-8":
-        notes.append(f"its text is {form.encoding[:6].upper()}")
+        name = {WESTERN: "Windows-1252"}.get(form.encoding, form.encoding[:6].upper())
+        notes.append(f"its text is {name}")
     if form.separator != ",":
         notes.append(f"its fields are separated by {SEPARATORS[form.separator]}")
     if form.decimal == ",":

@@ -175,6 +175,10 @@ class Log:
         others |= {channel: change(getattr(self, channel)) for channel in self.channels}
         return replace(self, **others)
 
+    def without(self, channels: Sequence[str]) -> Log:
+        """Return the log without some of its derivatives."""
+        return replace(self, **dict.fromkeys(channels))
+
     def cut(self, start: int, stop: int, name: str) -> Log:
         """Return the samples [start, stop) under another name."""
         return replace(self.rows(start, stop), name=name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
@@ -95,6 +95,13 @@ class LogFile:
         clock = self.clock.cut(start, stop, first, last)
         span = (self.span[0] + start, self.span[0] + stop)
         return replace(self, name=name, clock=clock, span=span)
+
+    def without(self, channels: Sequence[str]) -> LogFile:
+        """Return the log without some of its derivatives."""
+        ends = tuple(f".{channel}" for channel in channels)
+        left = tuple(c for c in self.naming.columns if not c.name.endswith(ends))
+        own = tuple(c for c in self.channels if c not in channels)
+        return replace(self, naming=replace(self.naming, columns=left), channels=own)
 
     @staticmethod
     def read(path: str | Path, conventions: Conventions | None = None) -> LogFile:

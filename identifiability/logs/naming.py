@@ -11,12 +11,16 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
-from identifiability.logs.aliases import INDEX, KINDS, Guess, guess_column
+from identifiability.logs.aliases import INDEX, KINDS, Guess, guess_column, unread_unit
 from identifiability.logs.checks import CHANNELS, find_joints
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.missing import refuse_missing, several
 from identifiability.logs.numbered import settle_numbers
 from identifiability.logs.stated_units import Unit, find_unit, split_unit
+
+#: A unit of each channel, for sentences.
+EXAMPLES = {"t": "ms", "q": "deg", "q_ref": "deg", "dq": "deg/s", "ddq": "deg/s2", "tau": "Nm"}
+EXAMPLES |= {"current": "A"}
 
 #: A joint's name and a word for its channel.
 _CHANNEL_LAST = re.compile(r"(?P<joint>.+?)(?P<between>[._\- ]+)(?P<kind>[A-Za-z]+)")
@@ -136,7 +140,11 @@ def name_columns(
     joints = find_joints([c.name for c in columns], source)
     wanted = {"t", *(f"{j}.{kind}" for j in joints for kind in CHANNELS)}
     columns = [c for c in columns if c.name in wanted]
-    stated = {c.source: find_unit((units or {}).get(c.source, "")) for c in columns}
+    stated = {
+        c.source: find_unit((units or {}).get(c.source, "")) or split_unit(c.source)[1]
+        for c in columns
+    }
+    _refuse_unread([c for c in columns if stated[c.source] is None], source, known)
     return _in_units(Naming(tuple(columns), tuple(joints), tuple(notes)), stated, source)
 
 
@@ -204,9 +212,43 @@ def _name_otherwise(
         ]
     left = [_owner(n) for n in names.values() if _is_channel(n) and _owner(n) not in wanted]
     left = [n for n in left if n not in (_owner(c.source.strip()) for c in columns)]
-    stated = {g.source: g.unit or find_unit(units.get(g.source, "")) for g in chosen.values()}
+    stated = {
+        g.source: g.unit or find_unit(units.get(g.source, "")) or split_unit(g.source)[1]
+        for g in chosen.values()
+    }
+    _refuse_unread([c for c in columns if stated[c.source] is None], source, known)
     naming = Naming(columns, tuple(wanted), (*notes, *_tell_left(left)), labels)
     return _in_units(naming, stated, source)
+
+
+def _refuse_unread(columns: Sequence[Column], source: str, known: Conventions) -> None:
+    """Refuse columns that state a unit which is not known.
+
+    Raises
+    ------
+    LogError
+    """
+    for column in columns:
+        name = column.source.strip()
+        unit = unread_unit(name, (*known.motors, *known.joints))
+        if unit and name not in dict(known.columns.rules):
+            kind = "t" if column.name == "t" else column.name.rpartition(".")[2]
+            example = EXAMPLES["current" if column.current else kind]
+            raise LogError(
+                f"{source}: the column '{name}' states the unit '{unit}', which is not known; say "
+                f"in which one {column.name} is given, as in --map '{name}="
+                f"{column.name} [{example}]'{_or_gain(column)}."
+            )
+
+
+def _or_gain(column: Column) -> str:
+    owner, _, kind = column.name.rpartition(".")
+    if kind != "tau":
+        return ", or correct the header"
+    return (
+        f", or give what one of it is in N·m or N, in the sidecar ([torque] gain = {{{owner} = …}}) "
+        f"with --map '{column.source.strip()}={column.name}'"
+    )
 
 
 def _choose(guesses: Sequence[Guess], known: Conventions, source: str) -> dict[str, Guess]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
 from identifiability.logs.bags import hash_files
+from identifiability.logs.containers import check_text
 from identifiability.logs.cut import judge_end
 from identifiability.logs.form import LINE_END, PLAIN, Form, find_encoding, find_form
 from identifiability.logs.sizes import check_columns
@@ -28,6 +29,9 @@ WHOLE = 16_000_000
 
 #: Bytes in which the form of a text is decided.
 BEGINNING = 1 << 18
+
+#: Bytes in which a file that is no text shows it.
+BINARY = 4096
 
 #: Lines that show whether the last one is whole.
 LOOKED_AT = 1000
@@ -93,6 +97,8 @@ def begin_csv(path: Path, start: bytes) -> tuple[Table, bytes]:
             "header; give a table with a row a sample."
         )
     encoding = find_encoding(start)
+    if not encoding.startswith("utf-16"):
+        check_text(path, start[:BINARY])
     text = start[:BEGINNING].decode(encoding, errors="replace")
     form = find_form(text, encoding)
     check_columns(path, len(form.columns))
@@ -130,7 +136,7 @@ def _leave_half_line(
     judged = judge_end(last, others, table.form) if others else "whole"
     if judged == "whole":
         return table, len(rest)
-    kept = len(rest) - len(last.encode(table.form.encoding))
+    kept = len(rest) - len(last.encode(table.form.encoding, "replace"))
     if judged == "cut":
         number = row + len(table.parse(rest[:kept], row)) + 1
         raise LogError(
@@ -151,7 +157,7 @@ def _split_header(start: bytes) -> tuple[bytes, bytes]:
 
 def _last_line(piece: bytes, form: Form) -> int:
     """Return where the last line ends that is whole, as far as quotes can tell."""
-    if form.encoding != "utf-8":
+    if form.encoding.startswith("utf-16"):
         letters = piece[: len(piece) - len(piece) % 2].decode(form.encoding, errors="replace")
         end = max(letters.rfind("\n"), letters.rfind("\r") if "\n" not in letters else -1) + 1
         return len(letters[:end].encode(form.encoding))

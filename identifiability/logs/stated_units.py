@@ -29,19 +29,28 @@ _WRITTEN = (
     ("time", 60.0, ("min",)),
     ("angle", 1.0, ("rad", "radian", "radians")),
     ("angle", 1e-3, ("mrad",)),
-    ("angle", math.pi / 180, ("deg", "degree", "degrees", "°")),
+    ("angle", math.pi / 180, ("deg", "degree", "degrees", "°", "Grad")),
     ("length", 1.0, ("m",)),
     ("length", 1e-2, ("cm",)),
     ("length", 1e-3, ("mm",)),
     ("length", 1e-6, ("µm", "um")),
-    ("angle/s", math.pi / 30, ("rpm",)),
+    ("length", 0.0254, ("in", "inch", "inches")),
+    ("angle/s", math.pi / 30, ("rpm", "U/min", "tr/min")),
     ("torque", 1.0, ("Nm",)),
     ("torque", 1e-2, ("Ncm",)),
     ("torque", 1e-3, ("mNm", "Nmm")),
     ("torque", 1e3, ("kNm",)),
+    ("torque", 10.0, ("daNm",)),
+    ("torque", 9.80665, ("kgfm", "kgm")),
+    ("torque", 9.80665e-2, ("kgfcm", "kgcm")),
+    ("torque", 1.3558179483, ("lbfft", "lbft", "ftlbf", "ftlb")),
+    ("torque", 0.1129848290, ("lbfin", "lbin", "inlbf", "inlb")),
     ("force", 1.0, ("N",)),
     ("force", 1e-3, ("mN",)),
     ("force", 1e3, ("kN",)),
+    ("force", 10.0, ("daN",)),
+    ("force", 9.80665, ("kgf",)),
+    ("force", 4.4482216153, ("lbf",)),
     ("current", 1.0, ("A", "Amp")),
     ("current", 1e-3, ("mA",)),
 )
@@ -110,6 +119,7 @@ def find_unit(text: str) -> Unit | None:
     stated = (inner[1] if inner else text).strip()
     plain = re.sub(r"[\s·⋅*.^]", "", stated).replace("²", "2").replace("μ", "µ")
     plain = plain.replace("s-1", "/s").replace("s-2", "/s2").replace("//", "/")
+    plain = re.sub(r"(?<=[a-z])-(?=[a-z])", "", plain)  # in-lb
     found = UNITS.get(plain) or UNITS.get(plain.lower() if len(plain) > 2 else plain)
     return Unit(stated, *found) if found else None
 
@@ -118,6 +128,12 @@ def is_no_unit(text: str) -> bool:
     """Whether a cell of a row of units says that its column has none."""
     inner = _BRACKETS.fullmatch(text.strip())
     return (inner[1] if inner else text.strip()).casefold() in NONE
+
+
+def bracketed(name: str) -> str:
+    """Return what stands in brackets at the end of a name, nothing if there are none."""
+    inner = _BRACKETS.search(name)
+    return inner[1] if inner else ""
 
 
 def split_unit(name: str) -> tuple[str, Unit | None]:

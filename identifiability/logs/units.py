@@ -9,13 +9,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.log import join_logs
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.signals import spread_windows
 from identifiability.robot import Robot
 
 #: Units of length that people give instead of SI, and how many make one of SI.
 _LENGTHS = {"mm": 1e3, "cm": 1e2}
+
+#: What sentences call derivatives.
+WORDS = {"dq": "velocities", "ddq": "accelerations"}
 
 #: Share of the motion's variance that a given derivative may leave unexplained.
 UNEXPLAINED = 0.2
@@ -118,12 +125,46 @@ def _check_rate(windows: Sequence[Log], joint: int, kind: str, rate_kind: str) -
         )
 
 
-def find_contradictions(log: Log) -> list[str]:
-    """Return one remark for every given derivative that does not fit what it is derived from.
+@frozen
+class Contradiction:
+    """A given derivative that does not fit what it is derived from.
 
-    A change of unit or sign is refused by `check_units`; this finds columns of other joints, of
-    desired motion, delayed or filtered too much. They are compared by integration, which forgives
-    noise where differentiation would not.
+    Attributes
+    ----------
+    joint, kind, of : str
+        Whose, which channel, and of which it should be the derivative.
+    explained : float
+        Share of the variance of what it is derived from that its integral explains.
+    slope : float
+        With this factor.
+    """
+
+    joint: str
+    kind: str
+    of: str
+    explained: float
+    slope: float
+
+    @property
+    def text(self) -> str:
+        """It in half a sentence."""
+        return (
+            f"'{self.joint}.{self.kind}' contradicts '{self.joint}.{self.of}': integrated, it "
+            f"explains {100 * max(self.explained, 0.0):.0f} % of its variance with a factor of "
+            f"{self.slope:.2g}"
+        )
+
+    @property
+    def in_unit(self) -> bool:
+        """Whether it is the derivative, but in another unit or of another sign."""
+        return self.explained > 1 - UNEXPLAINED and not 0.5 < self.slope < 2
+
+
+def contradictions(log: Log) -> list[Contradiction]:
+    """Return every given derivative that does not fit what it is derived from.
+
+    It finds columns of other joints, of desired motion, delayed or filtered too much. They are
+    compared by integration, which forgives noise where differentiation would not.
     """
     found = []
     for kind, of in (("dq", "q"), ("ddq", "dq")):
@@ -136,12 +177,40 @@ def find_contradictions(log: Log) -> list[str]:
                 continue
             slope, unexplained = fit
             if unexplained > UNEXPLAINED or not SCALE < slope < 1 / SCALE:
-                found.append(
-                    f"'{joint}.{kind}' contradicts '{joint}.{of}': integrated, it explains "
-                    f"{100 * max(1 - unexplained, 0.0):.0f} % of its variance with a factor of "
-                    f"{slope:.2g}; check the column, or leave it out and it is computed"
-                )
+                found.append(Contradiction(joint, kind, of, 1 - unexplained, slope))
     return found
+
+
+def find_contradictions(log: Log) -> list[str]:
+    """Return one remark for every given derivative that does not fit what it is derived from."""
+    advice = "check the column, or leave it out and it is computed"
+    return [f"{c.text}; {advice}" for c in contradictions(log)]
+
+
+def drop_contradictions(
+    logs: Sequence[Log | LogFile],
+) -> tuple[list[Log | LogFile], tuple[str, ...]]:
+    """Return logs without derivatives that contradict what they are derived from, and hints.
+
+    Those of another unit or sign are left to be refused by `check_units`.
+    """
+    kept, hints = [], []
+    for log in logs:
+        windows = [log.rows(a, b) for a, b in spread_windows(len(log))]
+        wrong = [c for c in contradictions(join_logs(windows)) if not c.in_unit]
+        if not wrong:
+            kept.append(log)
+            continue
+        # What is derived from a wrong velocity cannot be compared with anything.
+        gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
+        words = [WORDS[c] for c in gone if c in log.channels]
+        kept.append(log.without(gone))
+        hints.append(
+            f"The {' and '.join(words)} of {log.name} were not used, but computed: "
+            f"{listing([c.text for c in wrong], 2)}. Check the columns; --derivatives given "
+            "(derivatives='given') uses them as they are."
+        )
+    return kept, tuple(hints)
 
 
 def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:

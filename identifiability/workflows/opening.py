@@ -24,11 +24,12 @@ from identifiability.logs.containers import frame_of
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.logfile import LogFile, open_log
 from identifiability.logs.mend import mend_logs
-from identifiability.logs.prepare import Samples
+from identifiability.logs.prepare import Preparation, Samples
 from identifiability.logs.prepare.longsamples import LongSamples, Prepared
 from identifiability.logs.prepare.survey import explain_silence, torque_varies
 from identifiability.logs.repeats import Recording, check_held_out, drop_repeats
 from identifiability.logs.session import share_clock
+from identifiability.logs.units import drop_contradictions
 from identifiability.logs.unwrap import unwrap_logs
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.regression import Regression
@@ -136,7 +137,10 @@ def read_logs(logs: Logs, known: Conventions) -> list[Log | LogFile]:
 
 
 def read_recordings(
-    logs: Logs, validate: Logs = (), known: Conventions | None = None
+    logs: Logs,
+    validate: Logs = (),
+    known: Conventions | None = None,
+    how: Preparation | None = None,
 ) -> Recordings:
     """Return fitted and held-out logs, every row once and without wrong samples, on one clock.
 
@@ -145,6 +149,9 @@ def read_recordings(
     logs, validate : Logs
     known : Conventions, optional
         Of the robot; by default logs are read as they are.
+    how : Preparation, optional
+        How they will be prepared: derivatives that contradict the positions are left out, unless
+        it asks for the given ones.
 
     Raises
     ------
@@ -158,6 +165,9 @@ def read_recordings(
     check_held_out(train, held)
     whole, turned = unwrap_logs(share_clock([*train, *held]))
     mended, wrong = mend_logs(whole)
+    if how is None or how.derivatives != "given":
+        mended, contradicting = drop_contradictions(mended)
+        wrong = (*wrong, *contradicting)
     fitted, unseen, hints = drop_repeats(mended[: len(train)], mended[len(train) :])
     read = tuple((log.name, "; ".join(log.notes)) for log in (*train, *held) if log.notes)
     said = (*state_reading(read), *turned, *wrong, *hints)

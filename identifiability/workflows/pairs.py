@@ -61,7 +61,12 @@ class Pair:
 
 
 def read_sides(
-    first: Logs, second: Logs, known: Conventions, *, alone: bool = False
+    first: Logs,
+    second: Logs,
+    known: Conventions,
+    how: Preparation | None = None,
+    *,
+    alone: bool = False,
 ) -> tuple[Recordings, Recordings]:
     """Return the logs of two sides; how any were read is said with the first.
 
@@ -69,6 +74,7 @@ def read_sides(
     ----------
     first, second : Logs
     known : Conventions
+    how : Preparation, optional
     alone : bool
         Whether the second side may have none.
 
@@ -77,9 +83,9 @@ def read_sides(
     LogError
         If a log stands on both.
     """
-    one = read_recordings(first, known=known)
+    one = read_recordings(first, known=known, how=how)
     none = alone and isinstance(second, (list, tuple)) and not second
-    other = Recordings(()) if none else read_recordings(second, known=known)
+    other = Recordings(()) if none else read_recordings(second, known=known, how=how)
     seen = {r.sha256 for r in one.fitted if r.sha256}
     twice = [r.name for r in other.fitted if r.sha256 in seen]
     if twice:

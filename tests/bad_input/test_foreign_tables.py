@@ -7,6 +7,7 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log, reading
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.header import check_header
 from identifiability.logs.logfile import LogFile
 from identifiability.robot import Robot
 
@@ -175,3 +176,66 @@ def test_time_as_index_is_taken_and_said(bare, known, tmp_path):
             assert "as t" in log.notes[0]
     with pytest.raises(LogError, match="no column 't'"):
         Log.from_frame(bare.drop(columns="t"), "log", known)
+
+
+#: Of a two-link arm in degrees, as a controller of another country writes it.
+DEGREES = {"shoulder.q": "shoulder.q [°]", "elbow.q": "elbow.q [°]"}
+
+
+@pytest.mark.parametrize(
+    "encoding", ["cp1252", "latin-1", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"]
+)
+@pytest.mark.parametrize("form", [{}, {"separator": ";", "decimal": ","}])
+def test_units_are_read_in_the_code_that_a_table_is_written_in(encoding, form, bare, known, write):
+    angles = [c for c in bare if c.endswith(".q")]
+    turned = bare.assign(**{c: np.degrees(bare[c]) for c in angles}).rename(columns=DEGREES)
+    path = write("log.csv", text_of(turned, **form).encode(encoding))
+    log = read_both(path, known)
+    check(log, bare, rtol=1e-12)
+    assert any("shoulder.q from °" in note for note in log.notes)
+
+
+@pytest.mark.parametrize(
+    ("header", "encoding", "says"),
+    [
+        ("shoulder.q [°]", "mac_roman", "'shoulder.q [¡]' states the unit '¡', which is not known"),
+        ("shoulder.q [gon]", "utf-8", "--map 'shoulder.q [gon]=shoulder.q [deg]'"),
+        ("Winkel shoulder (inc)", "utf-8", "states the unit 'inc'"),
+        ("t [h]", "utf-8", "say in which one t is given, as in --map 't [h]=t [ms]'"),
+        ("shoulder.tau [%]", "utf-8", "[torque] gain = {shoulder = …}"),
+    ],
+)
+def test_a_unit_that_is_not_known_is_refused_with_its_column(
+    header, encoding, says, bare, known, write
+):
+    plain = header.replace("Winkel shoulder", "shoulder.q").partition(" [")[0].partition(" (")[0]
+    path = write("log.csv", text_of(bare.rename(columns={plain: header})).encode(encoding))
+    with pytest.raises(LogError) as refused:
+        Log.read(path, known)
+    assert says in str(refused.value)
+    with pytest.raises(LogError) as sooner:
+        check_header(path, known)
+    assert str(sooner.value) == str(refused.value)
+
+
+@pytest.mark.parametrize("mapped", ["elbow.q [deg]", "elbow.q"])
+def test_a_unit_counts_whatever_a_rule_makes_of_the_column(mapped, bare, write):
+    """What is in brackets holds, unless the rule states another unit."""
+    header = "Winkel 2 [gon]" if mapped.endswith("]") else "Winkel 2 [°]"
+    turned = bare.assign(**{"elbow.q": np.degrees(bare["elbow.q"])})
+    path = write("log.csv", text_of(turned.rename(columns={"elbow.q": header})))
+    rule = {header: mapped}
+    check(read_both(path, Conventions.of(Robot.load("two-link", columns=rule))), bare, rtol=1e-12)
+
+
+def test_brackets_may_hold_a_joint_a_number_or_a_word_that_is_no_unit(bare, known, write):
+    names = {"shoulder.q": "position [shoulder]", "elbow.tau": "effort (elbow, measured)"}
+    check(read_both(write("log.csv", text_of(bare.rename(columns=names))), known), bare)
+
+
+def test_a_file_that_holds_no_text_is_told_what_is_read(bare, known, write):
+    path = write("log.feather", b"ARROW1\0\0" + bytes(200))
+    with pytest.raises(LogError, match=r"a \.feather file that holds no text.* Parquet, \.npz, "):
+        Log.read(path, known)
+    with pytest.raises(LogError, match=r"is Parquet by its content; name it so: log\.parquet"):
+        Log.read(write("log.txt", b"PAR1" + bytes(20)), known)

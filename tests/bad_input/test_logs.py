@@ -28,8 +28,8 @@ def test_a_missing_log_is_refused(refused, write):
     ("content", "sentence"),
     [
         ("", "is empty; nothing was written to it"),
-        (bytes(range(256)) * 4, "cannot be read as CSV: "),
-        ("t,é.q\n".encode("latin1"), "cannot be read as CSV: 'utf-8' codec"),
+        (bytes(range(256)) * 4, "a .csv file that holds no text"),
+        ("t,é.q\n".encode("latin1"), "has 'é.q' but no torque column 'é.tau'"),
         ('t,a.q\n1,"2', "cannot be read as CSV: .*EOF inside string"),
         ("t,a.q\n1,2\n1,2,3\n", "cannot be read as CSV: .*Expected 2 fields in line 3, saw 3"),
         ("t,a.q\n1,2,3\n2,3,4\n", "rows with more fields than its header"),

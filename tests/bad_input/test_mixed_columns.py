@@ -8,7 +8,9 @@ import pytest
 
 from identifiability import analyze
 from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.logfile import LogFile
+from identifiability.logs.prepare import Preparation, prepare_samples
 from identifiability.logs.units import find_contradictions
 from identifiability.regression import mix_up
 from identifiability.regression.base_parameters import find_base_parameters
@@ -16,6 +18,7 @@ from identifiability.regression.mix_up import find_mix_up
 from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 from identifiability.simulation import PAPER_NOISE, random_trajectory, simulate
+from identifiability.workflows.opening import read_recordings
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -100,6 +103,28 @@ def test_velocities_that_contradict_positions_are_noted(column, change, sentence
     notes = prepare_samples(Robot.load("two-link"), Log.from_frame(spoilt)).notes
     assert any(sentence in note for note in notes)
     assert not any("contradicts" in n for n in find_contradictions(Log.from_frame(arm)))
+
+
+@pytest.mark.parametrize("column", ["elbow.dq", "elbow.ddq"])
+def test_derivatives_that_contradict_positions_are_computed_unless_they_are_asked_for(
+    column, arm, write
+):
+    """Short and long logs alike; what does not contradict is used."""
+    known = Conventions.of(Robot.load("two-link"))
+    path = write("log.csv", arm.assign(**{column: np.roll(arm[column], 20)}))
+    given = Preparation(derivatives="given")
+    for log in (Log.read(path, known), LogFile.read(path, known)):
+        read = read_recordings(log)
+        (kept,), hints = read.fitted, read.hints
+        left = {"elbow.dq": ("q", "tau"), "elbow.ddq": ("q", "dq", "tau")}[column]
+        assert kept.channels == kept.rows(0, 9).channels == left
+        assert len(hints) == 1
+        assert f"'{column}' contradicts" in hints[0]
+        assert ("velocities and accelerations of" in hints[0]) == (column == "elbow.dq")
+        assert read_recordings(log, how=given).fitted == (log,)
+    read = read_recordings(Log.from_frame(arm))
+    assert read.fitted[0].channels == ("q", "dq", "ddq", "tau")
+    assert read.hints == ()
 
 
 def test_noise_offset_gaps_and_rest_are_no_contradiction(simulated, rng):

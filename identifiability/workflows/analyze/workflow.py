@@ -129,7 +129,7 @@ def analyze(
         source = find_ladder(robot, ladder, beside=True)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
             say("reading logs", 0.0)
-            recordings = read_recordings(logs, validate, Conventions.of(robot))
+            recordings = read_recordings(logs, validate, Conventions.of(robot), preparation)
             structure = Structure.of(robot, ladder_model(source.entry), streams[0])
             how = settle_cutoff(robot, recordings.fitted, preparation)
             prepare = partial(

@@ -133,7 +133,7 @@ def _compare_logs(
     kind: Kind,
     engine: Engine,
 ) -> Comparison:
-    sides = read_sides(before, after, Conventions.of(robot))
+    sides = read_sides(before, after, Conventions.of(robot), preparation)
     first, second = (side.fitted for side in sides)
     source = find_ladder(robot, ladder, beside=True)
     structure = Structure.of(robot, ladder_model(source.entry))

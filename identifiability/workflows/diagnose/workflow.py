@@ -155,7 +155,7 @@ def diagnose(
         if before is not None:
             logs, validate = before.find_logs(list_logs(logs), list_logs(validate))
             model = list(before.model) if model is None and fixed is False else model
-        given = read_recordings(logs, validate, Conventions.of(robot))
+        given = read_recordings(logs, validate, Conventions.of(robot), preparation)
         fitted = given.fitted if before is None else halve_new(given.fitted, before.fitted)
         roles = assign_roles(fitted, given.held)
         settled = settle_cutoff(robot, roles.fit, preparation)

@@ -77,7 +77,7 @@ def payload(
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         fit = find_fit(result, robot)
         place, columns = choose_body(fit.structure, body)
-        sides = read_sides(logs, without, Conventions.of(robot), alone=True)
+        sides = read_sides(logs, without, Conventions.of(robot), fit.preparation, alone=True)
         given, other = (side.fitted for side in sides)
         how = settle_cutoff(robot, given, fit.preparation)
         pairs = find_pairs(robot, given, other, how)

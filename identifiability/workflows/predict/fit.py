@@ -135,7 +135,7 @@ class Fit(Covaries):
         """
         with one_thread("blas"):
             usual = replace(Conventions.of(self.robot), motion_alone=True)
-            known = read_recordings(logs, known=usual)
+            known = read_recordings(logs, known=usual, how=self.preparation)
             how = settle_cutoff(self.robot, known.fitted, self.preparation)
             runner = engine or Serial()
             samples = [prepare_log(self.robot, r, how, engine=runner) for r in known.fitted]

@@ -150,7 +150,7 @@ def prune(
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         source = find_ladder(robot, ladder, beside=False)
         say("reading logs", 0.0)
-        recordings = read_recordings(logs, validate, Conventions.of(robot))
+        recordings = read_recordings(logs, validate, Conventions.of(robot), preparation)
         structure = Structure.of(robot, ladder_model(source.entry), streams[0])
         reading = share(say, "reading logs", 0.0, 0.1)
         how = settle_cutoff(robot, recordings.fitted, preparation)
