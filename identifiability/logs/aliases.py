@@ -20,22 +20,30 @@ from identifiability.logs.stated_units import (
     is_no_unit,
     split_unit,
 )
+from identifiability.robot.parts import Entry
 
 #: Words for each channel.
 CHANNEL_WORDS = {
-    "q": ("q", "pos", "position", "positions", "angle", "angles", "theta", "winkel", "lage"),
-    "dq": ("dq", "qd", "qdot", "vel", "velocity", "velocities", "speed", "speeds")
-    + ("geschwindigkeit", "drehzahl", "vitesse"),
-    "ddq": ("ddq", "qdd", "qddot", "acc", "accel", "acceleration", "accelerations")
-    + ("beschleunigung",),
-    "tau": ("tau", "torque", "torques", "trq", "effort", "efforts", "force", "forces", "moment")
-    + ("drehmoment", "kraft", "couple"),
-    "current": ("current", "currents", "curr", "strom", "courant"),
+    kind: tuple(words.split())
+    for kind, words in {
+        "q": "q pos position positions angle angles theta qpos winkel lage",
+        "dq": "dq qd qdot vel velocity velocities speed speeds qvel "
+        "geschwindigkeit drehzahl vitesse",
+        "ddq": "ddq qdd qddot acc accel acceleration accelerations qacc beschleunigung",
+        "tau": "tau torque torques trq effort efforts force forces moment qfrc "
+        "drehmoment kraft couple",
+        "current": "current currents curr strom courant",
+    }.items()
 }
 KINDS = {word: kind for kind, words in CHANNEL_WORDS.items() for word in words}
 
 #: Two words for one.
-_PAIRS = {("q", "dot"): "qdot", ("q", "ddot"): "qddot", ("tau", "j"): "tau"}
+_PAIRS = {
+    ("q", "dot"): "qdot",
+    ("q", "ddot"): "qddot",
+    ("tau", "j"): "tau",
+    ("qfrc", "actuator"): "qfrc",
+}
 
 #: Words that say nothing about which joint and which channel.
 SILENT = frozenset(
@@ -83,6 +91,7 @@ COMMANDED = frozenset(
         "ref",
         "reference",
         "setpoint",
+        "ctrl",
         "set",
         "goal",
         "planned",
@@ -121,6 +130,8 @@ class Guess:
         As far as the name states it.
     current : bool
         Whether it is taken for the torque though it is a current.
+    entry : Entry or None
+        What MuJoCo keeps under this name.
     """
 
     source: str
@@ -129,6 +140,7 @@ class Guess:
     number: int = -1
     unit: Unit | None = None
     current: bool = False
+    entry: Entry | None = None
 
 
 def words_of(name: str) -> list[str]:

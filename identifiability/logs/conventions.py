@@ -6,10 +6,14 @@ It goes from the robot to whoever reads: `read_recordings`, `open_log`, `Log.rea
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import field
+
 from identifiability.foundation.renames import Renames
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.measured_torque import MeasuredTorque
+from identifiability.robot.parts import Entry
 
 
 @frozen
@@ -34,6 +38,8 @@ class Conventions:
         Joints and motors whose angles and rates are in degrees: ``angles`` and ``--angles``.
     motion_alone : bool
         Take a log without any torque: motion is all that is needed of it.
+    entries : mapping
+        Of arrays that MuJoCo keeps, by array, then index or name.
     """
 
     joints: tuple[str, ...] = ()
@@ -44,6 +50,7 @@ class Conventions:
     raw_torque: bool = False
     degrees: tuple[str, ...] = ()
     motion_alone: bool = False
+    entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
@@ -54,5 +61,11 @@ class Conventions:
         turns = [j for j, k in pairs if not robot.is_prismatic(int(k))]
         degrees = (*turns, *motors) if robot.angles == "deg" else ()
         return Conventions(
-            robot.joints, motors, robot.columns, robot.time_unit, robot.torque, degrees=degrees
+            joints=robot.joints,
+            motors=motors,
+            columns=robot.columns,
+            time_unit=robot.time_unit,
+            torque=robot.torque,
+            degrees=degrees,
+            entries=robot.entries,
         )

@@ -177,7 +177,7 @@ class Log:
 
     def without(self, channels: Sequence[str]) -> Log:
         """Return the log without some of its derivatives."""
-        return replace(self, **dict.fromkeys(channels))
+        return self.each(lambda x: x, **dict.fromkeys(channels))
 
     def cut(self, start: int, stop: int, name: str) -> Log:
         """Return the samples [start, stop) under another name."""

@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field, replace
 
+import numpy as np
+
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.renames import Renames
@@ -15,7 +17,7 @@ from identifiability.logs.aliases import INDEX, KINDS, Guess, guess_column, unre
 from identifiability.logs.checks import CHANNELS, find_joints
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.missing import refuse_missing, several
-from identifiability.logs.numbered import settle_numbers
+from identifiability.logs.numbered import find_entries, settle_numbers
 from identifiability.logs.stated_units import Unit, find_unit, split_unit
 
 #: A unit of each channel, for sentences.
@@ -44,6 +46,8 @@ class Column:
         Of times that are dates, the first one [ns since 1970]; None for numbers.
     current : bool
         Whether it is the current of a motor, in the place of a torque.
+    low, high : float
+        Of its values, beyond which they act no further.
     """
 
     name: str
@@ -52,6 +56,8 @@ class Column:
     offset: float = 0.0
     dates: int | None = None
     current: bool = False
+    low: float = -np.inf
+    high: float = np.inf
 
     @property
     def is_time(self) -> bool:
@@ -61,6 +67,8 @@ class Column:
     def scale(self, values: Array) -> Array:
         """Return values of the table, (N,), in SI units."""
         values = values - self.offset if self.offset else values
+        if self.low > -np.inf or self.high < np.inf:
+            values = np.clip(values, self.low, self.high)
         return values if self.factor == 1.0 else values * self.factor
 
 
@@ -161,9 +169,15 @@ def _name_otherwise(
 ) -> Naming:
     """Return what columns usually are that are called otherwise than they should be."""
     guesses = []
+    entries = find_entries(names, known)
     for column, name in names.items():
         plain, unit = split_unit(name)
-        if plain == "t" or (_is_channel(plain) and _owner(plain) in (*known.motors, *known.joints)):
+        if column in entries:
+            own = entries[column]
+            guesses += [own] if own else []
+        elif plain == "t" or (
+            _is_channel(plain) and _owner(plain) in (*known.motors, *known.joints)
+        ):
             owner, _, kind = plain.rpartition(".")
             guesses.append(Guess(column, kind, owner, -1, unit))
         else:
@@ -196,7 +210,7 @@ def _name_otherwise(
     chosen = {"t": time[0], **chosen}
     order = {column: k for k, column in enumerate(names)}
     ordered = sorted(chosen.items(), key=lambda item: order[item[1].source])
-    columns = tuple(Column(name, g.source, current=g.current) for name, g in ordered)
+    columns = tuple(_column(name, g) for name, g in ordered)
     renamed = [
         c
         for c in columns
@@ -210,6 +224,9 @@ def _name_otherwise(
             *notes,
             f"columns were taken for what their names usually mean: {listing(called, 4)}{how}",
         ]
+    geared = [f"'{c.source}' by {c.factor:.6g}" for c in columns if c.factor != 1.0]
+    if geared:
+        notes = [*notes, f"values were multiplied by the gears of the file: {listing(geared, 4)}"]
     left = [_owner(n) for n in names.values() if _is_channel(n) and _owner(n) not in wanted]
     left = [n for n in left if n not in (_owner(c.source.strip()) for c in columns)]
     stated = {
@@ -246,9 +263,16 @@ def _or_gain(column: Column) -> str:
     if kind != "tau":
         return ", or correct the header"
     return (
-        f", or give what one of it is in N·m or N, in the sidecar ([torque] gain = {{{owner} = …}}) "
+        f", or give what one of it is in N·m or N ([torque] gain = {{{owner} = …}} in the sidecar) "
         f"with --map '{column.source.strip()}={column.name}'"
     )
+
+
+def _column(name: str, guess: Guess) -> Column:
+    if guess.entry is None:
+        return Column(name, guess.source, current=guess.current)
+    entry = guess.entry
+    return Column(name, guess.source, entry.factor, low=entry.low, high=entry.high)
 
 
 def _choose(guesses: Sequence[Guess], known: Conventions, source: str) -> dict[str, Guess]:
@@ -279,7 +303,8 @@ def _in_units(naming: Naming, stated: Mapping[str, Unit | None], source: str) ->
             unit.check(kind, column.source.strip(), source)
             if unit.factor != 1.0:
                 converted.append(f"{column.name} from {unit.text}")
-                column = replace(column, factor=unit.factor)  # noqa: PLW2901
+                factor = column.factor * unit.factor
+                column = replace(column, factor=factor)  # noqa: PLW2901
         columns.append(column)
     told = f"values were converted to SI units, as the log states them: {listing(converted, 4)}"
     notes = (*naming.notes, told) if converted else naming.notes

@@ -1,4 +1,4 @@
-"""Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``, ``effort0``."""
+"""Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``, ``qpos[7]``."""
 
 from __future__ import annotations
 
@@ -10,9 +10,49 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.logs.aliases import Guess, words_of
 from identifiability.logs.checks import CHANNELS
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.stated_units import split_unit
 
 #: Words of a column that holds names of joints.
 NAMES = ("name", "names")
+
+
+#: Arrays of MuJoCo; of several with torques the first that is there is taken.
+ARRAYS = ("qpos", "qvel", "qacc", "qfrc_actuator", "actuator_force", "ctrl")
+_ENTRY = re.compile(rf"(.*?)[./_ ]*(?<![A-Za-z])({'|'.join(ARRAYS)})[./_ ]*(.*)")
+_BEFORE = {"data", "d", "mjdata", "mj", "sim", "state", "log"}
+
+
+def find_entries(names: Mapping[str, str], known: Conventions) -> dict[str, Guess | None]:
+    """Return the columns that are called as MuJoCo calls its arrays, and what they are; or None.
+
+    Parameters
+    ----------
+    names : mapping of str to str
+        Columns and what they are renamed to.
+    known : Conventions
+    """
+    found: dict[str, tuple[str, str]] = {}
+    for column, name in names.items():
+        match = _ENTRY.fullmatch(split_unit(name)[0]) if known.entries else None
+        if match:
+            before = "" if _BEFORE.issuperset(words_of(match[1])) else match[1]
+            found[column] = match[2], before.rpartition("/")[2] or match[3].strip("[]() ")
+    out: dict[str, Guess | None] = {}
+    for column, (array, key) in found.items():
+        keys = {k for a, k in found.values() if a == array}
+        from_one = "0" not in keys and "1" in keys and all(k.isdecimal() for k in keys)
+        if from_one:
+            key = str(int(key) - 1)  # noqa: PLW2901
+        entry = known.entries.get(array, {}).get(key)
+        joint, _, kind = entry.column.rpartition(".") if entry else ("", "", "")
+        unit = split_unit(names[column])[1]
+        out[column] = Guess(column, kind, joint, -1, unit, entry=entry) if entry else None
+    used = {}  # the first array that states a torque
+    for column, (array, _) in found.items():
+        guess = out[column]
+        if guess is not None and guess.kind == "tau":
+            used[column] = ARRAYS.index(array)
+    return {c: g for c, g in out.items() if c not in used or used[c] == min(used.values())}
 
 
 def settle_numbers(

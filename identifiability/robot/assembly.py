@@ -95,6 +95,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         welded=dict(stated.welded),
         bounds=read_bounds(path, extra.bounds, bodies, stated),
         cables=stated.cables,
+        outside=stated.outside,
+        entries=stated.entries,
     )
     robot = choose_joints(robot, extra, stated)
     for key in ("gain", "ratio", "sign"):

@@ -6,6 +6,7 @@ regressor stays Pinocchio's and the simulator MuJoCo's.
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,10 @@ from identifiability.robot.cables import add_slides, read_cables
 from identifiability.robot.joints import read_tree
 from identifiability.robot.kinematics import Point
 from identifiability.robot.locking import add_couplings, read_locks, settle_locks
+from identifiability.robot.mjcf import compile_mjcf
 from identifiability.robot.parts import Coupling, Loop, Stated
 from identifiability.robot.passive_forces import find_drives, read_forces
+from identifiability.robot.scenes import find_outside, read_entries
 from identifiability.robot.sidecar import Sidecar
 from identifiability.robot.tendons import read_tendon_coupling
 
@@ -40,14 +43,25 @@ _ALIGNED = {
 }
 
 
-def state_robot(path: Path, m: Any, extra: Sidecar) -> Stated:
-    """Return what a compiled MJCF states, with what is locked welded.
+def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
+    """Return what an MJCF states, without what is not the robot's, with what is locked welded.
+
+    Parameters
+    ----------
+    path : Path
+    root : Element
+        What `read_markup` made of the file.
+    extra : Sidecar
 
     Raises
     ------
     RobotError
         If it has a part that neither the regressor nor the nominal values can hold.
     """
+    scene = m = compile_mjcf(path, root)
+    outside = find_outside(scene, extra)
+    if outside:
+        m = compile_mjcf(path, root, outside)
     off, home = int(m.opt.disableflags), _home(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     at_home = {j.name: extra.home.get(j.name, float(home[j.qposadr[0]])) for j in joints}
@@ -87,6 +101,8 @@ def state_robot(path: Path, m: Any, extra: Sidecar) -> Stated:
         welded=welded,
         combinations=forces.combinations,
         cables=cables,
+        outside=outside,
+        entries=read_entries(scene, locked),
     )
 
 

@@ -19,7 +19,7 @@ from identifiability.robot.kinematics import Tree
 from identifiability.robot.known_torque import KnownTorque
 from identifiability.robot.markup import included_files
 from identifiability.robot.measured_torque import MeasuredTorque
-from identifiability.robot.parts import Axis, Cable, Coupling, Loop, Transmission
+from identifiability.robot.parts import Axis, Cable, Coupling, Entry, Loop, Transmission
 
 
 def _none() -> np.ndarray:
@@ -93,6 +93,10 @@ class Description:
         Effects of default models that are at some places only, as a ladder file writes them.
     cables : tuple of Cable
         Straight tendons with a force or a motor, slides of `tree` that Pinocchio does not have.
+    outside : tuple of str
+        Bodies of a scene that no actuated joint reaches; they and what they carry are left out.
+    entries : mapping
+        Entries of arrays that MuJoCo keeps of its joints, by array, then index or name.
     """
 
     name: str
@@ -135,6 +139,8 @@ class Description:
     tendons: tuple[str, ...] = ()
     placed: tuple[str, ...] = ()
     cables: tuple[Cable, ...] = ()
+    outside: tuple[str, ...] = ()
+    entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""
@@ -166,6 +172,7 @@ class Description:
         """What results say of it in JSON: name, title, what is locked, torque known beforehand."""
         said: dict[str, Any] = {"name": self.name, "title": self.title}
         said |= {"locked": dict(self.locked)} if self.locked else {}
+        said |= {"left_out": list(self.outside)} if self.outside else {}
         known = [k.text for k in self.known_torque]
         return said | ({"known_torque": known} if known else {})
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
+import re
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
@@ -46,9 +47,8 @@ def read_robot(
     root = read_markup(path)
     if root.tag == "mujoco":  # who has a URDF does not wait for MuJoCo
         from identifiability.robot.compiled import state_robot  # noqa: PLC0415
-        from identifiability.robot.mjcf import compile_mjcf  # noqa: PLC0415
 
-        stated = state_robot(path, compile_mjcf(path, root), extra)
+        stated = state_robot(path, root, extra)
     else:
         stated = _read_urdf(path, root, extra)
     if stated.model.njoints < 2:
@@ -75,6 +75,8 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
             f"{path}: the links {listing(lost)} were lost in reading; connect them to the root "
             "link by joints."
         )
+    if extra.base is None and not extra.loops:
+        _ask_for_base(path, root)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
     follow = {n: j.find("mimic") for n, j in joints.items() if n not in fixed}
@@ -113,6 +115,54 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         locked=locked,
         welded=welded,
     )
+
+
+#: What links and joints of legs are called, and a root link that is the ground.
+_LEG = re.compile(
+    r"(?i)(?<![a-z])(?:leg|hip|thigh|knee|calf|shank|shin|ankle|foot|feet|toe|haa|hfe|kfe)s?"
+    r"(?![a-z])"
+)
+GROUND = ("world", "map", "ground", "earth")
+
+
+def _ask_for_base(path: Path, root: ET.Element) -> None:
+    """Refuse a robot on legs whose root link hangs on nothing: it may walk, or be bolted down.
+
+    Raises
+    ------
+    RobotError
+    """
+    ends = {
+        joint: tuple(end.get("link", "") for end in joint if end.tag in ("parent", "child"))
+        for joint in root.findall("joint")
+    }
+    children = {child for _, child in ends.values()}
+    tops = [link.get("name", "") for link in root.findall("link")]
+    (base,) = [name for name in tops if name not in children] or [""]
+    weighs = {link.get("name") for link in root.findall("link") if link.find("inertial")}
+    held, legs, heavy = [base], list[str](), False
+    while held:
+        link = held.pop()
+        heavy = heavy or link in weighs
+        for joint, (parent, child) in ends.items():
+            if parent != link:
+                continue
+            if joint.get("type") == "fixed":
+                held.append(child)
+            elif _LEG.search(_spaced(f"{joint.get('name')} {child}")):
+                legs.append(child)
+    if len(legs) < 2 or not heavy or base in GROUND:
+        return
+    raise RobotError(
+        f"{path}: its root link '{base}' hangs on nothing and carries the legs {listing(legs, 4)}, "
+        "so it may walk; if it was bolted down or hung up while it was measured, write "
+        f'base = "fixed" into {path.with_suffix(".toml").name} beside it (a base that moves is not '
+        "supported)."
+    )
+
+
+def _spaced(name: str) -> str:
+    return re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
 
 
 #: How files write a limit that is none.

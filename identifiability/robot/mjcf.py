@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ _GEOM, _FROM = mujoco.mjtGeom, mujoco.mjtInertiaFromGeom
 _FILED = (int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF))
 
 
-def compile_mjcf(path: Path, root: ET.Element) -> Any:
+def compile_mjcf(path: Path, root: ET.Element, outside: Collection[str] = ()) -> Any:
     """Return the compiled model (mujoco.MjModel) of an MJCF; what has no name is given one.
 
     Parameters
@@ -33,6 +33,8 @@ def compile_mjcf(path: Path, root: ET.Element) -> Any:
     path : Path
     root : Element
         What `read_markup` made of the file.
+    outside : collection of str
+        Bodies to leave out, with all that hangs on them and refers to them.
 
     Raises
     ------
@@ -41,8 +43,15 @@ def compile_mjcf(path: Path, root: ET.Element) -> Any:
     """
     with _refused(path, root):
         spec = _parse(path, root)
-        _name_all(spec)
+        leave_out(spec, outside)
         return spec.compile()
+
+
+def leave_out(spec: Any, outside: Collection[str]) -> None:
+    """Name all bodies and joints, and delete some bodies with all that refers to them."""
+    _name_all(spec)
+    for name in outside:
+        spec.delete(spec.body(name))
 
 
 def weighing_files(path: Path) -> tuple[Path, ...]:

@@ -214,6 +214,26 @@ class Cable:
 
 
 @frozen
+class Entry:
+    """An entry of an array that MuJoCo keeps.
+
+    Attributes
+    ----------
+    column : str
+        Of a log: ``<joint>.q`` …
+    factor : float
+        What its values are multiplied by.
+    low, high : float
+        Beyond which they act no further.
+    """
+
+    column: str
+    factor: float = 1.0
+    low: float = -np.inf
+    high: float = np.inf
+
+
+@frozen
 class Stated:
     """What a robot file states.
 
@@ -240,6 +260,10 @@ class Stated:
         Tendons along several joints that have friction, a rotor or a spring.
     cables : tuple of Cable
         The last joints of `tree` are their slides, the last coordinates of `home` their lengths.
+    outside : tuple of str
+        Bodies of a scene that no actuated joint reaches, at which what is left out begins.
+    entries : mapping
+        Of arrays that MuJoCo keeps, by array, then index or name.
     """
 
     model: Any
@@ -255,6 +279,8 @@ class Stated:
     welded: Mapping[str, Array] = field(default_factory=dict)
     combinations: Mapping[str, Combination] = field(default_factory=dict)
     cables: tuple[Cable, ...] = ()
+    outside: tuple[str, ...] = ()
+    entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
 
 
 def name_numbers(

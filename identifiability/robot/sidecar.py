@@ -4,6 +4,7 @@ Every key is optional::
 
     name = "3-RPS parallel robot"
     prior_relative = 1.0                 # width of the other priors (default: 1, the size itself)
+    base = "fixed"                       # the root of a legged URDF was bolted down (asked for)
     actuated = ["joint1", "joint2"]      # which joints have a motor (default: <actuator>, or all)
     locked = ["finger"]                  # joints that do not move (or a table: finger = 0.02)
     angles = "deg"                       # unit of angles in the logs: rad or deg (default: rad,
@@ -284,6 +285,7 @@ class Sidecar(_Strict):
 
     name: str = Field(default="", max_length=LONGEST_NAME)
     description: str = Field(default="", max_length=20 * LONGEST_NAME)
+    base: Literal["fixed"] | None = None
     actuated: list[str] | None = None
     locked: Names | dict[str, float | None] = []
     angles: Literal["rad", "deg"] | None = None

@@ -23,6 +23,7 @@ from identifiability.foundation.scratch import temporary_folder
 from identifiability.robot import Robot
 from identifiability.robot.closure import count_independent
 from identifiability.robot.kinematics import Point
+from identifiability.robot.mjcf import leave_out
 from identifiability.robot.parts import Axis, Coupling
 from identifiability.robot.write import write_robot
 from identifiability.simulation.mujoco_file import bare_urdf, reason_of
@@ -88,6 +89,8 @@ def compile_forward(
     )
     try:
         spec = mujoco.MjSpec.from_string(text)
+        if robot.outside:
+            leave_out(spec, robot.outside)
         _add_closures(spec, robot)
         for name, weights in mixed_axes(robot).items():
             _add_tendon(spec, name, weights)

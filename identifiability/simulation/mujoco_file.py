@@ -19,7 +19,7 @@ def load_file(robot: Robot) -> Any:
         root = ET.parse(robot.path).getroot()
         if robot.path.suffix.lower() == ".urdf" or root.tag == "robot":
             return mujoco.MjModel.from_xml_string(bare_urdf(root, balance="false"))
-        return compile_mjcf(robot.path, read_markup(robot.path))
+        return compile_mjcf(robot.path, read_markup(robot.path), robot.outside)
     except (ValueError, OSError) as error:
         raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
 

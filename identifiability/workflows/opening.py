@@ -281,6 +281,11 @@ def find_hints(robot: Robot, samples: Sequence[Prepared]) -> tuple[str, ...]:
     varies = torque_varies(surveys)
     dead = [j for j, good in zip(robot.joints, varies, strict=True) if not good]
     found = [find_impossible_bodies(robot)]
+    if robot.outside:
+        found.append(
+            f"Of {robot.path.name}, {listing(robot.outside, 6)} and what hangs there was left out: "
+            "no actuated joint reaches it."
+        )
     if dead and varies.any():
         columns = listing([f"'{j}.tau'" for j in dead], 6)
         found.append(

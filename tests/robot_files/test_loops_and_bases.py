@@ -81,14 +81,16 @@ def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks
     with pytest.raises(RobotError, match=r"floats on the free joint 'root'"):
         load_text(legged)
     plate = '<body name="plate"><freejoint name="f"/><geom size="1"/><site name="p"/></body>'
-    text = parallelogram(
-        CLOSURES["site on the root"] + '<connect site1="p" site2="foot"/>',
-        home="0.6 0 0 1 0 0 0 0.7 -0.7",
-    ).replace("<worldbody>", f"<worldbody>{plate}")
+    tie = '<connect body1="plate" body2="crank" anchor="0 0 0"/>'
+    text = parallelogram(CLOSURES["site on the root"] + tie, home="0 0 0 1 0 0 0 0.7 -0.7").replace(
+        "<worldbody>", f"<worldbody>{plate}"
+    )
     with pytest.raises(
         RobotError, match=r"the free joint 'f' can only be passive in a closed loop"
     ):
         load_text(text)
+    # Tied to nothing that a motor moves it is an object beside the robot.
+    assert load_text(text.replace(tie, "")).outside == ("plate",)
 
 
 @pytest.mark.parametrize("actuator", [MOTORS, "", '<actuator><motor joint="shoulder"/></actuator>'])

@@ -13,7 +13,13 @@ from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.inspect import Inspection
 
 #: Colour of a joint by what part it has.
-ROLES = {"actuated": "blue", "passive": "grey", "coupled": "purple", "locked": "amber"}
+ROLES = {
+    "actuated": "blue",
+    "passive": "grey",
+    "coupled": "purple",
+    "locked": "amber",
+    "left out": "grey",
+}
 
 #: Things of which the first screen says what they are.
 SHOWN = 3

@@ -19,7 +19,7 @@ from identifiability.robot.parts import Coupling
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.robot.speeds import stated_speeds
 
-Role = Literal["actuated", "passive", "coupled", "locked"]
+Role = Literal["actuated", "passive", "coupled", "locked", "left out"]
 
 #: Names of joints that most robots do not move while they are identified.
 _GRIPPER = re.compile(r"finger|gripper|grip|jaw|knuckle|claw", re.IGNORECASE)
@@ -34,8 +34,9 @@ class JointFact:
     name : str
     kind : str
         ``revolute``, ``prismatic``, or ``ball`` and ``free`` for an axis of such a joint.
-    role : {"actuated", "passive", "coupled", "locked"}
-        Its torque is measured, it follows from loops, from another joint, or it stands still.
+    role : {"actuated", "passive", "coupled", "locked", "left out"}
+        Its torque is measured, it follows from loops, from another joint, it stands still, or it
+        is a body of a scene that no actuated joint reaches.
     unit : str
         rad or m.
     remark : str
@@ -98,7 +99,11 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     locked = [
         JointFact(name, "", "locked", "", f"held at {at:.4g}") for name, at in robot.locked.items()
     ]
-    return (*facts, *locked)
+    outside = [
+        JointFact(body, "body", "left out", "", "no actuated joint reaches it")
+        for body in robot.outside
+    ]
+    return (*facts, *locked, *outside)
 
 
 def _equation(coupling: Coupling) -> str:

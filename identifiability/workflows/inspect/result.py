@@ -119,7 +119,7 @@ class Inspection(OfStructure, Result):
     def _robot_statement(self) -> str:
         roles = [
             f"{len(self.of_role(role))} {role}"
-            for role in ("actuated", "passive", "coupled", "locked")
+            for role in ("actuated", "passive", "coupled", "locked", "left out")
             if self.of_role(role)
         ]
         count = len(self.columns)
