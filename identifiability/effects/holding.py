@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from typing import Literal
 
 from identifiability.effects.coulomb_asymmetry import settle_directions
 from identifiability.effects.family import Family
@@ -19,18 +20,30 @@ from identifiability.robot import Robot
 from identifiability.robot.parts import name_numbers
 from identifiability.robot.write import joint_numbers
 
+#: The formats of robot files.
+Kind = Literal["mjcf", "urdf"]
+
+
+def file_kinds(robot: Robot) -> tuple[Kind, Kind]:
+    """Return the format of a robot's own file, and the other one."""
+    return ("mjcf", "urdf") if robot.mjcf else ("urdf", "mjcf")
+
 
 @lru_cache(maxsize=8)
-def _names_stated(robot: Robot, families: tuple[Family, ...]) -> frozenset[str]:
-    """Return the names of the parameters that the file of a robot can state."""
-    return frozenset(p.name for p in _stated(robot, families))
+def _names_stated(robot: Robot, families: tuple[Family, ...], kind: Kind) -> frozenset[str]:
+    """Return the names of the parameters that a file of a robot can state."""
+    return frozenset(p.name for p in _stated(robot, families, kind))
 
 
-def _stated(robot: Robot, families: Iterable[Family]) -> Iterator[Parameter]:
-    """Yield the parameters that the file of a robot can state."""
+def _stated(
+    robot: Robot, families: Iterable[Family], kind: Kind | None = None
+) -> Iterator[Parameter]:
+    """Yield the parameters that a file of a robot can state, by default its own."""
+    kind = kind or file_kinds(robot)[0]
+    tendons = robot.tendon_axes if kind == "mjcf" else ()
     places = {
         **dict.fromkeys(robot.bodies, INERTIAL_KINDS),
-        **dict.fromkeys((*robot.tree.single, *robot.tendon_axes), joint_numbers(robot)),
+        **dict.fromkeys((*robot.tree.single, *tendons), joint_numbers(kind)),
     }
     for family in families:
         for parameter in family.effect.parameters(robot):
@@ -38,7 +51,9 @@ def _stated(robot: Robot, families: Iterable[Family]) -> Iterator[Parameter]:
                 yield parameter
 
 
-def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+def held_by_file(
+    robot: Robot, values: Mapping[str, float], kind: Kind | None = None
+) -> dict[str, float]:
     """Return the values of a model's parameters of which only the robot file's part is left.
 
     Parameters
@@ -47,9 +62,12 @@ def held_by_file(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
         Whose file is written.
     values : mapping
         By name.
+    kind : {"mjcf", "urdf"}, optional
+        Format of the file; by default that of the robot's own.
     """
-    held = set(_names_stated(robot, tuple(FAMILIES.values())))
-    if "stiffness" in joint_numbers(robot):
+    kind = kind or file_kinds(robot)[0]
+    held = set(_names_stated(robot, tuple(FAMILIES.values()), kind))
+    if "stiffness" in joint_numbers(kind):
         held |= values.keys() - settle_springs(robot, values)[1].keys()
     out = {name: value if name in held else 0.0 for name, value in values.items()}
     for joint in (*robot.tree.single, *robot.tendon_axes):
@@ -118,7 +136,7 @@ def complete_values(
 def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """Return what a file states of each joint, and tendon that is an axis: attributes by name."""
     every = (*robot.tree.single, *robot.tendon_axes)
-    out = {joint: dict.fromkeys(joint_numbers(robot), 0.0) for joint in every}
+    out = {joint: dict.fromkeys(joint_numbers(file_kinds(robot)[0]), 0.0) for joint in every}
     for p in {p.name: p for p in _stated(robot, FAMILIES.values()) if p.owner in out}.values():
         out[p.owner][p.stated_as] += values.get(p.name, 0.0)
     return out

@@ -46,8 +46,12 @@ def straight_beyond(u: Array, pieces: int = PIECES) -> Array:
 
 
 def fine_at_rest(speed: Array, largest: float) -> Array:
-    """Return the root of speeds (N,) over the largest one: friction changes most at rest."""
-    found: Array = np.sign(speed) * np.sqrt(np.abs(speed) / largest)
+    """Return the root of speeds (N,) over the largest one: friction changes most at rest.
+
+    Beyond the largest one it goes straight on, as splines do that are `straight_beyond`.
+    """
+    share = np.abs(speed) / largest
+    found: Array = np.sign(speed) * np.where(share < 1.0, np.sqrt(share), 0.5 * (1.0 + share))
     return found
 
 

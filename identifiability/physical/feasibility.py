@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.effects.holding import held_by_file
+from identifiability.effects.holding import file_kinds, held_by_file
 from identifiability.estimation.estimator import settle_signs
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL, Array
@@ -18,6 +18,7 @@ from identifiability.physical.fitted_model import FittedModel, physical_set
 from identifiability.physical.nominal_bodies import draw_bodies
 from identifiability.physical.project import FeasibleEstimate, Projection
 from identifiability.physical.pseudo_inertia import BodyCheck, check_body
+from identifiability.regression.functions import leave_to_terms
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -40,9 +41,11 @@ class PhysicalResult:
         The real robot nearest to the data under the model; None where the solver found none.
     value : (m,)
         Its values of the model's parameters; NaN where there is none.
-    base, in_file : (b,)
-        Its base parameters, with what of the model's left-out ones its bodies cannot do without;
-        and those of what a robot file holds of it without a sidecar.
+    base : (b,)
+        Its base parameters, with what of the model's left-out ones its bodies cannot do without.
+    in_files : (2, b)
+        Those of what a robot file holds of it without a sidecar: one of the robot's own format,
+        and one of the other.
     sentence : str
         The certificate in words.
     cad_weight : float
@@ -54,7 +57,7 @@ class PhysicalResult:
     nearest: FeasibleEstimate | None
     value: Array
     base: Array
-    in_file: Array
+    in_files: Array
     sentence: str
     cad_weight: float
 
@@ -82,8 +85,8 @@ def leave_undecided(structure: Structure, rung: Rung, why: str) -> PhysicalResul
 
 
 def _no_answer(region: PhysicalSet, rung: Rung, cad_weight: float) -> PhysicalResult:
-    value, found = np.full(len(rung), np.nan), np.full(len(rung.M), np.nan)
-    return PhysicalResult(region, None, None, value, found, found, "", cad_weight)
+    value, found = np.full(len(rung), np.nan), np.full((3, len(rung.M)), np.nan)
+    return PhysicalResult(region, None, None, value, found[0], found[1:], "", cad_weight)
 
 
 def find_impossible_bodies(robot: Robot) -> str:
@@ -166,18 +169,21 @@ def _find_nearest(model: FittedModel, cad_weight: float) -> PhysicalResult:
     region = physical_set(structure)
     found = _no_answer(region, model.rung, cad_weight)
     bodies = draw_bodies(structure)
+    data = model.data.beside(*model.left_out)
     try:
         nearest = Projection(
             model.region,
             reference=_possible(structure.nominal, region),
             prior=CadPrior(bodies.phi, cad_weight) if cad_weight and bodies.titles else None,
             held=model.held,
-        ).solve(model.data.beside(*model.left_out))
+        ).solve(data)
     except ValueError as error:
         return replace(found, sentence=f" The nearest real robot was not found: {error}")
+    nearest = replace(nearest, phi=leave_to_terms(structure, data.R, nearest.phi))
     phi = dict(zip(region.columns, nearest.phi, strict=True))
-    in_file = held_by_file(structure.robot, phi)
-    base = np.array([nearest.phi, [in_file[n] for n in region.columns]]) @ structure.G.T
+    files = [held_by_file(structure.robot, phi, kind) for kind in file_kinds(structure.robot)]
+    every = [phi, *files]
+    base = np.array([[values[n] for n in region.columns] for values in every]) @ structure.G.T
     sentence = _say_left_out(model, nearest.phi)
     if not nearest.accurate:
         reach = f"within {nearest.gap:.2g} σ² of the optimum"
@@ -186,7 +192,7 @@ def _find_nearest(model: FittedModel, cad_weight: float) -> PhysicalResult:
         sentence = f"{sentence} {bodies.sentence}"
     value = model.to_x @ nearest.phi
     return replace(
-        found, nearest=nearest, value=value, base=base[0], in_file=base[1], sentence=sentence
+        found, nearest=nearest, value=value, base=base[0], in_files=base[1:], sentence=sentence
     )
 
 

@@ -44,6 +44,8 @@ class PhysicalSet:
         Scale in which margins are measured; take them from CAD or leave 1 kg and 0.1 m.
     bounds : Bounds, optional
         What is known of masses and centres of mass; of the first parameters where it is of fewer.
+    functions : tuple of (k,) int
+        Columns of each function that was learned: one unit of each is as much torque.
     """
 
     bodies: np.ndarray
@@ -53,6 +55,7 @@ class PhysicalSet:
     mass: Array = field(default_factory=lambda: np.ones(1))
     length: Array = field(default_factory=lambda: np.full(1, 0.1))
     bounds: Bounds | None = None
+    functions: tuple[np.ndarray, ...] = ()
 
     def __post_init__(self) -> None:
         nb = len(self.bodies)

@@ -24,6 +24,7 @@ from identifiability.physical.feasible_set import PhysicalSet
 from identifiability.physical.held import Held, find_held, left_out
 from identifiability.physical.least_squares import LeastSquares
 from identifiability.physical.pseudo_inertia import natural_scale
+from identifiability.regression.functions import list_functions, tell_with_terms
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Rung
 from identifiability.regression.structure import Structure
@@ -44,6 +45,7 @@ def physical_set(structure: Structure) -> PhysicalSet:
         mass=mass,
         length=np.where(stated, length, 0.1),
         bounds=stated_bounds(structure, mass),
+        functions=tuple(list_functions(structure)),
     )
 
 
@@ -78,6 +80,15 @@ class FittedModel:
         """Fit a model."""
         part = rung.reduce(whole)
         return FittedModel(structure, rung, whole, part, estimator.fit(part))
+
+    @cached_property
+    def told(self) -> FittedModel:
+        """The model in the parameters that are reported: terms with their shares of functions."""
+        R = self.whole.factor(self.estimate.weights)[:-1, :-1]
+        rung = tell_with_terms(self.structure, self.rung, R)
+        if np.array_equal(rung.M, self.rung.M):
+            return self
+        return FittedModel.of(self.structure, rung, self.whole, self.estimate.estimator)
 
     @cached_property
     def to_x(self) -> Array:

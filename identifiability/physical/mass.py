@@ -92,7 +92,7 @@ def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
 def real_robot_dict(
     robot: Robot,
     parameters: Mapping[str, float],
-    errors: tuple[float, float],
+    errors: tuple[float, float, float],
     shapes: Mapping[str, float],
     cad_weight: float = 0.0,
 ) -> dict[str, Any]:
@@ -104,17 +104,20 @@ def real_robot_dict(
         Whose file it is written to.
     parameters : mapping
         Standard parameters by name; empty where no real robot was found.
-    errors : (float, float)
-        ε_RA on the fitted logs, of all parameters and of what a robot file holds of them.
+    errors : (float, float, float)
+        ε_RA on the fitted logs, of all parameters and of what a robot file holds of them: one of
+        the robot's own format, and one of the other.
     shapes : mapping
         Of the model's effects, by ``<joint>.<effect>``.
     cad_weight : float
         Of the prior that it was found with.
     """
+    own, other = ("mjcf", "urdf") if robot.mjcf else ("urdf", "mjcf")
     return {
         "error_ra": errors[0],
         "error_ra_file": errors[1],
-        "file": "mjcf" if robot.mjcf else "urdf",
+        "file": own,
+        "error_ra_files": {own: errors[1], other: errors[2]},
         "mass": total_mass(robot, parameters) if parameters else None,
         "mass_file": total_mass(robot, robot.nominal),
         "masses": mass_rows(robot, parameters),

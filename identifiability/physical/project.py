@@ -159,13 +159,20 @@ class Projection:
         return _Program(self)
 
     def _scale(self, data: LeastSquares) -> _Scaled:
+        """Return a data set in scaled parameters, with what pulls where it says nothing.
+
+        A function's values are of one size, that at which its best-seen one makes the whole torque:
+        where few data are a value of more than that is their noise.
+        """
         norms = np.linalg.norm(data.R, axis=0)
         whole = np.linalg.norm(data.z)
         seen = (norms > 0) & (whole > 0)
         scale = np.where(seen, whole / np.where(seen, norms, 1.0), 1.0)
         scale = np.where(self.region.inertial, self.region.scale, scale)
-        pull = np.sqrt(RIDGE)
-        stacked = np.vstack([data.R * scale / data.unit, pull * np.eye(scale.size)])
+        pull = np.full(scale.size, np.sqrt(RIDGE))
+        for own in self.region.functions:
+            scale[own], pull[own] = scale[own[seen[own]]].min(initial=whole or 1.0), 1.0
+        stacked = np.vstack([data.R * scale / data.unit, np.diag(pull)])
         Q, factor = np.linalg.qr(stacked)
         wanted = np.concatenate([data.z / data.unit, pull * self.reference / scale])
         return _Scaled(scale, factor, Q.T @ wanted, self.held.scaled(scale))

@@ -12,6 +12,7 @@ import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -35,10 +36,10 @@ from identifiability.robot.sidecar import read_sidecar
 from identifiability.robot.write_axes import write_axes
 
 
-def joint_numbers(robot: Description) -> tuple[str, ...]:
-    """Return what the file of a robot can state of a joint of one degree of freedom."""
+def joint_numbers(kind: Literal["mjcf", "urdf"]) -> tuple[str, ...]:
+    """Return what a file of a format can state of a joint of one degree of freedom."""
     every = ("damping", "frictionloss", "armature", "stiffness")
-    return every if robot.mjcf else every[:2]
+    return every if kind == "mjcf" else every[:2]
 
 
 def write_robot(

@@ -58,7 +58,7 @@ def fitted_samples(copy: Robot, result, log) -> Samples:
 def replay(robot: Robot, result, log, folder: Path) -> Replayed:
     """Export a result and evaluate file, and file with sidecar, on the log."""
     path = result.to_json(folder / "result.json")
-    exported = export(robot, path, folder / f"fitted{robot.path.suffix}")
+    exported = export(robot, path, folder / f"fitted{robot.path.suffix}", force=True)
     copy = Robot.load(exported.robot)
     samples = log if isinstance(log, Samples) else fitted_samples(copy, result, log)
     alone: dict = {}

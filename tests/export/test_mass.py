@@ -36,7 +36,9 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, tm
     mass = total_mass(result.robot, result.chosen.physical.parameters())
     assert mass > 3 * 25.248
     path = result.to_json(tmp_path / "result.json")
-    run = CliRunner().invoke(app, ["export", "3-rps", str(path), "--out", str(tmp_path / "x.xml")])
+    run = CliRunner().invoke(
+        app, ["export", "3-rps", str(path), "--out", str(tmp_path / "x.xml"), "--force"]
+    )
     first = run.output.splitlines()[0]
     assert first.startswith(f"The nearest real robot weighs {mass:.4g} kg, that of the robot file ")
     assert first.endswith("--cad-prior 1 keeps it nearer to the file.")

@@ -32,6 +32,7 @@ class JudgedModel:
     rung : Rung
     estimate : Estimate
     verdicts : tuple of Verdict
+        Of terms with their shares of functions that were learned.
     error_ra : float
         ε_RA on the logs it was fitted to.
     error_ra_validation : float
@@ -129,9 +130,9 @@ class RungResult(JudgedModel):
         Joints at which it surely errs more on unseen motion than the best model does.
     error_ra_physical : float
         ε_RA of the nearest real robot, on the same samples as `error_ra_validation`.
-    error_ra_real, error_ra_file : float
+    error_ra_real, error_ra_file, error_ra_other : float
         ε_RA of the nearest real robot on the logs that were fitted, and of what a robot file
-        holds of it without a sidecar.
+        holds of it without a sidecar: one of the robot's own format, and one of the other.
     physical : PhysicalResult
         Whether a real robot has these parameters, and the nearest that has.
     """
@@ -141,6 +142,7 @@ class RungResult(JudgedModel):
     error_ra_physical: float
     error_ra_real: float
     error_ra_file: float
+    error_ra_other: float
     physical: PhysicalResult
 
     @property
@@ -221,16 +223,29 @@ def assess_ladder(
         rung, reduced, fit = model.rung, model.information, model.estimate
         residual = fitted.residual[:, :, k]
         uncertainty = assess_uncertainty(reduced, fit, residual, fitted.series, rng, replicates)
+        told, spread_told = model.told, uncertainty
+        if told is not model:
+            spread_told = assess_uncertainty(
+                told.information, told.estimate, residual, fitted.series, rng, replicates
+            )
         nominal = model.structure.nominal_base - rung.held
-        stated = np.linalg.lstsq(rung.M, nominal, rcond=None)[0]
-        left_out = find_left_out(model.structure, rung, model.whole, fit, full)
-        aliases = _aliases(reduced, fit, rung)
+        stated = np.linalg.lstsq(told.rung.M, nominal, rcond=None)[0]
+        left_out = find_left_out(model.structure, told.rung, model.whole, told.estimate, full)
+        aliases = _aliases(told.information, told.estimate, told.rung)
         result = RungResult(
             rung=rung,
             estimate=fit,
             uncertainty=uncertainty,
             verdicts=judge_rung(
-                rung, reduced, fit, uncertainty, torque, aliases, thresholds, stated, left_out
+                told.rung,
+                told.information,
+                told.estimate,
+                spread_told,
+                torque,
+                aliases,
+                thresholds,
+                stated,
+                left_out,
             ),
             error_ra=float(error[k]),
             error_ra_validation=float(held_error[k]),
@@ -242,7 +257,8 @@ def assess_ladder(
             error_ra_physical=float(held_error[m + k]),
             error_ra_real=float(error[m + k]),
             error_ra_file=float(error[2 * m + k]),
-            infeasible=forbidden_signs(rung, reduced, fit),
+            error_ra_other=float(error[3 * m + k]),
+            infeasible=forbidden_signs(told.rung, told.information, told.estimate),
             physical=real,
         )
         results.append(result)

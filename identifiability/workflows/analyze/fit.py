@@ -72,12 +72,13 @@ def base_values(
     """Return the base parameters (b, m + c m) of m fits, then of their nearest real robots.
 
     Of these come the first of each model, then the second of each, and so on. The second array
-    (b, m + 2 c m) goes on with what robot files hold of them.
+    (b, m + 3 c m) goes on with what robot files of their own format hold of them, and of the other.
     """
     values = [model.rung.expand(model.estimate.value) for model in models]
     robots = [p for each in zip(*candidates, strict=True) for p in each]
     whole = np.stack([*values, *(p.base for p in robots)], 1)
-    return whole, np.column_stack([whole, *(p.in_file for p in robots)])
+    files = [p.in_files[k] for k in range(2) for p in robots]
+    return whole, np.column_stack([whole, *files])
 
 
 def settle_robots(
@@ -92,7 +93,7 @@ def settle_robots(
     held_out : Prediction
         By all estimates, then as in `base_values`.
     predictions : sequence of Prediction
-        The same, perhaps with as many more by what robot files hold of the robots.
+        The same, perhaps with as many more by what robot files hold of the robots, twice.
     """
     chosen = settle_prior(candidates, held_out)
     robots = [each[at] for each, at in zip(candidates, chosen, strict=True)]
@@ -138,6 +139,6 @@ def _keep(
 ) -> Prediction:
     m, count = len(chosen), len(candidates[0])
     robots = np.array([m * (1 + c) + k for k, c in enumerate(chosen)], int)
-    files = robots + m * count
-    held = files if prediction.predicted.shape[2] > m * (1 + count) else files[:0]
+    files = [*(robots + m * count), *(robots + 2 * m * count)]
+    held = files if prediction.predicted.shape[2] > m * (1 + count) else []
     return prediction.select([*range(m), *robots, *held])

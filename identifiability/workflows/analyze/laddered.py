@@ -141,7 +141,7 @@ class Laddered(Result, Opening, Predicts):
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
         used, real = self._used, self._used.physical
-        errors = used.error_ra_real, used.error_ra_file
+        errors = used.error_ra_real, used.error_ra_file, used.error_ra_other
         return {
             "schema": self.schema,
             "robot": self.robot.identity,

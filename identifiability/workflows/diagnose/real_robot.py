@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.effects.holding import held_by_file
+from identifiability.effects.holding import file_kinds, held_by_file
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import IdentifiabilityError
@@ -102,15 +102,16 @@ def nearest_dict(d: Findings) -> dict[str, Any]:
     try:
         real = real_robot(d, structure) if known is None else known
     except IdentifiabilityError as error:
-        return {**real_robot_dict(d.robot, {}, (np.nan, np.nan), {}), "reason": str(error)}
+        return {**real_robot_dict(d.robot, {}, (np.nan,) * 3, {}), "reason": str(error)}
     values = dict(real.values)
     # A named effect may have the columns of one in the model: these stand for both.
     names = structure.columns
     first = np.array([names.index(n) == k for k, n in enumerate(names)])
-    phi = np.array([[v[n] for n in names] for v in (values, held_by_file(d.robot, values))]).T
+    files = [held_by_file(d.robot, values, kind) for kind in file_kinds(d.robot)]
+    phi = np.array([[v[n] for n in names] for v in (values, *files)]).T
     regression = replace(structure.regression(d.samples, keep=True), instruments=None, echo=None)
     errors = predict(regression, structure.G @ (phi * first[:, None])).relative_error()
-    held = (float(errors[0]), float(errors[1]))
+    held = (float(errors[0]), float(errors[1]), float(errors[2]))
     return real_robot_dict(d.robot, _fold(values), held, structure.shapes, real.cad_weight)
 
 

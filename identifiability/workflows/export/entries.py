@@ -28,6 +28,7 @@ class PhysicalEntry(Entry):
     shapes: dict[str, float] = Field(default={})
     error_ra: float | None
     error_ra_file: float | None
+    error_ra_files: dict[str, float | None] = Field(default={})
     cad_prior: float = 0.0
     certificate: str = ""
     sentence: str = ""

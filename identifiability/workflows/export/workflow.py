@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from identifiability.effects import FAMILIES
+from identifiability.effects.holding import Kind, file_kinds, held_by_file
 from identifiability.effects.nominal import reference_values
 from identifiability.effects.vocabulary import every_parameter
 from identifiability.foundation.documents import read_document
@@ -20,7 +21,10 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.export.as_json import write_parameters_json
 from identifiability.workflows.export.code import write_code
 from identifiability.workflows.export.entries import PhysicalEntry, Result, check_result
-from identifiability.workflows.export.parameters import Written, write_parameters
+from identifiability.workflows.export.parameters import write_parameters
+
+#: Times the error of all that was fitted beyond which what a file alone holds is another robot.
+ANOTHER = 3.0
 
 #: What is written, and the ending of its file.
 Format = Literal["mjcf", "urdf", "json", "python", "c"]
@@ -87,8 +91,14 @@ class Exported:
                 f"On the fitted logs the real robot errs by {100 * self.error_ra:.3g} %, and what "
                 f"{self.robot.name} alone holds by {100 * self.error_ra_file:.3g} %."
             )
-            if self.mended:
-                parts.append("Where samples were mended, these errors are of the mended ones.")
+        elif self.error_ra is not None:
+            parts.append(
+                f"On the fitted logs the real robot errs by {100 * self.error_ra:.3g} %; what "
+                f"{self.robot.name} alone holds was not measured when the result was made: make it "
+                "again to know."
+            )
+        if self.error_ra is not None and self.mended:
+            parts.append("Where samples were mended, these errors are of the mended ones.")
         if self.anew:
             parts.append(
                 f"{self.robot.name} is of another format than the robot's own file: it has no "
@@ -103,7 +113,12 @@ class Exported:
 
 @checked
 def export(
-    robot: RobotLike, result: FilePath, out: FilePath, form: Format | None = None
+    robot: RobotLike,
+    result: FilePath,
+    out: FilePath,
+    form: Format | None = None,
+    *,
+    force: bool = False,
 ) -> Exported:
     """Write the nearest real robot of a JSON result as a robot file, and a sidecar if it needs one.
 
@@ -119,12 +134,15 @@ def export(
         that returns the torque, of a closed chain in Python (extra ``codegen``).
     form : {"mjcf", "urdf", "json", "python", "c"}, optional
         By default what the ending says.
+    force : bool
+        Whether a robot file is written that alone errs by more than three times the error of all
+        that was fitted.
 
     Raises
     ------
     IdentifiabilityError
         If the file is no result, one of another robot, or has no masses; if code was asked for
-        that cannot be generated.
+        that cannot be generated; if a robot file alone errs much more than all that was fitted.
     """
     robot = robot if isinstance(robot, Robot) else Robot.load(robot)
     content = read_document(result, Result, "JSON", "result", IdentifiabilityError)
@@ -156,6 +174,10 @@ def export(
             mass=state_mass(robot, given, physical.cad_prior),
             mended=content.mended,
         )
+    assert wanted in ("mjcf", "urdf")
+    alone = _error_of_file(robot, physical, wanted)
+    if not force:
+        _refuse_another(robot, Path(out), physical, alone, wanted)
     written = write_parameters(robot, given, out, keep=False, shapes=shapes, reference=reference)
     beside: dict[str, list[str]] = {}
     for name in written.beside:
@@ -163,7 +185,7 @@ def export(
             continue  # one way of a level that both have
         title = effect_of[name].title if name in effect_of else name
         beside.setdefault(title, []).append(name)
-    anew = robot.mjcf != (written.robot.suffix.lower() == ".xml")
+    anew = wanted != file_kinds(robot)[0]
     return Exported(
         anew=anew,
         known=tuple(k.text for k in robot.known_torque),
@@ -171,7 +193,7 @@ def export(
         sidecar=written.sidecar,
         beside={title: tuple(names) for title, names in beside.items()},
         error_ra=physical.error_ra,
-        error_ra_file=_error_of_file(written, physical) if anew else physical.error_ra_file,
+        error_ra_file=alone,
         mass=state_mass(robot, given, physical.cad_prior),
         mended=content.mended,
     )
@@ -191,6 +213,36 @@ def _find_format(out: Path, form: Format | None) -> Format:
     return next(name for name, ending in ENDINGS.items() if ending == out.suffix.lower())
 
 
-def _error_of_file(written: Written, physical: PhysicalEntry) -> float | None:
-    """Return the error of a file of another format alone; None where nobody measured it."""
-    return None if written.beside else physical.error_ra
+def _error_of_file(robot: Robot, physical: PhysicalEntry, kind: Kind) -> float | None:
+    """Return the error of what a robot file alone holds; None where nobody measured it."""
+    if kind in physical.error_ra_files:
+        return physical.error_ra_files[kind]
+    if held_by_file(robot, physical.parameters, kind) == physical.parameters:
+        return physical.error_ra
+    return physical.error_ra_file if kind == file_kinds(robot)[0] else None
+
+
+def _refuse_another(
+    robot: Robot, out: Path, physical: PhysicalEntry, alone: float | None, kind: Kind
+) -> None:
+    """Refuse a robot file that alone errs much more than all that was fitted.
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    whole = physical.error_ra
+    if whole is None or alone is None or alone <= ANOTHER * whole:
+        return
+    other = next(k for k in file_kinds(robot) if k != kind)
+    error = _error_of_file(robot, physical, other)
+    better = ""
+    if error is not None and error < alone:
+        better = f", or to {out.with_suffix(ENDINGS[other]).name} (alone {100 * error:.3g} %)"
+    given = physical.parameters
+    lost = [n for n, x in held_by_file(robot, given, kind).items() if x != given[n]]
+    raise IdentifiabilityError(
+        f"On the fitted logs {out.name} alone would err by {100 * alone:.3g} %, more than "
+        f"{ANOTHER:g} times the {100 * whole:.3g} % of all that was fitted, because it cannot hold "
+        f"{listing(lost, 4)}: export to .json{better}, or write it all the same with --force."
+    )

@@ -200,7 +200,7 @@ def measure_rungs(
     opening, steps = question.opening, search.path.steps
     fits = [(model.rung, model.estimate) for model in map(question.fit, steps)]
     values = np.stack([rung.expand(fit.value) for rung, fit in fits], 1)
-    robots = [p.base for p in physical] + [p.in_file for p in physical]
+    robots = [p.base for p in physical] + [p.in_files[k] for k in range(2) for p in physical]
     own_values = np.stack([values[:, chosen], *robots], 1)
     every, two = Task(values[None], held=False), Task(own_values[None])
     crossed = _plan_unseen(question, search)
@@ -239,7 +239,9 @@ def measure_rungs(
             error_joints_validation=float(joints_held[k]),
             error_squares=step.errors.total / unit,
             error_squares_se=step.errors.above(least)[1] / unit,
-            infeasible=forbidden_signs(model.rung, model.information, model.estimate),
+            infeasible=forbidden_signs(
+                model.told.rung, model.told.information, model.told.estimate
+            ),
         )
         for k, (step, model) in enumerate(zip(steps, starmap(question.recall, fits), strict=True))
     )
@@ -281,6 +283,7 @@ def _judge(
     replicates: int,
 ) -> tuple[Verdict, ...]:
     """Return the verdicts on a model, with the blocks of the chosen one's bootstrap."""
+    model = model.told
     part, fit = model.information, model.estimate
     own = resample(part, fit, spread.block, rng, replicates)
     torque = float(np.linalg.norm(part.factor()[:, -1]) / np.sqrt(max(part.rows, 1)))

@@ -115,6 +115,7 @@ def fitted_model(model, every, nominal):
         nominal=np.array(nominal),
         G=np.eye(4),
         columns=every.columns,
+        parameters=(),
         robot=SimpleNamespace(joints=("one", "two")),
         inertial=np.empty((0, 10), int),
         base=SimpleNamespace(names=every.columns),
@@ -145,8 +146,9 @@ def ladder():
     models = [fitted_model(r, every, [1.0, 2.0, 3.0, 4.0]) for r in rungs]
     fits = [m.estimate for m in models]
     values = np.stack([r.expand(f.value) for r, f in zip(rungs, fits, strict=True)], 1)
-    # "The nearest real robots", and "what files hold of them".
-    values = np.concatenate([values, 0.9 * values, 0.8 * values], axis=1)
+    # "The nearest real robots", and "what files of both formats hold of them".
+    shares = (1.0, 0.9, 0.8, 0.7)
+    values = np.concatenate([share * values for share in shares], axis=1)
     half = [slice(0, 960), slice(960, 1920)]
     made = [
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
@@ -165,6 +167,7 @@ def test_every_model_gets_its_own_errors(ladder):
         assert (r.error_ra, r.error_ra_validation) == (fitted[k], held[k])
         assert r.error_ra_physical == held[2 + k]
         assert (r.error_ra_real, r.error_ra_file) == (fitted[2 + k], fitted[4 + k])
+        assert r.error_ra_other == fitted[6 + k]
     assert results[0].error_se == 0.0  # it is the best
     assert results[1].error_se == made[1].standard_error(0)[1] > 0
     fitted, held = (p.error_over_joints() for p in made)

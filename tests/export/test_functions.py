@@ -1,0 +1,158 @@
+"""Functions that were learned are told, and exported, beside what the model does without them."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import analyze, simulate
+from identifiability.cli import app
+from identifiability.effects.holding import held_by_file
+from identifiability.logs.prepare import prepare_samples
+from identifiability.regression.functions import leave_to_terms, list_functions
+from identifiability.regression.model import Model
+from identifiability.regression.reduction import LadderEntry
+from identifiability.regression.reduction.file import RungEntry
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.workflows.export import export
+
+USUAL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+#: The elbow reaches 4.4 rad/s: in the second nothing is said of most of the splines.
+FUNCTIONS = ("function_of_velocity@elbow", "function_of_velocity@elbow:40")
+FORMATS = ("xml", "urdf", "json")
+
+
+def make_log(robot):
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 400)
+    return simulate(
+        robot, motion, noise=Noise(torque=0.02), hide=["stribeck_friction@elbow=0.1"],
+        rng=np.random.default_rng(0),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=FUNCTIONS)
+def learned(request, tmp_path_factory):
+    robot = Robot.load("two-link")
+    ladder = LadderEntry(models=[RungEntry(name="learned", effects=[*USUAL, request.param])])
+    result = analyze(robot, make_log(robot), ladder=ladder, replicates=0)
+    return result, result.to_json(tmp_path_factory.mktemp("learned") / "result.json")
+
+
+def errors_of(copy, result, values):
+    """The error of values on the fitted log, by effects of the exported robot."""
+    structure = Structure.of(copy, Model.of(*result.effects))
+    phi = np.array([values.get(name, 0.0) for name in structure.columns])
+    (samples,) = result.samples
+    pieces = [
+        (p.down(structure.model.regressor(copy, p.motion) @ phi), p.down(p.tau))
+        for p in samples.pieces(4096)
+    ]
+    predicted, tau = map(np.concatenate, zip(*pieces, strict=True))
+    return predicted, np.abs(predicted - tau).sum() / np.abs(tau - tau.mean()).sum()
+
+
+def test_a_file_holds_what_is_best_without_the_function(learned):
+    """The friction of the file is that of a model without the function, at every range of it."""
+    result, _ = learned
+    plain = analyze("two-link", make_log(result.robot), ladder=LadderEntry(
+        models=[RungEntry(name="plain", effects=list(USUAL))]), replicates=0)  # fmt: skip
+    values = result.chosen.physical.parameters()
+    for name in ("elbow.Fv", "elbow.Fc"):
+        expected = plain[name]
+        assert values[name] == pytest.approx(expected["value"], rel=0.1)
+        assert result[name]["value"] == pytest.approx(values[name], rel=0.05)
+        assert "with its share of function_of_velocity" in result[name]["label"]
+        sigma = abs(result[name]["sigma_robust_percent"] * result[name]["value"])
+        assert sigma < 2 * expected["sigma_robust_percent"] * abs(expected["value"])
+    curve = [x for n, x in values.items() if ".fv" in n]
+    assert np.abs(curve).max() < 3 * np.abs(result.samples[0].tau[:, 1]).max()
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_every_format_states_both_errors_and_they_are_those_of_its_files(learned, ending, tmp_path):
+    result, path = learned
+    exported = export("two-link", path, tmp_path / f"fitted.{ending}", force=True)
+    values = result.chosen.physical.parameters()
+    whole, error = errors_of(result.robot, result, values)
+    assert exported.error_ra == pytest.approx(error, rel=1e-6)
+    assert f"errs by {100 * exported.error_ra:.3g} %" in exported.statement
+    assert f"alone holds by {100 * exported.error_ra_file:.3g} %" in exported.statement
+    if ending == "json":
+        assert exported.error_ra_file == exported.error_ra
+        return
+    copy = Robot.load(exported.robot)
+    again, _ = errors_of(copy, result, copy.nominal)
+    np.testing.assert_allclose(again, whole, atol=1e-9 * np.abs(whole).max())
+    exported.sidecar.unlink()
+    alone = Robot.load(exported.robot)
+    held, error = errors_of(alone, result, alone.nominal)
+    assert exported.error_ra_file == pytest.approx(error, rel=1e-6)
+    kind = {"xml": "mjcf", "urdf": "urdf"}[ending]
+    rest = {n: v - held_by_file(result.robot, values, kind)[n] for n, v in values.items()}
+    stated, _ = errors_of(result.robot, result, rest)
+    np.testing.assert_allclose(held + stated, whole, atol=1e-9 * np.abs(whole).max())
+    assert set(exported.beside).issuperset({"an unnamed function of velocity"})
+
+
+def test_a_file_that_is_another_robot_needs_force(learned, tmp_path):
+    _, path = learned
+    content = json.loads(path.read_text())
+    whole = content["physical"]["error_ra"]
+    for times, ending in ((2.99, "xml"), (3.01, "xml"), (3.01, "urdf")):
+        content["physical"]["error_ra_files"] = {"mjcf": times * whole, "urdf": times * whole}
+        (tmp_path / "result.json").write_text(json.dumps(content))
+        out = tmp_path / f"fitted{times}{ending}.{ending}"
+        words = ["export", "two-link", str(tmp_path / "result.json"), "--out", str(out)]
+        run = CliRunner().invoke(app, words)
+        assert (run.exit_code == 0) == out.exists() == (times < 3)
+        if times > 3:
+            said = " ".join(run.output.split())
+            assert "more than 3 times" in said
+            assert "elbow.fv" in said
+            assert not out.with_suffix(".toml").exists()
+            assert CliRunner().invoke(app, [*words, "--force"]).exit_code == 0
+            assert out.exists()
+
+
+@pytest.mark.parametrize("text", [*FUNCTIONS, "function_of_position@elbow:3",
+                                  "function_of_position_and_velocity@elbow:3",
+                                  "position_torque@elbow"])  # fmt: skip
+def test_terms_take_what_functions_contain_and_the_torque_stays(text):
+    """To 1e-9, whatever the units of columns; what is left is orthogonal to the terms."""
+    robot, rng = Robot.load("two-link"), np.random.default_rng(0)
+    usual = [*USUAL, "torque_offset", "joint_stiffness"]
+    structure = Structure.of(robot, Model.of(*usual, text))
+    W = structure.model.regressor(robot, prepare_samples(robot, make_log(robot)).motion)
+    R = W.reshape(-1, W.shape[2])
+    phi = np.where(structure.nonnegative, 5.0, rng.normal(size=R.shape[1]))
+    (own,) = list_functions(structure)
+    found = leave_to_terms(structure, R, phi)
+    torque = R @ phi
+    np.testing.assert_allclose(R @ found, torque, atol=1e-9 * np.abs(torque).max())
+    curve = R[:, own] @ found[own]
+    kinds = {"Fv", "Fc", "off"} if "velocity" in text else {"off", "K"}
+    for name in (f"elbow.{kind}" for kind in kinds):
+        column = R[:, structure.columns.index(name)]
+        share = column @ curve / np.linalg.norm(column) / np.linalg.norm(R[:, own] @ phi[own])
+        assert abs(share) < 1e-9, name
+    unseen = own[~R[:, own].any(0)]
+    assert not found[unseen].any()
+    assert (len(unseen) > 0) == (text == FUNCTIONS[1])
+    scale = np.exp(rng.normal(size=len(phi)))
+    again = leave_to_terms(structure, R * scale, phi / scale) * scale
+    np.testing.assert_allclose(again, found, rtol=1e-6, atol=1e-8 * np.abs(found).max())
+
+
+def test_no_term_gets_a_sign_that_physics_forbids():
+    robot = Robot.load("two-link")
+    structure = Structure.of(robot, Model.of(*USUAL, FUNCTIONS[0]))
+    W = structure.model.regressor(robot, prepare_samples(robot, make_log(robot)).motion)
+    R, phi = W.reshape(-1, W.shape[2]), np.zeros(W.shape[2])
+    (own,) = list_functions(structure)
+    phi[own] = np.linspace(3, -3, len(own))  # pushes on
+    found = leave_to_terms(structure, R, phi)
+    assert (found[structure.nonnegative] >= 0).all()
+    np.testing.assert_allclose(R @ found, R @ phi, atol=1e-9)
