@@ -16,10 +16,11 @@ DEGREE = math.pi / 180
 def settle_angles(naming: Naming, known: Conventions) -> Naming:
     """Return what a log takes from a table, angles in rad; columns that state a unit keep it."""
     columns = tuple(_settle(column, known) for column in naming.columns)
+    locked = tuple(_settle(column, known) for column in naming.locked)
     if columns == naming.columns:
         return naming
     notes = (*naming.notes, "angles were read as degrees")
-    return replace(naming, columns=columns, notes=notes)
+    return replace(naming, columns=columns, notes=notes, locked=locked)
 
 
 def _settle(column: Column, known: Conventions) -> Column:

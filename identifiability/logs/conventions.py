@@ -40,6 +40,8 @@ class Conventions:
         Take a log without any torque: motion is all that is needed of it.
     entries : mapping
         Of arrays that MuJoCo keeps, by array, then index or name.
+    locked : mapping
+        Joint that does not move to where it is held [rad or m].
     """
 
     joints: tuple[str, ...] = ()
@@ -51,6 +53,7 @@ class Conventions:
     degrees: tuple[str, ...] = ()
     motion_alone: bool = False
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
+    locked: Mapping[str, float] = field(default_factory=dict)
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
@@ -59,7 +62,8 @@ class Conventions:
         motors = gear.motors if gear else ()
         pairs = zip(robot.joints, robot.actuated, strict=True)
         turns = [j for j, k in pairs if not robot.is_prismatic(int(k))]
-        degrees = (*turns, *motors) if robot.angles == "deg" else ()
+        # Of a locked joint nothing says whether it turns, as nearly all do.
+        degrees = (*turns, *motors, *robot.locked) if robot.angles == "deg" else ()
         return Conventions(
             joints=robot.joints,
             motors=motors,
@@ -68,4 +72,5 @@ class Conventions:
             torque=robot.torque,
             degrees=degrees,
             entries=robot.entries,
+            locked=robot.locked,
         )

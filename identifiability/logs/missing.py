@@ -56,7 +56,7 @@ def refuse_missing(
     missing = [j for j in known.joints if not {f"{j}.q", f"{j}.tau"} & taken]
     strange = _strangers([c for c in columns if c not in taken], known)
     if missing and strange:
-        _refuse_strangers(missing, strange, source, known)
+        _refuse_strangers(missing, strange, source, known, len(missing) < len(known.joints))
     before = _before(columns)
     if before and works({f"{re.escape(before)}(.*)": r"\1"}):
         raise LogError(
@@ -112,9 +112,12 @@ def _strangers(columns: Sequence[str], known: Conventions) -> list[str]:
 
 
 def _refuse_strangers(
-    missing: Sequence[str], strange: Sequence[str], source: str, known: Conventions
+    missing: Sequence[str], strange: Sequence[str], source: str, known: Conventions, some: bool
 ) -> NoReturn:
-    """Refuse a log that calls joints otherwise, and propose which is which."""
+    """Refuse a log that calls joints otherwise, and propose which is which.
+
+    Where it has `some` of the joints by their own names, the others are of another device.
+    """
     rule, others = _pattern(missing, strange)
     near = [(s, n) for s in strange if (n := near_match(s, missing)[:-1]).endswith("'")]
     of = "joint" if len(missing) == 1 else "joints"
@@ -132,6 +135,12 @@ def _refuse_strangers(
             f"{source}: the column '{name}.q' names a joint that the robot does not have{match}? "
             f"Its actuated joints are {listing(known.joints)}; if it is that one, add --map "
             f"'{name}={missing[0]}'."
+        )
+    if some:
+        locks = propose_locks(missing, known.joints)
+        raise LogError(
+            f"{tells}; every actuated joint needs '<joint>.q' (and '<joint>.tau' where its torque "
+            f"was measured){locks}."
         )
     pairs = zip(strange, missing, strict=False)
     example = " ".join(f"--map '{old}={new}'" for old, new in list(pairs)[:MOST])

@@ -83,6 +83,8 @@ class Naming:
     joints : tuple of str
     notes : tuple of str
         What is read otherwise than literally, half a sentence each.
+    locked : tuple of Column
+        Positions of joints that are locked, which a log may contradict.
     labels : mapping of str to str
         Columns of text that say which joint the others are about, with that text.
     """
@@ -91,6 +93,7 @@ class Naming:
     joints: tuple[str, ...]
     notes: tuple[str, ...] = ()
     labels: Mapping[str, str] = field(default_factory=dict)
+    locked: tuple[Column, ...] = ()
 
 
 def name_columns(
@@ -153,7 +156,19 @@ def name_columns(
         for c in columns
     }
     _refuse_unread([c for c in columns if stated[c.source] is None], source, known)
-    return _in_units(Naming(tuple(columns), tuple(joints), tuple(notes)), stated, source)
+    naming = Naming(tuple(columns), tuple(joints), tuple(notes), locked=_find_locked(names, known))
+    return _in_units(naming, stated, source)
+
+
+def _find_locked(names: Mapping[str, str], known: Conventions) -> tuple[Column, ...]:
+    """Return the columns that hold the positions of locked joints, and in which unit."""
+    every = (*known.motors, *known.joints, *known.locked)
+    guesses = [guess_column(c, n, every) for c, n in names.items()] if known.locked else []
+    return tuple(
+        Column(f"{g.joint}.q", g.source, g.unit.factor if g.unit else 1.0)
+        for g in guesses
+        if g is not None and g.kind == "q" and g.joint in known.locked
+    )
 
 
 def _name_otherwise(
@@ -170,18 +185,17 @@ def _name_otherwise(
     """Return what columns usually are that are called otherwise than they should be."""
     guesses = []
     entries = find_entries(names, known)
+    own = (*known.motors, *known.joints, *known.locked)
     for column, name in names.items():
         plain, unit = split_unit(name)
         if column in entries:
-            own = entries[column]
-            guesses += [own] if own else []
-        elif plain == "t" or (
-            _is_channel(plain) and _owner(plain) in (*known.motors, *known.joints)
-        ):
+            entry = entries[column]
+            guesses += [entry] if entry else []
+        elif plain == "t" or (_is_channel(plain) and _owner(plain) in own):
             owner, _, kind = plain.rpartition(".")
             guesses.append(Guess(column, kind, owner, -1, unit))
         else:
-            guess = guess_column(column, name, (*known.motors, *known.joints))
+            guess = guess_column(column, name, own)
             guesses += [guess] if guess else []
     if not any(g.kind == "tau" for g in guesses):
         guesses = [
@@ -234,7 +248,13 @@ def _name_otherwise(
         for g in chosen.values()
     }
     _refuse_unread([c for c in columns if stated[c.source] is None], source, known)
-    naming = Naming(columns, tuple(wanted), (*notes, *_tell_left(left)), labels)
+    locked = [_column(n, g) for n, g in taken.items() if n.endswith(".q")]
+    locked = [
+        replace(c, factor=c.factor * (unit.factor if (unit := taken[c.name].unit) else 1.0))
+        for c in locked
+        if _owner(c.name) in known.locked
+    ]
+    naming = Naming(columns, tuple(wanted), (*notes, *_tell_left(left)), labels, tuple(locked))
     return _in_units(naming, stated, source)
 
 
@@ -285,7 +305,7 @@ def _choose(guesses: Sequence[Guess], known: Conventions, source: str) -> dict[s
     for name, those in found.items():
         literal = [g for g in those if split_unit(g.source.strip())[0] == name]
         if len(those) > 1 and len(literal) != 1:
-            if name.endswith((".q", ".tau")):
+            if name.endswith((".q", ".tau")) and _owner(name) not in known.locked:
                 raise LogError(several(source, name, f"'{name}'", [g.source for g in those]))
             continue  # velocities are computed then
         out[name] = (literal or those)[0]

@@ -12,11 +12,11 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.logs.aliases import INDEX, guess_column
 from identifiability.logs.angles import settle_angles
-from identifiability.logs.checks import Clock, Numbers
+from identifiability.logs.checks import Clock, Numbers, to_floats
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.measured import call_currents, missing_torque, settle_torque
-from identifiability.logs.naming import Naming, name_columns
+from identifiability.logs.naming import Column, Naming, name_columns
 from identifiability.logs.rates import LACKING, unify_rates
 from identifiability.logs.spikes import SpikeFinder
 from identifiability.logs.times import as_times, settle_time, start_of
@@ -24,6 +24,10 @@ from identifiability.logs.wraps import WrapFinder
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+#: A joint that is held moves less than this [rad or m].
+PLAY = 0.01
 
 
 class MixedRatesError(LogError):
@@ -50,7 +54,8 @@ def settle_naming(
     LogError
     """
     columns = tuple(replace(c, source=sources[c.source]) for c in naming.columns)
-    naming = settle_angles(replace(naming, columns=columns), known)
+    locked = tuple(replace(c, source=sources[c.source]) for c in naming.locked)
+    naming = settle_angles(replace(naming, columns=columns, locked=locked), known)
     naming = settle_torque(naming, known, source)
     return settle_time(naming, first, source, known)
 
@@ -103,6 +108,7 @@ class Reading:
         self.turns: dict[str, WrapFinder] = {}
         self.clock, self.torque, self.made = Clock(source), False, list[str]()
         self._kept: dict[str, list[Array]] = {}
+        self._held: dict[str, tuple[float, float]] = {}
 
     def add(self, frame: pd.DataFrame, form: Form = PLAIN) -> None:
         """Check the next rows.
@@ -129,6 +135,8 @@ class Reading:
             found = start_of(self._naming)
             self.start = start if found is None else found
         self._follow_labels(frame)
+        for held in self._naming.locked:
+            self._follow_locked(held, frame[held.source])
         for known in self._naming.columns:
             column, numbers = known.name, self.numbers[known.name]
             given = frame[known.source]
@@ -187,6 +195,39 @@ class Reading:
                     "rows of one kind."
                 )
 
+    def _follow_locked(self, column: Column, given: pd.Series) -> None:
+        """Follow where a joint is that is said not to move; single wrong values do not count."""
+        values = column.scale(to_floats(given))
+        values = values[np.isfinite(values)]
+        if len(values):
+            low, high = np.quantile(values, [0.01, 0.99])
+            least, most = self._held.get(column.name, (np.inf, -np.inf))
+            self._held[column.name] = min(least, float(low)), max(most, float(high))
+
+    def _check_locked(self) -> None:
+        """Refuse a lock that the positions contradict; say where a joint stands elsewhere.
+
+        Raises
+        ------
+        LogError
+        """
+        notes = []
+        for name, (low, high) in self._held.items():
+            joint, at = name.removesuffix(".q"), 0.5 * (low + high)
+            held = self.known.locked[joint]
+            if high - low > PLAY:
+                raise LogError(
+                    f"{self.source}: the joint '{joint}' is locked, but '{name}' moves by "
+                    f"{high - low:.3g} ({low:.4g} … {high:.4g}); take the lock out, or give a "
+                    "stretch of the log in which it stands still."
+                )
+            if abs(at - held) > PLAY:
+                notes.append(
+                    f"'{joint}' stands at {at:.4g} and is locked at {held:.4g}: lock it there, "
+                    f"--lock {joint}={at:.4g}"
+                )
+        self._naming = replace(self._naming, notes=(*self._naming.notes, *notes))
+
     def finish(self) -> dict[str, Array]:
         """Return the columns, each (N,), as far as they were kept.
 
@@ -195,6 +236,7 @@ class Reading:
         LogError
             If a value cannot be, or the times are too few or do not increase.
         """
+        self._check_locked()
         if self.keep:
             self._unify()
         elif self._is_mixed():

@@ -102,7 +102,7 @@ def state_robot(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         combinations=forces.combinations,
         cables=cables,
         outside=outside,
-        entries=read_entries(scene, locked),
+        entries=read_entries(scene),
     )
 
 

@@ -99,7 +99,7 @@ def _tied(m: Any) -> Iterator[list[int]]:
         yield _along(m, t)
 
 
-def read_entries(m: Any, locked: Collection[str]) -> dict[str, dict[str, Entry]]:
+def read_entries(m: Any) -> dict[str, dict[str, Entry]]:
     """Return which entries of MuJoCo's arrays are about which joint, by array, then index or name.
 
     ``actuator_force`` is before the gear and ``qfrc_actuator`` behind it; ``ctrl`` is the force of
@@ -109,8 +109,6 @@ def read_entries(m: Any, locked: Collection[str]) -> dict[str, dict[str, Entry]]
     ----------
     m : mujoco.MjModel
         The whole scene, whose indices they are.
-    locked : collection of str
-        Joints that are left out.
     """
     found: dict[str, dict[str, Entry]] = {}
 
@@ -118,7 +116,7 @@ def read_entries(m: Any, locked: Collection[str]) -> dict[str, dict[str, Entry]]
         found.setdefault(word, {}).update((str(key), entry) for key in keys if key != "")
 
     joints = np.flatnonzero(np.isin(m.jnt_type, _SCALAR))
-    names = {int(j): m.joint(int(j)).name for j in joints if m.joint(int(j)).name not in locked}
+    names = {int(j): m.joint(int(j)).name for j in joints}
     for j, name in names.items():
         add("qpos", (int(m.jnt_qposadr[j]), name), Entry(f"{name}.q"))
         for word, kind in (("qvel", "dq"), ("qacc", "ddq"), ("qfrc_actuator", "tau")):

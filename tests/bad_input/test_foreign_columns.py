@@ -87,3 +87,36 @@ def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write
     np.testing.assert_allclose(log.tau, scaled, rtol=1e-12)
     with pytest.raises(LogError, match=r"is a current, but .* its unit is 'Nm'"):
         Log.from_frame(given.rename(columns=lambda c: c.replace("mA", "Nm")), "log", known())
+
+
+def locked(frame, **elbow):
+    """What a log in which the elbow does this says, where the elbow is locked."""
+    known = Conventions.of(Robot.load("two-link", lock=["elbow"]))
+    return Log.from_frame(frame.assign(**elbow), "log", known).notes
+
+
+@pytest.mark.parametrize("called", ["elbow.q", "/joint_states/elbow/position", "elbow_pos"])
+def test_a_lock_that_the_log_contradicts_is_refused_short_and_long_alike(called, arm, write):
+    frame = arm[[c for c in arm if c.startswith(("t", "shoulder")) or c == "elbow.q"]]
+    frame = frame.rename(columns={"elbow.q": called})
+    with pytest.raises(LogError, match=r"'elbow' is locked, but 'elbow\.q' moves by 4\.\d+ \(-"):
+        locked(frame)
+    known = Conventions.of(Robot.load("two-link", lock=["elbow"]))
+    with pytest.raises(LogError, match=r"take the lock out, or give a stretch"):
+        LogFile.read(write("log.csv", frame), known)
+    still = np.where(np.arange(len(frame)) == 7, 3.0, 0.001)  # one wrong value moves nothing
+    assert all("elbow' stands" not in note for note in locked(frame, **{called: still}))
+    assert "lock it there, --lock elbow=0.5" in locked(frame, **{called: 0.5})[-1]
+
+
+def test_what_another_device_has_is_not_proposed_for_a_joint(arm):
+    """A finger is no wrist: where some joints go by their own names, the others do so, too."""
+    frame = arm.rename(columns=lambda c: c.replace("elbow", "finger"))
+    with pytest.raises(LogError) as told:
+        Log.from_frame(frame, "log", known())
+    assert "no columns for the actuated joint elbow, but for finger" in str(told.value)
+    assert "--lock elbow" in str(told.value)
+    assert "--map" not in str(told.value)
+    every = frame.rename(columns=lambda c: c.replace("shoulder", "thumb"))
+    with pytest.raises(LogError, match="--map 'thumb=shoulder' --map 'finger=elbow'"):
+        Log.from_frame(every, "log", known())
