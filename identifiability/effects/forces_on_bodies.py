@@ -6,9 +6,10 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.effects.effect import Effect
-from identifiability.effects.nominal import project, reference_values, tree_motion
+from identifiability.effects.nominal import reference_values
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
 from identifiability.robot import Motion, Robot
+from identifiability.robot.along import project, tree_motion
 
 #: What gravity pulls at: a mass and its first moments.
 PULLED = INERTIAL_KINDS[:4]

@@ -13,6 +13,7 @@ import pinocchio as pin
 from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.robot import Motion, Robot
+from identifiability.robot.along import hold_weight, project, tree_motion
 
 #: Torque of a robot along a motion, (N, n) [N·m or N].
 Torque = Callable[[Robot, Motion], Array]
@@ -35,22 +36,6 @@ def once(torque: Torque) -> Torque:
         return tau
 
     return known
-
-
-def project(robot: Robot, motion: Motion, tree: Array) -> Array:
-    """Return the torque of the actuated joints (N, n) from that of the bodies' joints (N, nv)."""
-    tendons = np.zeros((len(tree), robot.nv - tree.shape[1]))  # they carry no body
-    tree = np.hstack([tree, tendons]) if tendons.shape[1] else tree
-    tau: Array = tree[:, robot.actuated]
-    if motion.X is not None:
-        tau = tau - np.einsum("nij,ni->nj", motion.X, tree[:, robot.dependent])
-    return tau
-
-
-def tree_motion(robot: Robot, motion: Motion) -> tuple[Array, Array, Array]:
-    """Return the motion of the joints that Pinocchio has, all but tendons."""
-    nq, nv = robot.model.nq, robot.model.nv
-    return motion.q[:, :nq], motion.v[:, :nv], motion.a[:, :nv]
 
 
 def reference_values(robot: Robot) -> Mapping[str, float]:
@@ -101,10 +86,7 @@ def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
     """
     model = _load_model(robot).copy()
     model.gravity.linear = gravity
-    data, tree = model.createData(), np.empty((len(motion), model.nv))
-    for k, q in enumerate(tree_motion(robot, motion)[0]):
-        tree[k] = pin.computeGeneralizedGravity(model, data, q)
-    return project(robot, motion, tree)
+    return hold_weight(robot, motion, model)
 
 
 def gravity_vector(robot: Robot) -> Array:

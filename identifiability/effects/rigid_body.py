@@ -4,10 +4,10 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.effects.effect import Effect
-from identifiability.effects.nominal import tree_motion
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Motion, Robot
+from identifiability.robot.along import tree_motion
 from identifiability.robot.changed import last_bodies
 
 

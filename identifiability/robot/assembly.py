@@ -88,7 +88,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         reference=extra.reference,
         columns=Renames.of(extra.columns),
         time_unit=extra.time.unit or "",
-        torque=_measured_torque(extra),
+        torque=_measured_torque(extra, stated),
         known_torque=_known_torque(extra, stated),
         angles=extra.angles,
         locked=dict(stated.locked),
@@ -103,6 +103,10 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         _check_known(
             path, f"torque.{key}", getattr(robot.torque, key), ("", *robot.joints, *motors)
         )
+    lifted = robot.torque.compensated
+    _check_known(
+        path, "torque.compensated", lifted if isinstance(lifted, tuple) else (), robot.joints
+    )
     limits = [extra.limits.get(joint, LimitEntry()) for joint in robot.joints]
     robot = replace(
         robot,
@@ -236,15 +240,24 @@ def _position_limits(robot: Description, given: list[LimitEntry]) -> Array:
     return out
 
 
-def _measured_torque(extra: Sidecar) -> MeasuredTorque:
-    """Return what torque columns hold; a number is for all joints."""
+def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
+    """Return what torque columns hold; a number is for all joints.
+
+    Before the gears, those that an MJCF states are the ratios that nobody gives.
+    """
     entry = extra.torque
     tables = {
         key: dict(value) if isinstance(value, dict) else {"": float(value)}
         for key in ("gain", "ratio", "sign")
         if (value := getattr(entry, key)) is not None
     }
-    return MeasuredTorque(entry.side, **tables)
+    if entry.side == "motor" and "ratio" not in tables:
+        forces = stated.entries.get("actuator_force", {}).values()
+        tables["ratio"] = {e.column.removesuffix(".tau"): e.factor for e in forces}
+    some = entry.compensated
+    return MeasuredTorque(
+        entry.side, **tables, compensated=tuple(some) if isinstance(some, list) else some
+    )
 
 
 def _known_torque(extra: Sidecar, stated: Stated) -> tuple[KnownTorque, ...]:

@@ -29,12 +29,21 @@ class MeasuredTorque:
         Of the gear, by joint; turns of the rotor for one of the joint.
     sign : mapping of str to int
         1 or −1, by joint.
+    compensated : bool, tuple of str or None
+        Whether torque that holds the weight was taken off, or at which joints: the file's is added
+        again. None where nobody said.
     """
 
     side: Side = "joint"
     gain: Mapping[str, float] = field(default_factory=dict)
     ratio: Mapping[str, float] = field(default_factory=dict)
     sign: Mapping[str, float] = field(default_factory=dict)
+    compensated: bool | tuple[str, ...] | None = None
+
+    def is_compensated(self, joint: str) -> bool:
+        """Return whether the torque of a joint lacks what holds the weight."""
+        said = self.compensated
+        return said if isinstance(said, bool) else joint in (said or ())
 
     def has_gain(self, joint: str) -> bool:
         """Return whether it is known what one unit of the log is at a joint."""
@@ -58,4 +67,7 @@ class MeasuredTorque:
         for name in ("gain", "ratio", "sign"):
             pairs = (f"{j or 'all'} = {v:g}" for j, v in getattr(self, name).items())
             said += [f"{name}: {', '.join(pairs)}"] if getattr(self, name) else []
+        if self.compensated:
+            which = "all" if isinstance(self.compensated, bool) else ", ".join(self.compensated)
+            said.append(f"compensated for gravity: {which}")
         return "; ".join(said)

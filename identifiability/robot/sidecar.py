@@ -80,6 +80,8 @@ Every key is optional::
     gain = {joint1 = 0.11}               # K_t of a current [N·m/A]; or one number for all
     ratio = {joint1 = 100}               # of the gear
     sign = {joint1 = -1}
+    compensated = true                   # without what holds the weight, which the driver took off
+                                         # (or a list of joints): the file's is added again
 
     [[known_torque]]                     # torque that motors supply beside all else, taken off the
     along = "joint2"                     # measured one: a joint, passive or not, or a coupled motor
@@ -226,6 +228,7 @@ class _TorqueEntry(_Strict):
     gain: Factor | dict[str, Factor] | None = None
     ratio: Factor | dict[str, Factor] | None = None
     sign: Literal[1, -1] | dict[str, Literal[1, -1]] | None = None
+    compensated: bool | Names | None = None
 
 
 class _KnownTorqueEntry(_Strict):

@@ -21,6 +21,7 @@ from identifiability.simulation import Noise, PrescribedMotion, shipped_trajecto
 from identifiability.workflows.oddities import Evidence
 from identifiability.workflows.oddities.effort import find_weightless
 from identifiability.workflows.oddities.exchanged import find_exchanged
+from identifiability.workflows.oddities.gravity import find_gravity
 from identifiability.workflows.oddities.hung import find_hung
 from identifiability.workflows.oddities.late import find_late
 from identifiability.workflows.oddities.limits import find_beyond_limits
@@ -38,6 +39,7 @@ FINDERS = {
     "exchanged or turned torque": find_turned_torque,
     "time in another unit": find_time_scale,
     "torque in another unit": find_torque_scale,
+    "another share of the weight": find_gravity,
     "no force": find_weightless,
     "late": find_late,
     "beyond limits": find_beyond_limits,

@@ -180,6 +180,11 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
     if robot.known_torque:
         known = "; ".join(k.text for k in robot.known_torque)
         notes.append(f"known torque was taken off the measured one: {known}")
+    if robot.torque.compensated:
+        notes.append(
+            "what holds the weight by the file was added to the measured torque, which lacks it "
+            "(compensated): what gravity tells of masses is the file's"
+        )
     rest = None if how.keep_rest else _rest_rule(plan, windows, raw.origins)
     return replace(
         plan,

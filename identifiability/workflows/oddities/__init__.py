@@ -11,6 +11,7 @@ from identifiability.foundation.values import frozen
 from identifiability.workflows.oddities.effort import find_weightless
 from identifiability.workflows.oddities.evidence import Evidence
 from identifiability.workflows.oddities.exchanged import find_exchanged
+from identifiability.workflows.oddities.gravity import find_gravity
 from identifiability.workflows.oddities.hung import find_hung
 from identifiability.workflows.oddities.late import find_late
 from identifiability.workflows.oddities.limits import find_beyond_limits
@@ -44,6 +45,7 @@ EXPLAIN = (
     find_exchanged,
     find_turned_torque,
     find_time_scale,
+    find_gravity,
     find_torque_scale,
     find_weightless,
     find_late,

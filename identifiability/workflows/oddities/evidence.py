@@ -121,3 +121,19 @@ def without(x: Array, known: Array) -> Array:
     Q = Q[:, kept]
     left: Array = x - Q @ (Q.T @ x)
     return left
+
+
+def unexplained(W: Array, tau: Array) -> float:
+    """Return what a regressor (m, n, p) and offsets leave of torque (m, n), as a share."""
+    m, n, p = W.shape
+    if m * n < 2 * (p + n):
+        return 0.0
+    A = (W - W.mean(0)).reshape(m * n, p)
+    b = (tau - tau.mean(0)).reshape(-1)
+    length = np.linalg.norm(A, axis=0)
+    A = A[:, length > 0] / length[length > 0]
+    square, V = np.linalg.eigh(A.T @ A)
+    kept = square > 1e-9 * square[-1]
+    fit = (V[:, kept].T @ (A.T @ b)) / np.sqrt(square[kept])
+    size, explained = float(b @ b), float(fit @ fit)
+    return float(max(1.0 - explained / size, 0.0) ** 0.5)

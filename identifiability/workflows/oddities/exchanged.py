@@ -13,10 +13,9 @@ from itertools import combinations
 import numpy as np
 
 from identifiability.foundation.errors import ClosureError
-from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import complete_motion
-from identifiability.workflows.oddities.evidence import Evidence
+from identifiability.workflows.oddities.evidence import Evidence, unexplained
 
 #: Relative error of the unpruned model up to which nothing is looked for.
 BAD = 0.1
@@ -117,20 +116,4 @@ def _error(evidence: Evidence, change: _Change) -> float:
             return np.inf
     structure = evidence.structure
     W = structure.model.regressor(structure.robot, motion)[:, :, structure.base.kept]
-    return _left(W / spread[:, None], tau / spread)
-
-
-def _left(W: Array, tau: Array) -> float:
-    """Return what a regressor (m, n, p) and offsets leave of torque (m, n), as a share."""
-    m, n, p = W.shape
-    if m * n < 2 * (p + n):
-        return 0.0
-    A = (W - W.mean(0)).reshape(m * n, p)
-    b = (tau - tau.mean(0)).reshape(-1)
-    length = np.linalg.norm(A, axis=0)
-    A = A[:, length > 0] / length[length > 0]
-    square, V = np.linalg.eigh(A.T @ A)
-    kept = square > 1e-9 * square[-1]
-    fit = (V[:, kept].T @ (A.T @ b)) / np.sqrt(square[kept])
-    size, explained = float(b @ b), float(fit @ fit)
-    return float(max(1.0 - explained / size, 0.0) ** 0.5)
+    return unexplained(W / spread[:, None], tau / spread)
