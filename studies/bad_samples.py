@@ -7,11 +7,16 @@ single sample and is left out of the fit. Values are compared with those of the 
 fault, in its robust standard deviations. How often anything is said of logs without faults stands
 beside it: simulated ones with noise of many kinds and coarse encoders, and real ones where they are
 there.
+
+Lost rows: of arms drawn at random along motions that are no series, up to a quarter of the rows is
+left out at random, with the right time stamps. Positions and torque alone are analyzed; an oracle
+is given the true motion at the rows that are left.
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,12 +28,16 @@ import kuka_lwr4
 import numpy as np
 import pandas as pd
 import staubli_tx40
+from drawn_robots import draw_arm
 from real_data.study import ROOT, data_folder
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.uncertainty import resample
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.engines.mapping import Serial
 from identifiability.foundation.output import write_json
+from identifiability.foundation.shares import exact_share
 from identifiability.logs import Log
 from identifiability.logs.mend import mend_logs
 from identifiability.logs.prepare import Samples, prepare_samples
@@ -36,7 +45,7 @@ from identifiability.regression.gather import gather_information
 from identifiability.regression.information import Information
 from identifiability.regression.model import Model
 from identifiability.regression.structure import Structure
-from identifiability.report import Section, frame_table, write_page
+from identifiability.report import Check, Section, frame_table, write_page
 from identifiability.robot import Robot
 from identifiability.simulation import (
     PAPER_NOISE,
@@ -46,6 +55,7 @@ from identifiability.simulation import (
     shipped_trajectory,
     simulate,
 )
+from identifiability.workflows.analyze import Analysis, analyze
 from identifiability.workflows.analyze.decisive import state_decisive, weigh_down_bursts
 
 ROBOTS = {"3-rps": "601", "five-bar": "a", "two-link": "a", "six-dof-arm": "a"}
@@ -73,6 +83,15 @@ FAULTS: dict[str, tuple[str, int, Callable[[Any, float], Any]]] = {
     "velocity + 10 sd": ("dq", 1, lambda x, sd: x + 10 * sd),
     "burst: 12 × torque × 10": ("tau", 12, lambda x, sd: 10 * x),
 }
+
+
+#: Lost rows: shares, arms, samples at 100 Hz (two thirds of a period of 30 s), harmonics of the
+#: motion, noise of the torque beside each joint's and its correlation, steps of the encoder [rad or
+#: m], and what must hold.
+LOST, KINDS, LOGGED = (0.02, 0.05, 0.1, 0.25), ("RR", "RP", "RRP", "PRR", "RRR"), 2000
+PERIOD, HARMONICS = 30.0, 12
+TORQUE, RHO, STEP = 0.03, 0.8, 2e-5
+MOST_OUTSIDE, LEAST_CALLED = 0.07, 0.8
 
 
 @dataclass(frozen=True)
@@ -218,6 +237,61 @@ def say(robot: Robot, log: Log) -> tuple[bool, bool]:
     return bool(hints), bool(fit(Structure.of(robot, MODEL), mended)[-1])
 
 
+def judge(found: Analysis) -> tuple[int, int]:
+    """Return how many values are called identifiable, and how many of them lie outside."""
+    rung = found.chosen.rung
+    truth = np.linalg.lstsq(rung.M, found.structure.nominal_base - rung.held, rcond=None)[0]
+    called = [
+        v.interval95[0] <= true <= v.interval95[1]
+        for v, true in zip(found.chosen.verdicts, truth, strict=True)
+        if v.verdict is Class.IDENTIFIABLE
+    ]
+    return len(called), called.count(False)
+
+
+def lose_rows(share: float, seed: int, folder: Path, replicates: int) -> tuple[int, ...]:
+    """Return what came of a log without some rows: called and outside, of ours and the oracle."""
+    rng = np.random.default_rng([seed, 5])
+    robot = draw_arm(rng, folder, KINDS[seed % len(KINDS)])
+    made = {"period": PERIOD, "samples": int(100 * PERIOD), "harmonics": HARMONICS}
+    motion = random_trajectory(robot, rng, **made)
+    clean = simulate(robot, PrescribedMotion.of(motion), noise=Noise(), rng=rng).rows(0, LOGGED)
+    tau = Noise(additive=TORQUE, correlation=RHO).on_torque(clean.tau, rng)
+    left = np.flatnonzero(rng.random(LOGGED) >= share)
+    assert clean.dq is not None
+    assert clean.ddq is not None
+    rows = {"t": clean.t[left], "tau": tau[left], "sha256": ""}
+    oracle = replace(clean, **rows, q=clean.q[left], dq=clean.dq[left], ddq=clean.ddq[left])
+    log = replace(oracle, q=np.round(oracle.q / STEP) * STEP, dq=None, ddq=None)
+    known = {"replicates": replicates, "seed": seed, "engine": Serial()}
+    return (*judge(analyze(robot, log, **known)), *judge(analyze(robot, oracle, **known)))
+
+
+def lost_frame(arms: int, first: int, replicates: int) -> pd.DataFrame:
+    """Return one row a share of lost rows."""
+    out = []
+    with tempfile.TemporaryDirectory() as folder:
+        for share in LOST:
+            tried = [lose_rows(share, first + k, Path(folder), replicates) for k in range(arms)]
+            called, outside, known, wrong = np.sum(tried, axis=0).tolist()
+            of = exact_share(float(outside), max(called, 1))
+            text = f"{100 * of.value:.2g} % ({100 * of.low:.2g} … {100 * of.high:.2g})"
+            row = {
+                "lost": f"{100 * share:g} %",
+                "arms": arms,
+                "identifiable": called,
+                "outside": Check(text, of.value <= MOST_OUTSIDE, "at most 7 %"),
+                "of the oracle": known,
+                "outside, oracle": wrong,
+                "called beside the oracle": Check(
+                    f"{called / max(known, 1):.3g}", called >= LEAST_CALLED * known, "at least .8"
+                ),
+            }
+            print({k: v.text if isinstance(v, Check) else v for k, v in row.items()}, flush=True)
+            out.append(row)
+    return pd.DataFrame(out)
+
+
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the study."""
     parser = argparse.ArgumentParser(prog="bad_samples", description=str(__doc__).split("\n")[0])
@@ -225,7 +299,14 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     parser.add_argument("--data", type=Path, help="folder of the data sets")
     parser.add_argument("--draws", type=int, default=10, help="faults of each kind a log")
     parser.add_argument("--seeds", type=int, default=5, help="random motions a robot, twice")
+    parser.add_argument("--arms", type=int, default=40, help="drawn for each share of lost rows")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first arm")
+    parser.add_argument("--replicates", type=int, default=200, help="of the bootstrap there")
+    parser.add_argument("--only-lost", action="store_true", help="lost rows and nothing else")
     given = parser.parse_args(argv)
+    lost = lost_frame(given.arms, given.first, given.replicates)
+    if given.only_lost:
+        return {}
     rng, trials, alarms, spent = np.random.default_rng(0), [], [], 0.0
     for name, trajectory in ROBOTS.items():
         robot = Robot.load(name)
@@ -266,6 +347,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     sections = (
         Section("faults", "Planted faults", lead, (parts[0],)),
         Section("alarms", "Logs without faults", "How many are spoken of.", (parts[1],)),
+        Section("lost", "Lost rows", "", (frame_table(lost),)),
     )
     given.out.parent.mkdir(parents=True, exist_ok=True)
     result = {
@@ -273,6 +355,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         "statement": text,
         "faults": tables[0].to_dict("records"),
         "without_faults": tables[1].to_dict("records"),
+        "lost": lost.map(lambda x: x.text if isinstance(x, Check) else x).to_dict("records"),
     }
     print(write_json(given.out, result))
     page = given.out.with_suffix(".html")

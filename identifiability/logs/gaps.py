@@ -1,8 +1,9 @@
 """Lost samples: which steps of a clock are gaps, which of them are bridged, where a log is split.
 
-A filter and two differences need samples at even steps. A gap that is short beside what the filter
-lets through is bridged by a cubic; across a longer one nothing is computed: the log falls into
-stretches, each filtered and differentiated by itself.
+A filter and two differences need samples at even steps. Samples that are nowhere farther apart than
+half a period of the cut-off determine what the filter lets through: such gaps are bridged by a
+cubic. Across a longer one nothing is computed: the log falls into stretches, each filtered and
+differentiated by itself.
 """
 
 from __future__ import annotations
@@ -18,15 +19,19 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.checks import Clock
 from identifiability.logs.stale import interpolate
 
-#: A step is a gap if it is longer than the usual one by this share of it, or by `JITTER` times its
-#: usual jitter where that is more; but never later than by `LATEST` steps.
-LOST, JITTER, LATEST = 0.5, 5.0, 3.0
+#: A step is a gap if it is longer than the usual one by this share of it, or by `JITTER` times what
+#: 95 % of the steps nearer than that deviate by, where that is more: four standard deviations.
+LOST, JITTER = 0.5, 2.0
 
-#: A gap is bridged up to this share of the period of the cut-off.
-BRIDGED = 0.25
+#: How often the usual step is taken anew as the median of those near it.
+CENTRED = 2
 
-#: More lost samples than this share of those that are there are not bridged: the clock is no clock.
-MOST = 0.25
+#: A gap is bridged up to this share of the period of the cut-off [Nyquist 1928].
+BRIDGED = 0.5
+
+#: More gaps than this share of the samples are lost samples only where half of them are whole steps
+#: up to `WHOLE` of one, which of uneven steps a quarter is: else the clock is no clock.
+MOST, WHOLE = 0.25, 0.125
 
 #: Gaps that a note lists.
 LISTED = 3
@@ -42,8 +47,10 @@ class Gaps:
         Of the log.
     step : float [s]
         The usual step.
+    usual : float
+        What 95 % of the steps without a gap deviate by, as a share of the usual one.
     jitter : float
-        The largest deviation of any other step, as a share of the usual one.
+        The largest deviation of any step that is no gap, as a share of the usual one.
     rows : (m,) int
         Rows after which samples are missing.
     t : (m,) [s]
@@ -56,6 +63,7 @@ class Gaps:
 
     name: str
     step: float
+    usual: float
     jitter: float
     rows: np.ndarray
     t: Array
@@ -76,10 +84,13 @@ class Gaps:
         """
         steps = np.concatenate([np.diff(t) for t in windows])
         dt = float(np.median(steps))
-        usual = float(np.quantile(np.abs(steps / dt - 1), 0.95))
+        for _ in range(CENTRED):  # lost samples are no jitter, and move the median of all
+            near = steps[np.abs(steps / dt - 1) < LOST]
+            dt = float(np.median(near))
+        usual = float(np.quantile(np.abs(near / dt - 1), 0.95))
         rows, t, then = clock.odd
         ratio = (then - t) / dt
-        gap = ratio - 1 > min(max(LOST, JITTER * usual), LATEST)
+        gap = ratio - 1 > max(LOST, JITTER * usual)
         gap &= ~_late(rows, ratio)
         worst = max(clock.longest.length, clock.shortest.length, key=lambda s: abs(s / dt - 1))
         odd = np.abs(ratio[~gap] - 1)
@@ -87,7 +98,7 @@ class Gaps:
         length = (then - t)[gap]
         others = max(clock.rows - 1 - len(length), 1)
         drift = (clock.last - clock.first - float(length.sum())) / others / dt - 1
-        return Gaps(name, dt, jitter, rows[gap], t[gap], length, drift)
+        return Gaps(name, dt, usual, jitter, rows[gap], t[gap], length, drift)
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -125,7 +136,9 @@ class Gaps:
         ------
         LogError
         """
-        if len(self) > MOST * samples:
+        steps = self.length / self.step
+        whole = len(self) and float(np.median(np.abs(steps - np.rint(steps)))) < WHOLE
+        if self.lost.sum() > samples or (len(self) > MOST * samples and not whole):
             raise LogError(
                 f"{self.name} is sampled so unevenly (every {samples / len(self):.2g}th step is "
                 f"longer than the usual {self.step:.3g} s, the first after t = {self.t[0]:.6g} s) "
@@ -202,12 +215,12 @@ def fill(x: Array, at: np.ndarray) -> Array:
 
 
 def _late(rows: np.ndarray, ratio: Array) -> np.ndarray:
-    """Return which long steps have a short one beside them that makes up for them, (m,) bool.
+    """Return which odd steps stand beside others that make up for them, (m,) bool.
 
-    Nothing is missing there: one sample was stamped too late or too early.
+    Nothing is missing there: samples were stamped too late or too early.
     """
-    late = np.zeros(len(rows), bool)
-    beside = np.flatnonzero(np.diff(rows) == 1)
-    for one, other in ((beside, beside + 1), (beside + 1, beside)):
-        late[one] |= (ratio[other] < 1) & (ratio[one] + ratio[other] - 2 < LOST)
+    if not len(rows):
+        return np.zeros(0, bool)
+    run = np.concatenate([[0], np.cumsum(np.diff(rows) != 1)])
+    late: np.ndarray = np.bincount(run, ratio - 1)[run] < LOST
     return late

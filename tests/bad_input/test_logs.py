@@ -164,7 +164,7 @@ def test_jitter_is_taken_as_even_and_said(bare, rng):
 @pytest.mark.parametrize("lost", [1, 2, 10])
 def test_a_gap_bridges_or_splits_a_log_and_is_said(lost, bare, arm):
     rows = [*range(50), *range(50 + lost, 200)]
-    how = Preparation(cutoff=3.0)  # a quarter of its period is 2.2 steps
+    how = Preparation(cutoff=6.0)  # half of its period is 2.2 steps
     samples = prepare_samples(Robot.load("two-link"), Log.from_frame(bare.iloc[rows]), how)
     said = [" s after t = 1.8375 s (data row 50)" in text for text in samples.hints]
     assert said == [True] * (lost > 1)

@@ -89,8 +89,7 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     if len(grid.after) and plan.cutoff is not None:
         notes.append(
             f"lost samples ({int(grid.lost.sum())}, at most {gaps.length[~split].max():.3g} s from "
-            "one to the next) were bridged by cubics, which a quarter of the cut-off's period "
-            "allows"
+            "one to the next) were bridged by cubics, which half of the cut-off's period allows"
         )
     if len(grid.breaks):
         hints.append(

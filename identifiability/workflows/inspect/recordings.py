@@ -173,8 +173,7 @@ def describe_log(
     prepared = evidence.samples[0] if evidence is not None else None
     clock = log.clock
     times = [w.t for w in windows]
-    steps, gaps = np.concatenate([np.diff(t) for t in times]), Gaps.of(log.name, clock, times)
-    usual = float(np.median(steps))
+    gaps = Gaps.of(log.name, clock, times)
     stale = StaleRule.of(raw).share
     return Record(
         name=log.name,
@@ -183,8 +182,8 @@ def describe_log(
         samples=len(log),
         start=float(clock.first),
         duration=float(clock.last - clock.first),
-        rate=1.0 / usual,
-        jitter=float(np.quantile(np.abs(steps / usual - 1.0), 0.95)),
+        rate=1.0 / gaps.step,
+        jitter=gaps.usual,
         gaps=len(gaps),
         lost=int(gaps.lost.sum()),
         longest=float(clock.longest.length),
@@ -195,7 +194,7 @@ def describe_log(
         parts=len(windows),
         refused=refused,
         notes=prepared.notes if prepared is not None else (),
-        joints=_describe_columns(robot, windows, usual, evidence),
+        joints=_describe_columns(robot, windows, gaps.step, evidence),
         trace=_trace(windows, prepared),
     )
 
