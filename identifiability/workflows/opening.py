@@ -37,6 +37,12 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.oddities import Evidence, find_oddities
 
+#: Why no verdict stands on columns that are read as what they are not, for after "because".
+MISREAD = (
+    "a column seems to have the wrong sign, unit or joint, as the first remark says: mend that, "
+    "and run again"
+)
+
 LogLike = Log | LogFile | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
     Sequence[LogLike] | LogLike,
@@ -80,6 +86,8 @@ class Opening(OfStructure):
         What seems to be wrong with robot file and logs, for the user to check.
     explained : bool
         Whether the first of them explains whatever else contradicts.
+    misread : str
+        Why no verdict stands, if it says that columns are not what they are read as.
     """
 
     structure: Structure
@@ -87,6 +95,7 @@ class Opening(OfStructure):
     validation: tuple[Prepared, ...]
     hints: tuple[str, ...]
     explained: bool = False
+    misread: str = ""
 
     @cached_property
     def regression(self) -> Regression:
@@ -250,7 +259,8 @@ def open_logs(
     if opening.silence:
         return replace(opening, validation=())
     odd = find_oddities(Evidence(structure, recordings.fitted, train))
-    return replace(opening, hints=(*odd.hints, *hints), explained=odd.decisive)
+    why = MISREAD if odd.misread else ""
+    return replace(opening, hints=(*odd.hints, *hints), explained=odd.decisive, misread=why)
 
 
 def require_signal(samples: Sequence[Prepared], done: str) -> None:

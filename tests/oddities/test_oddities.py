@@ -5,7 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability import analyze, diagnose, prune
+from identifiability.estimation.verdict import Class
 from identifiability.logs.checks import FEWEST
+
+from .conftest import record
 
 
 def test_a_good_log_is_not_spoken_of(say, good):
@@ -129,3 +133,41 @@ def test_whole_turns_are_no_other_zero(say, six_axis):
     (hint,) = say(structure, replace(log, q=log.q + np.array([0, 0, 1.5, 0, 0, 0])))
     assert "'joint_3.q' spans" in hint
     assert "Check the zero" in hint
+
+
+TURNED = "a column seems to have the wrong sign, unit or joint"
+
+
+@pytest.fixture(scope="module")
+def misread():
+    """The two-link arm and a log of it whose second torque has the wrong sign."""
+    structure, log = record("two-link", samples=900)
+    return structure.robot, replace(log, tau=log.tau * [1.0, -1.0])
+
+
+def test_no_verdict_stands_where_a_sign_or_a_unit_is_said_to_be_wrong(misread):
+    robot, log = misread
+    analysis = analyze(robot, log, replicates=10)
+    for found in (analysis, prune(robot, log, replicates=2)):
+        assert TURNED in found.nothing
+        assert any("elbow seems to have the wrong sign" in hint for hint in found.hints)
+        assert found.statement.startswith("Nothing is identifiable, because a column seems")
+    rows = [v for m in analysis.models for v in m.verdicts]
+    assert {v.verdict for v in rows} == {Class.NOT_IDENTIFIABLE}
+    assert all(TURNED in v.reason.lower() for v in rows)
+
+
+def test_nothing_is_named_where_a_sign_is_said_to_be_wrong(misread):
+    found = diagnose(*misread, quick=True, forward=False)
+    assert found.effects == ()
+    assert found.statement.startswith("Nothing is named, because a column seems")
+    assert "elbow seems to have the wrong sign" in found.statement
+
+
+def test_a_torque_in_another_unit_takes_verdicts_back_and_a_late_one_does_not():
+    structure, log = record("two-link", samples=900)
+    late = np.roll(log.tau, 8, 0)
+    for tau, withdrawn in ((1000.0 * log.tau, True), (late, False)):
+        found = analyze(structure.robot, replace(log, tau=tau), replicates=10)
+        assert len(found.hints) >= 1
+        assert bool(found.nothing) == withdrawn

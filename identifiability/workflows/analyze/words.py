@@ -119,20 +119,20 @@ def state_weak(chosen: RungResult) -> str:
 
 
 def doubt(
-    silence: str, results: tuple[RungResult, ...], at: int, held_out: Prediction
+    why: str, results: tuple[RungResult, ...], at: int, held_out: Prediction
 ) -> tuple[tuple[RungResult, ...], str]:
     """Take the verdicts back where none can be believed; return them, and why not.
 
     Parameters
     ----------
-    silence : str
-        Why the fitted logs have nothing to explain; empty if they do.
+    why : str
+        What speaks against all of them: the fitted logs have nothing to explain, or are misread;
+        empty if nothing does.
     results : tuple of RungResult
     at : int
         The selected model.
     held_out : Prediction
     """
-    why = silence
     if not why and not results[at].error_ra_validation < held_out.constant_error():
         why = WORSE
     return (tuple(r.withdraw(why) for r in results) if why else results), why

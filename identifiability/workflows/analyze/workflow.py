@@ -170,14 +170,16 @@ def analyze(
         physical, (fitted, out) = settle_robots(robots, out, (fitted, out))
         results = assess_ladder(models, physical, fitted, out, thresholds, streams[1], draws)
         at = select_model(results)
-        results, nothing = doubt(silence, results, at, out)
+        results, nothing = doubt(silence or opening.misread, results, at, out)
         bands = check_cutoff(opening, recordings, results[at], how)
         fit, part = results[at].estimate, results[at].rung.reduce(information)
         decided = state_decisive(robot.joints, opening.samples, part, fit)
         several = compare_logs(robot.joints, opening.samples, information, results[at])
         belief = None
         if posterior:
-            results, belief = believe(structure, information, results, at, streams[2], say, silence)
+            results, belief = believe(
+                structure, information, results, at, streams[2], say, silence or opening.misread
+            )
         settings = {
             "estimator": estimator,
             "replicates": draws,

@@ -260,6 +260,8 @@ class Findings(Setting, Verified):
         Its ε_RA on unseen motion, with what it named.
     turns : tuple of Turn
         What became of each of its names.
+    nothing : str
+        Why nothing was looked for, for after "because"; empty where it was.
     """
 
     refuted: tuple[NamedEffect, ...]
@@ -276,6 +278,7 @@ class Findings(Setting, Verified):
     earlier: str = ""
     earlier_error: float = float("nan")
     turns: tuple[Turn, ...] = ()
+    nothing: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property

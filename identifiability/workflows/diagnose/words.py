@@ -79,6 +79,8 @@ def _state_undecided(d: Findings) -> list[str]:
 
 def _state_untried(d: Findings) -> str:
     """Return why no family was tried, and the beginning of the sentence after that."""
+    if d.nothing:
+        return f"Nothing is named, because {d.nothing}. As it is"
     reasons: dict[str, list[str]] = {}
     for r in d.refusals:
         reasons.setdefault(r.reason, []).append(f"{r.family} {r.place}".strip())

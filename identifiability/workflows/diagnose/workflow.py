@@ -186,11 +186,13 @@ def diagnose(
             preparation=how or Preparation(),
         )
         odd, decided = (None, "") if setting.fixed else _doubt_logs(opening)
+        # Values that are kept are those of the file, and a wrong scale or sign is an effect.
+        nothing = "" if setting.fixed else opening.misread
         search = Search(
             logs=roles.fit,
             choose=tuple(choose),
             how=how,
-            effects=None if effects is None else tuple(effects),
+            effects=() if nothing else None if effects is None else tuple(effects),
             draws=settle_count(replicates, DRAWS, DRAWS // 2, quick=quick),
             streams=tuple(streams),
             say=say,
@@ -213,6 +215,7 @@ def diagnose(
         }
         found = replace(
             found,
+            nothing=nothing,
             hints=(
                 *doubts,
                 *([decided] if decided else []),

@@ -33,27 +33,32 @@ class Oddities:
     hints : tuple of str
     decisive : bool
         Whether the first of them explains whatever else contradicts.
+    misread : bool
+        Whether it says that columns have the wrong sign, unit or joint: values found from them are
+        those of another robot.
     """
 
     hints: tuple[str, ...] = ()
     decisive: bool = False
+    misread: bool = False
 
 
-#: What contradicts physics, in the order in which one explains the others.
-EXPLAIN = (
+#: Columns that are read as what they are not, in the order in which one explains the others, and
+#: what else contradicts physics.
+MISREAD = (
     find_wrong_rates,
     find_exchanged,
     find_turned_torque,
     find_time_scale,
     find_gravity,
     find_torque_scale,
-    find_weightless,
-    find_late,
 )
+EXPLAIN = (*MISREAD, find_weightless, find_late)
 
 
 def find_oddities(evidence: Evidence) -> Oddities:
     """Return what is odd about logs, a sentence each; one explanation is enough."""
     raw = (*find_beyond_limits(evidence), *find_hung(evidence), *find_saturation(evidence))
-    first: tuple[str, ...] = next(filter(None, (find(evidence) for find in EXPLAIN)), ())
-    return Oddities((*first, *raw), bool(first))
+    found = ((find, find(evidence)) for find in EXPLAIN)
+    which, first = next((pair for pair in found if pair[1]), (None, ()))
+    return Oddities((*first, *raw), bool(first), which in MISREAD)

@@ -253,7 +253,7 @@ def measure_rungs(
             error_joints_validation=own_rung.error_joints_unseen,
         )
     better = len(result.rung) and error_unseen[chosen] < unseen.constant_error()
-    nothing = result.contradicted if better else WORSE
+    nothing = opening.misread or (result.contradicted if better else WORSE)
     if nothing:
         rungs = tuple(r.withdraw(nothing) for r in rungs)
         result = result.withdraw(nothing)
