@@ -258,7 +258,8 @@ class Place:
     Attributes
     ----------
     engine
-        In this process, in several (default), or on a Dask cluster; the result is the same.
+        In this process, in several, or on a Dask cluster; the result is the same. Default: in
+        several once that is faster.
     workers
         Processes on this machine; default: one a core.
     scheduler

@@ -110,7 +110,7 @@ class Opening(OfStructure):
 
 @contextmanager
 def running(engine: Engine | None) -> Iterator[Engine]:
-    """Give the engine that was asked for, or else several processes that end with the work."""
+    """Give the engine that was asked for, or else processes that start once that pays."""
     if engine is not None:
         yield engine
         return

@@ -115,3 +115,20 @@ def test_options_choose_the_engine(tmp_path):
 
 def test_one_worker_works_here():
     assert set(Processes(1).map(lambda _: os.getpid(), range(3))) == {os.getpid()}
+
+
+def test_processes_that_nobody_asked_for_start_once_that_pays(monkeypatch, work):
+    monkeypatch.setattr("joblib.cpu_count", lambda: 2)
+    with Processes() as engine:  # by itself work of milliseconds stays here
+        assert {pid for _, pid in engine.map(partial(work.look_up, np.arange(9)), range(9))} == {
+            os.getpid()
+        }
+        assert engine._pool is None
+    monkeypatch.setattr("identifiability.foundation.engines.local.OPENING", 1e-9)
+    for engine in (Processes(), choose_engine()):
+        with engine:  # the first item says that the other eight would take longer than an instant
+            found = list(engine.map(partial(work.look_up, np.arange(9)), range(9)))
+        assert [x for x, _ in found] == list(range(9))
+        assert [pid == os.getpid() for _, pid in found] == [True] + [False] * 8
+    with choose_engine("processes") as engine:
+        assert os.getpid() not in engine.map(lambda _: os.getpid(), range(2))
