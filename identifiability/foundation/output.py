@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import secrets
 import shutil
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from glob import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.options import FilePath, checked
-from identifiability.foundation.scratch import host_mark, is_gone
+from identifiability.foundation.scratch import hold, host_mark, sweep
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -113,7 +112,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     target = real(path)  # a link stays a link
     temporary = _beside(target)
     try:
-        _fill(temporary, content, target)
+        _held = _fill(temporary, content, target)
         temporary.replace(target)
     except OSError as error:
         raise OutputError(f"'{path}' cannot be written: {_reason(error)}.") from None
@@ -138,8 +137,10 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     aside: list[tuple[Path, Path]] = []
     placed: list[Path] = []
     try:
-        for temporary, (_, content), target in zip(fresh, files, targets, strict=True):
+        _held = [
             _fill(temporary, content, target)
+            for temporary, (_, content), target in zip(fresh, files, targets, strict=True)
+        ]
         for target in reversed(targets):
             if target.exists():
                 name = target.with_name(f"{target.name}.{secrets.token_hex(4)}.old")
@@ -173,24 +174,25 @@ def kept_aside(path: Path) -> Path | None:
 def _beside(target: Path) -> Path:
     """Return where a file is filled before it is put in its place; sweep what the killed left."""
     host = host_mark()
-    _remove(p for p in target.parent.glob(f".{host}-*.tmp") if _is_orphan(p))
+    sweep(target.parent.glob(f".{host}-*-*.tmp"))
     return target.with_name(f".{host}-{os.getpid()}-{secrets.token_hex(6)}.tmp")
 
 
-def _is_orphan(path: Path) -> bool:
-    """Return whether a file was begun by a program of this machine that is no more."""
-    program = re.fullmatch(r"\.[0-9a-f]{8}-(\d+)-[0-9a-f]{12}\.tmp", path.name)
-    return program is not None and is_gone(int(program[1]))
+def _fill(temporary: Path, content: bytes, target: Path) -> BinaryIO:
+    """Write a file that is not in its place yet, with the rights of the one that it replaces.
 
-
-def _fill(temporary: Path, content: bytes, target: Path) -> None:
-    """Write a file that is not in its place yet, with the rights of the one that it replaces."""
-    with temporary.open("xb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    if target.exists():
-        shutil.copymode(target, temporary)
+    Nobody sweeps it as long as what is returned is kept.
+    """
+    while True:
+        with temporary.open("xb") as stream:
+            if not hold(stream, temporary):
+                continue
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        if target.exists():
+            shutil.copymode(target, temporary)
+        return stream
 
 
 def _remove(paths: Iterable[Path]) -> None:

@@ -32,6 +32,7 @@ from identifiability.robot.magnitudes import check_magnitudes
 from identifiability.robot.markup import read_markup
 from identifiability.robot.massless import merge_axes
 from identifiability.robot.parts import Coupling, Stated
+from identifiability.robot.shared_sidecar import find_sidecar
 from identifiability.robot.sidecar import Sidecar, read_sidecar
 
 
@@ -40,8 +41,7 @@ def read_robot(
 ) -> Description:
     """Read a robot; see `Robot.load`."""
     path = locate_robot(source)
-    beside = path.with_suffix(".toml")
-    chosen = Path(sidecar) if sidecar is not None else (beside if beside.is_file() else None)
+    chosen = Path(sidecar) if sidecar is not None else find_sidecar(path)
     extra = read_sidecar(chosen)
     extra = extra.model_copy(update={"locked": read_locks(extra.locked) | read_locks(lock)})
     root = read_markup(path)

@@ -1,39 +1,46 @@
-"""Robot files that differ in their ending alone read one sidecar, so it must fit all of them."""
+"""Which sidecar belongs to a robot file: its own (arm.xml.toml), or one for its stem (arm.toml).
+
+Robot files that differ in their ending alone read one sidecar, unless one of them has its own.
+"""
 
 from __future__ import annotations
 
 import tomllib
 from pathlib import Path
 
-from identifiability.foundation.errors import OutputError
-
 #: Endings of robot files.
 ENDINGS = (".urdf", ".xml", ".mjcf")
 
 
-def check_shared(path: Path, text: str) -> None:
-    """Refuse a sidecar that would change what another robot file of the same stem says.
+def own_sidecar(path: Path) -> Path:
+    """Return where the sidecar is that belongs to one robot file alone."""
+    return path.with_name(f"{path.name}.toml")
+
+
+def find_sidecar(path: Path) -> Path | None:
+    """Return the sidecar that a robot file is read with, if there is one."""
+    places = (own_sidecar(path), path.with_suffix(".toml"))
+    return next((place for place in places if place.is_file()), None)
+
+
+def place_sidecar(path: Path, text: str | None, taken: Path | None = None) -> Path:
+    """Return where to write a sidecar so that it changes what no other robot file says.
 
     Parameters
     ----------
     path : Path
         The robot file that is written.
-    text : str
-        Its sidecar; empty if it has none.
-
-    Raises
-    ------
-    OutputError
+    text : str or None
+        Its sidecar; None if it needs none.
+    taken : Path, optional
+        A sidecar that must not be replaced.
     """
-    beside = path.with_suffix(".toml")
-    others = [path.with_suffix(e) for e in ENDINGS if e != path.suffix.lower()]
-    other = next((p for p in others if p.is_file()), None)
-    if other is None:
-        return
-    there = tomllib.loads(beside.read_text(encoding="utf-8-sig")) if beside.is_file() else {}
-    if there != tomllib.loads(text):
-        raise OutputError(
-            f"'{beside}' would be the sidecar of '{other}' too, which is there and needs another; "
-            f"give '{path.name}' a name that differs in more than its ending, or move '{other}' "
-            "away."
-        )
+    own, shared = own_sidecar(path), path.with_suffix(".toml")
+    others = (path.with_suffix(ending) for ending in ENDINGS if ending != path.suffix.lower())
+    reads = any(p.is_file() and not own_sidecar(p).is_file() for p in others)
+    if own.exists() or (taken is not None and taken.resolve() == shared.resolve()):
+        return own
+    if not reads:
+        return shared
+    there = tomllib.loads(shared.read_text(encoding="utf-8-sig")) if shared.is_file() else {}
+    return shared if there == tomllib.loads(text or "") else own

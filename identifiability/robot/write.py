@@ -31,7 +31,7 @@ from identifiability.robot.mjcf_text import (
     write_cable,
     write_inertial,
 )
-from identifiability.robot.shared_sidecar import check_shared
+from identifiability.robot.shared_sidecar import own_sidecar, place_sidecar
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.robot.write_axes import write_axes
 
@@ -105,10 +105,12 @@ def write_robot(
         write_cable(cables[name], joints[name], robot.rest.get(name, home))
     ET.indent(top)
     text = ET.tostring(top, encoding="unicode") + "\n"
-    beside = path.with_suffix(".toml")
     extra = _sidecar_text(robot, tables)
-    _check_beside(robot, beside, path, needed=extra is not None)
-    check_shared(path, "" if extra is None else extra)
+    taken = robot.sidecar if path.resolve() != robot.path.resolve() else None
+    beside = place_sidecar(path, extra, taken)
+    if extra is None and beside == own_sidecar(path):
+        extra = f"# {path.name} needs none; {path.with_suffix('.toml').name} is another file's.\n"
+    _check_beside(beside, path, needed=extra is not None)
     pair = [] if extra is None else [(beside, extra.encode())]
     write_together([*pair, (path, text.encode())])
     return None if extra is None else beside
@@ -271,16 +273,10 @@ def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]])
     return text
 
 
-def _check_beside(robot: Description, beside: Path, path: Path, *, needed: bool) -> None:
+def _check_beside(beside: Path, path: Path, *, needed: bool) -> None:
     """Refuse a sidecar that would replace another kind of file, or pair up with this robot."""
     if not beside.exists():
         return
-    own = robot.sidecar is not None and beside.resolve() == robot.sidecar.resolve()
-    if own and path.resolve() != robot.path.resolve():
-        raise OutputError(
-            f"'{beside}' is the sidecar of {robot.path} and would be replaced by that of '{path}'; "
-            "give another name."
-        )
     if not needed:
         raise OutputError(
             f"'{beside}' would be read as the sidecar of '{path}', which has none; give another "

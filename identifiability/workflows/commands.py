@@ -12,6 +12,7 @@ from identifiability.logs.prepare.preparation import SettledPreparation
 from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
 from identifiability.robot.locate import shipped_folder
+from identifiability.robot.shared_sidecar import find_sidecar
 
 #: What of a preparation an option says; others are only said from Python.
 OPTIONS = ("derivatives", "cutoff", "period", "harmonics", "decimate")
@@ -24,8 +25,7 @@ def source_name(robot: Robot) -> str:
     """
     shipped = robot.path.parent.parent == shipped_folder()
     name = robot.path.parent.name if shipped else quote(robot.path.name)
-    beside = robot.path.with_suffix(".toml")
-    other = robot.sidecar is not None and robot.sidecar != beside
+    other = robot.sidecar is not None and robot.sidecar != find_sidecar(robot.path)
     sidecar = [f"--sidecar {quote(robot.sidecar.name)}"] if other and robot.sidecar else []
     locks = (f"{joint}={robot.locked[joint]:g}" for joint in robot.lock_option)
     return " ".join([name, *sidecar, *(f"--lock {quote(lock)}" for lock in locks)])

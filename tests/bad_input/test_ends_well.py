@@ -30,17 +30,6 @@ def test_a_name_that_a_sheet_would_run_is_no_header(name):
     assert csv_text(pd.DataFrame({"t": [0.0], f"j{name[1:]}": [1.0]})).startswith("t,j")
 
 
-def test_what_a_killed_program_left_is_swept_and_what_a_living_one_fills_is_not(tmp_path):
-    mine = output._beside(tmp_path / "a.json")
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    left = mine.with_name(mine.name.replace(f"-{os.getpid()}-", f"-{ended.pid}-"))
-    for path in (mine, left, tmp_path / ".other.tmp"):
-        path.write_text("half")
-    write_text(tmp_path / "a.json", "whole")
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([mine.name, ".other.tmp", "a.json"])
-
-
 class Found:
     """A result whose folder is gone when it is written."""
 
@@ -129,18 +118,41 @@ def test_long_arrays_of_numbers_are_no_deep_keys(tmp_path):
     assert documents._DEEP_KEY.search(".".join("a" * 64)) is None
 
 
-def test_folders_of_killed_programs_are_swept_and_those_of_others_are_not(tmp_path, monkeypatch):
+#: A program of another container that shares folder and host name: its number says nothing here.
+BEGINS = """
+import sys, time
+from pathlib import Path
+from identifiability.foundation import output, scratch
+folder = scratch.temporary_folder()
+begun = output._beside(Path(sys.argv[1], "result.json"))
+held = output._fill(begun, b"half", begun.with_name("result.json"))
+for path in (Path(folder.name), begun):
+    path.rename(path.with_name(path.name.replace(f"-{scratch.os.getpid()}-", "-999999999-")))
+print("begun", flush=True)
+sys.stdin.read()
+scratch.os._exit(9)
+"""
+
+
+def test_what_killed_programs_left_is_swept_and_what_others_work_on_is_not(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    with scratch.temporary_folder() as mine:
-        left = Path(mine.replace(f"-{os.getpid()}-", f"-{ended.pid}-"))
-        saved = tmp_path / "identifiability-abcd1234"  # a result that was written elsewhere
-        for path in (left, saved):
-            path.mkdir()
-            (path / "function").write_text("half")
-        with scratch.temporary_folder() as other:
-            assert {p.name for p in tmp_path.iterdir()} == {
-                saved.name, Path(mine).name, Path(other).name
-            }  # fmt: skip
-    assert [p.name for p in tmp_path.iterdir()] == [saved.name]
+    saved = tmp_path / f"identifiability-{scratch.host_mark()}"  # a result
+    saved.mkdir()
+    with subprocess.Popen(
+        [sys.executable, "-c", BEGINS, str(tmp_path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=os.environ | {"TMPDIR": str(tmp_path)},
+    ) as other:
+        assert other.stdout.readline() == b"begun\n"
+        theirs = set(tmp_path.iterdir())
+        assert len(theirs) == 3
+        with scratch.temporary_folder() as mine, scratch.temporary_folder() as more:
+            output.write_text(tmp_path / "mine.txt", "whole")
+            new = {tmp_path / "mine.txt", Path(mine), Path(more)}
+            assert set(tmp_path.iterdir()) == theirs | new
+        other.stdin.close()
+    assert other.returncode == 9
+    output.write_text(tmp_path / "mine.txt", "whole")
+    scratch.temporary_folder().cleanup()
+    assert set(tmp_path.iterdir()) == {saved, tmp_path / "mine.txt"}

@@ -178,10 +178,9 @@ def test_a_sidecar_takes_no_other_files_name(tmp_path):
     own = tmp_path / "own.xml"
     own.write_bytes(bare.read_bytes())
     own.with_suffix(".toml").write_text("name = 'own'")
-    with pytest.raises(
-        OutputError, match=r"own.toml' is the sidecar of .*own.xml and would be rep"
-    ):
-        write_parameters(Robot.load(own), {}, tmp_path / "own.mjcf")
+    twin = write_parameters(Robot.load(own), {}, tmp_path / "own.mjcf")
+    assert twin.sidecar == tmp_path / "own.mjcf.toml"
+    assert own.with_suffix(".toml").read_text() == "name = 'own'"
 
 
 def test_nominal_values_that_cannot_be_replaced_are_said(tmp_path):
@@ -196,16 +195,22 @@ def test_nominal_values_that_cannot_be_replaced_are_said(tmp_path):
         )
 
 
-def test_two_robot_files_that_need_other_sidecars_do_not_share_one(tmp_path):
+def test_two_robot_files_that_need_other_sidecars_have_one_each(tmp_path):
     """A URDF has its rotors there, and its MJCF does not: either would spoil the other."""
     arm = Robot.load("six-dof-arm")
     rotor = {f"{arm.joints[0]}.Ia": 0.3}
-    write_parameters(arm, rotor, tmp_path / "fitted.urdf")
+    first = write_parameters(arm, rotor, tmp_path / "fitted.urdf").sidecar
     before = {path: path.read_bytes() for path in files_in(tmp_path)}
-    with pytest.raises(OutputError, match=r"the sidecar of .*fitted.urdf' too, which is there"):
+    for _ in range(2):  # and again
         write_parameters(arm, rotor, tmp_path / "fitted.xml")
-    assert {path: path.read_bytes() for path in files_in(tmp_path)} == before
-    write_parameters(arm, rotor, tmp_path / "fitted.urdf")  # its own again
+        own = tmp_path / "fitted.xml.toml"
+        assert {path: path.read_bytes() for path in before} == before
+        assert Robot.load(tmp_path / "fitted.xml").sidecar == own
+        assert Robot.load(tmp_path / "fitted.xml").nominal[f"{arm.joints[0]}.Ia"] == 0.3
+        assert Robot.load(tmp_path / "fitted.urdf").sidecar == first
+        write_parameters(arm, rotor, tmp_path / "fitted.urdf")
     write_parameters(arm, rotor, tmp_path / "simulator.xml")
-    with pytest.raises(OutputError, match=r"the sidecar of .*simulator.xml' too"):
-        write_parameters(arm, rotor, tmp_path / "simulator.urdf")
+    write_parameters(arm, rotor, tmp_path / "simulator.urdf")  # the other way round
+    for ending in ("xml", "urdf"):
+        found = Robot.load(tmp_path / f"simulator.{ending}").nominal
+        assert found[f"{arm.joints[0]}.Ia"] == 0.3

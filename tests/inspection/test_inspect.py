@@ -86,6 +86,12 @@ def test_columns_of_a_template_are_those_that_a_log_is_read_by(tmp_path, gripper
     assert log.q[0] == pytest.approx(found.robot.actuated_positions(found.robot.home[None])[0])
     with pytest.raises(OutputError, match=r"does not end in \.csv"):
         found.write_template(tmp_path / "log.txt")
+    found.write_template(path)  # nobody has filled it
+    path.write_text(path.read_text() + "0.01,0,0\n")
+    kept = path.read_bytes()
+    with pytest.raises(OutputError, match=r"is no empty template; it may be a log, so nothing"):
+        found.write_template(path)
+    assert path.read_bytes() == kept
 
 
 def test_motors_that_mix_joints_name_what_is_theirs():

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.errors import listing
-from identifiability.foundation.output import check_ending, csv_text, write_text
+from identifiability.foundation.errors import OutputError, listing
+from identifiability.foundation.output import check_ending, check_writable, csv_text, write_text
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
@@ -204,10 +204,16 @@ class Inspection(OfStructure, Result):
         Raises
         ------
         OutputError
-            If it cannot be written, or is no .csv.
+            If it cannot be written, is no .csv, or is there with other content: a log.
         """
         check_ending(path, ".csv")
-        return write_text(path, csv_text(template_frame(self.robot)))
+        text, place = csv_text(template_frame(self.robot)), check_writable(path)
+        if place.exists() and place.read_bytes() != text.encode():
+            raise OutputError(
+                f"'{path}' is there and is no empty template; it may be a log, so nothing is "
+                "written over: give a new name."
+            )
+        return write_text(path, text)
 
 
 def _record(record: Record) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.there import check_there
 from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot, shipped_robots
+from identifiability.robot.shared_sidecar import find_sidecar
 from identifiability.workflows.inspect.machine import template_frame
 
 #: What a study begins with where nothing is said: the arm whose logs are shipped.
@@ -121,7 +122,7 @@ def new_study(
     check_writable(folder / source.name if folder.is_dir() else folder)
     shipped = str(robot) in shipped_robots()
     files = _shipped(source) if shipped else {source.name: source}
-    sidecar = source.with_suffix(".toml")
+    sidecar = find_sidecar(source) or source.with_suffix(".toml")
     if sidecar.is_file():
         files[sidecar.name] = sidecar
     names = [os.path.relpath(log, folder) for log in logs] or list(RUNS)
