@@ -152,3 +152,38 @@ def test_a_long_file_that_repeats_itself_counts_once(log, again, tmp_path, monke
     assert f"({(times - 1) * len(once)} of {times * len(once)})" in hint
     whole = LogFile.read(tmp_path / "once.csv")  # the same motion twice, each with its own noise
     assert drop_repeats([whole]) == ([whole], [], ())
+
+
+def measured(*, periods=6, noise, step=0.0, most=np.inf, scale=1.0, shift=0.0):
+    """A periodic motion of two joints, each period measured by itself."""
+    rng = np.random.default_rng(1)
+    t = 0.01 * np.arange(500)
+    q = np.stack([np.sin(1.2566 * t), np.cos(3.7699 * t)], 1)
+    tau = np.tile(np.stack([np.cos(1.2566 * t), 0.3 * np.sin(2.5133 * t)], 1), (periods, 1))
+    tau = tau + noise * rng.standard_normal(tau.shape)
+    tau = np.clip(step * np.round(tau / step) if step else tau, -most, most)
+    t = 0.01 * np.arange(len(tau))
+    return Log("m", ("a", "b"), t, shift + np.tile(q, (periods, 1)), scale * tau, None, None, "")
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.01, 0.05])
+@pytest.mark.parametrize(
+    "limits", [{"step": 0.1}, {"step": 0.3}, {"most": 0.1}, {"most": 0.2, "step": 0.05}], ids=str
+)
+def test_torque_that_saturates_or_has_few_steps_is_no_copy(noise, limits):
+    log = measured(noise=noise, **limits)
+    assert drop_repeats([log]) == ([log], [], ())
+
+
+@pytest.mark.parametrize("limits", [{}, {"step": 0.1}, {"most": 0.1}], ids=str)
+def test_copies_of_such_torque_are_still_found(limits):
+    log = measured(noise=0.05, **limits)
+    kept, _, _ = drop_repeats([log, log.cut(700, 1900, "cut")])
+    assert kept == [log]
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e-7, 1.0, 1e6])
+def test_what_is_a_copy_does_not_depend_on_the_size_of_the_robot(scale):
+    log = measured(noise=0.01, scale=scale)
+    assert drop_repeats([log]) == ([log], [], ())
+    assert drop_repeats([log, log.cut(700, 1900, "cut")])[0] == [log]

@@ -5,7 +5,8 @@ A command names a group as one parameter, ``place: Place``, and is made by `comm
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, astuple, dataclass
 from functools import partial
 from pathlib import Path
@@ -276,11 +277,19 @@ class Place:
     resume: Annotated[Path | None, _placed()] = None
     patience: Annotated[float, _placed(min=1)] = 60.0
 
-    def running(self) -> Engine:
-        """Return the engine; its processes end with it."""
-        from identifiability.foundation.engines.local import choose_engine  # noqa: PLC0415
+    @contextmanager
+    def running(self) -> Iterator[Engine]:
+        """Give the engine; its processes end with it. Say if there was nothing to keep."""
+        from identifiability.foundation.engines.local import Resumed, choose_engine  # noqa: PLC0415
 
-        return choose_engine(*astuple(self))
+        with choose_engine(*astuple(self)) as engine:
+            yield engine
+        if isinstance(engine, Resumed) and not engine.found + engine.done:
+            typer.echo(
+                f"--resume kept nothing in '{self.resume}': this was done in one piece, without "
+                "parts that could be; the same command begins anew.",
+                err=True,
+            )
 
 
 #: Makes a function a command: groups become their options, and files are looked at first.

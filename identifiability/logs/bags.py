@@ -34,6 +34,15 @@ BAGS = (".mcap", ".db3", ".bag")
 #: What ROS 2 and ROS 1 call the type.
 JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 
+#: Bytes of a message of joint states: some ten thousand joints.
+MOST_MESSAGE = 1_000_000
+
+#: How long the longest is, by what stands before each; nothing of them is read.
+_LONGEST = (
+    "select max(length(data)) from messages join topics on topics.id = messages.topic_id "
+    "where topics.type in (?, ?)"
+)
+
 #: Field of the message for every channel of a log.
 FIELDS = {"q": "position", "dq": "velocity", "tau": "effort"}
 
@@ -106,7 +115,7 @@ def read_bag(
     try:
         with _opened(bag) as reader:
             name = _choose_topic(bag, reader, topic or named)
-            return _collect(bag, name, _messages(reader, name), joints)
+            return _collect(bag, name, _messages(bag, reader, name), joints)
     except LogError:
         raise
     except MemoryError:  # mostly a length that was spoilt
@@ -148,9 +157,26 @@ def _check_files(path: Path) -> None:
     for file in [path, *path.glob("*.db3")] if path.is_dir() else [path]:
         if file.suffix == ".db3" and file.is_file():
             with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as base:
-                found = base.execute("select type, sql from sqlite_master").fetchall()
-            if any(kind in ("view", "trigger") or "VIRTUAL" in (sql or "") for kind, sql in found):
-                raise LogError(f"{file} computes its messages and holds none; record anew.")
+                found = base.execute("select type, name, sql from sqlite_master").fetchall()
+                unreal = ("view", "trigger")
+                if any(kind in unreal or "VIRTUAL" in (sql or "") for kind, _, sql in found):
+                    raise LogError(f"{file} computes its messages and holds none; record anew.")
+                if {"messages", "topics"} <= {name for _, name, _ in found}:
+                    _check_length(file, base.execute(_LONGEST, JOINT_STATE).fetchone()[0] or 0)
+
+
+def _check_length(path: Path, length: int) -> None:
+    """Refuse a message of joint states that no robot sends.
+
+    Raises
+    ------
+    LogError
+    """
+    if length > MOST_MESSAGE:
+        raise LogError(
+            f"{path} has a message of joint states of {length / 1e6:.0f} MB; up to "
+            f"{MOST_MESSAGE // 10**6} MB are read: it is damaged, or no robot's."
+        )
 
 
 def _choose_topic(path: Path, reader: Any, wanted: str | None) -> str:
@@ -176,10 +202,11 @@ def _choose_topic(path: Path, reader: Any, wanted: str | None) -> str:
     )
 
 
-def _messages(reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
+def _messages(path: Path, reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
     """Time of recording [ns] and message, for every message of a topic."""
     connections = [c for c in reader.connections if c.topic == topic and c.msgtype in JOINT_STATE]
     for connection, recorded, raw in reader.messages(connections=connections):
+        _check_length(path, len(raw))
         yield recorded, reader.deserialize(raw, connection.msgtype)
 
 

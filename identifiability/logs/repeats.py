@@ -2,7 +2,10 @@
 
 A measurement that is repeated has noise of its own. Rows whose positions and torques all agree to
 a ten-thousandth of how much they vary, many rows on end, are therefore copies: a log joined to
-itself, a cut of another log, a log that was written again with fewer digits.
+itself, a cut of another log, a log that was written again with fewer digits. Torque that saturates
+or has few steps agrees many rows on end by chance, too, where a motion is repeated: only rows in
+which the torque changes are counted, and how often it then agrees nearby, where the motion does,
+says how many of them chance explains.
 """
 
 from __future__ import annotations
@@ -22,11 +25,21 @@ from identifiability.logs.logfile import LogFile
 #: Values agree within this share of their standard deviation.
 AGREES = 1e-4
 
-#: No difference below this counts: what never moves varies by rounding [rad, m, N·m or N].
+#: No difference below this share of how much the liveliest joint varies counts: what never moves
+#: varies by rounding.
 FINEST = 1e-7
 
 #: Consecutive rows that must agree with consecutive earlier ones; standstills count as one.
 RUN = 16
+
+#: A run that chance explains comes less often than this in all the rows.
+CHANCE = 0.01
+
+#: Rows on each side of a run that say how often torque agrees by chance.
+NEARBY = 64 * RUN
+
+#: Distances between rows that come twice that are followed, the most frequent.
+MOST_LAGS = 16
 
 #: A log that is too long to be compared row by row is a copy if this share of some windows is.
 COPY = 0.9
@@ -119,9 +132,10 @@ def _first_pass(log: Recording) -> Recording:
         return log
     windows = signals.spread_windows(len(log))
     shown = [_values(part, log.joints) for part in _shown(log)]
-    near = np.maximum(AGREES * np.concatenate(shown).std(0), FINEST)
+    near = _near(np.concatenate(shown))
     for (at, _), window in zip(windows, shown, strict=True):
-        moves = (np.abs(np.diff(window, axis=0)) > near).any(1)[: len(window) - RUN]
+        differs = np.asarray((np.abs(np.diff(window, axis=0)) > near).any(1))
+        moves = differs[: len(window) - RUN]
         if moves.any():
             moving = int(np.argmax(moves))
             start, begin = at + moving, window[moving : moving + RUN]
@@ -163,7 +177,10 @@ def _comes_again(log: LogFile, period: int, near: Array) -> bool:
                 _values(log.rows(s, e), log.joints)
                 for s, e in ((a, stop), (a + period, stop + period))
             )
-            if (np.abs(np.subtract(*pair)) <= near).all(1).mean() < COPY:
+            now, then = pair
+            same = np.asarray((np.abs(now - then) <= near).all(1))
+            told = _torque_changes(now, near)
+            if min(same.mean(), same[told].mean() if told.any() else 1.0) < COPY:
                 return False
     return True
 
@@ -191,24 +208,53 @@ def _values(log: Log, joints: Sequence[str]) -> Array:
     return np.concatenate([log.q[:, at], log.tau[:, at]], axis=1)
 
 
+def _near(rows: Array) -> Array:
+    """Return how close the values of rows (N, 2n) are taken as equal: positions, then torques."""
+    spread = rows.std(0).reshape(2, -1)
+    floor = FINEST * spread.max(1, initial=0.0, keepdims=True)
+    near: Array = np.maximum(AGREES * spread, np.maximum(floor, np.finfo(float).tiny)).ravel()
+    return near
+
+
 def _match(rows: Array, starts: np.ndarray) -> np.ndarray:
-    """Return which rows (N, k) continue a run of copies of earlier ones, (N,) bool.
+    """Return which rows (N, 2n) continue a run of copies of earlier ones, (N,) bool.
 
     Runs do not reach over `starts`.
     """
-    centre = rows.mean(0)
-    cells = np.rint((rows - centre) / np.maximum(AGREES * rows.std(0), FINEST)).astype(np.int64)
+    near = _near(rows)
+    cells = np.rint((rows - rows.mean(0)) / near).astype(np.int64)
     mix = np.random.default_rng(0).integers(1, 2**63, rows.shape[1], np.uint64) | np.uint64(1)
     keys = (cells.astype(np.uint64) * mix).sum(1, dtype=np.uint64)
-    _, at, which = np.unique(keys, return_index=True, return_inverse=True)
+    _, at, which, times = np.unique(
+        keys, return_index=True, return_inverse=True, return_counts=True
+    )
     index = np.arange(len(rows))
+    back = index - at[which]
+    # Where rows come often by chance, those that come twice say how far back the copied ones are.
+    lags, votes = np.unique(back[(back > 0) & (times[which] == 2)], return_counts=True)
+    for lag in lags[np.argsort(votes)][-MOST_LAGS:].tolist():
+        back[lag:][keys[lag:] == keys[:-lag]] = lag
     still = np.concatenate([[False], keys[1:] == keys[:-1]])
     since = np.maximum.accumulate(np.where(still, 0, index))  # first row of a standstill
-    behind = (index - at[which])[since]
+    behind = back[since]
     begins = np.diff(behind, prepend=-1) != 0
     begins[starts] = True
+    told = _torque_changes(rows, near)
     copied = np.zeros(len(rows), bool)
     for a, b in pairwise([*np.flatnonzero(begins).tolist(), len(rows)]):
-        if behind[a] > 0 and np.count_nonzero(~still[a:b]) >= RUN:
-            copied[a:b] = True
+        lag, count = int(behind[a]), np.count_nonzero(told[a:b] & ~still[a:b])
+        if lag > 0 and count >= RUN:
+            beside = np.r_[max(lag, a - NEARBY) : a, b : min(len(rows), b + NEARBY)]
+            beside = beside[told[beside]]
+            same = np.abs(rows[beside] - rows[beside - lag]) <= near
+            moved, again = (np.asarray(half.all(1)) for half in np.hsplit(same, 2))
+            chance = again[moved].mean() if moved.any() else 0.0
+            copied[a:b] = chance >= COPY or len(rows) * chance**count < CHANCE
     return copied
+
+
+def _torque_changes(rows: Array, near: Array) -> np.ndarray:
+    """Return in which rows (N, 2n) a torque is another than in the row before, (N,) bool."""
+    tau = rows[:, rows.shape[1] // 2 :]
+    changes = np.abs(np.diff(tau, axis=0)) > near[rows.shape[1] // 2 :]
+    return np.concatenate([[True], np.asarray(changes.any(1))])

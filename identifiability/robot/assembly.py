@@ -20,6 +20,7 @@ from identifiability.robot.description import Description
 from identifiability.robot.joints import body_names
 from identifiability.robot.kinematics import Point
 from identifiability.robot.known_torque import KnownTorque
+from identifiability.robot.magnitudes import check_nominal
 from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.parts import (
     Combination,
@@ -219,6 +220,7 @@ def _nominal(
         joint, _, kind = name.rpartition(".")
         if kind == "Fc":
             values |= name_numbers(joint, {"frictionloss": value}, parts)
+    check_nominal(robot.path, values | given, ("Fv", "Fc", "Fc+", "Fc-", *parts[:1]))
     return values | given
 
 

@@ -14,6 +14,7 @@ from identifiability.foundation.errors import RobotError
 MOST_BYTES = 50_000_000
 MOST_BODIES = 200
 MOST_ELEMENTS = 20_000
+MOST_ATTRIBUTES = 1_000  # of an element; MuJoCo takes their square in time
 DEEPEST = 250
 
 #: Files that are included, and how deep in each other.
@@ -66,6 +67,11 @@ class _Bounded(ET.TreeBuilder):
             raise _too_many(self._path)
         if self._depth > DEEPEST:
             raise _too_deep(self._path)
+        if len(attrs) > MOST_ATTRIBUTES:
+            raise RobotError(
+                f"{self._path} has a <{tag}> with more than {MOST_ATTRIBUTES} attributes; no "
+                "element has so many: correct it."
+            )
         return super().start(tag, dict(attrs))
 
     def end(self, tag: str) -> ET.Element:

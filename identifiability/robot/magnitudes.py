@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -47,4 +48,30 @@ def check_magnitudes(path: Path, model: Any) -> None:
             raise RobotError(
                 f"{path}: mass, inertia or place of what joint '{model.names[k]}' moves is no "
                 "number of a robot; give kg, m and kg·m²."
+            )
+
+
+def check_nominal(path: Path, values: Mapping[str, float], positive: Collection[str]) -> None:
+    """Refuse values that files state and no joint has.
+
+    Parameters
+    ----------
+    path : Path
+    values : mapping
+        By name of the parameter.
+    positive : collection of str
+        Kinds of parameters that are not negative: dry and viscous friction, rotors.
+
+    Raises
+    ------
+    RobotError
+    """
+    for name, value in values.items():
+        joint, _, kind = name.rpartition(".")
+        if not abs(value) < LARGEST:
+            raise RobotError(f"{path}: {name} = {value:g} is no number of a robot; give SI units.")
+        if value < 0 and kind in positive:
+            raise RobotError(
+                f"{path}: the file, or its sidecar, states {name} = {value:g}; friction (damping, "
+                f"frictionloss) and rotors (armature) are not negative: correct '{joint}'."
             )

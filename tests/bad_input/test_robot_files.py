@@ -4,6 +4,7 @@ import math
 import re
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -367,3 +368,41 @@ def test_the_hash_of_a_robot_knows_what_its_file_includes(write):
     assert first == again
     assert deep == empty  # a sidecar that says nothing changes nothing
     assert len({first, deep, sidecar}) == 3
+
+
+@pytest.mark.parametrize(
+    ("attribute", "sentence"),
+    [
+        (
+            'armature="-0.2"',
+            r"shoulder.Ia = -0.2; friction .* are not negative: correct 'shoulder'",
+        ),
+        ('damping="-1"', r"shoulder.Fv = -1; friction"),
+        ('frictionloss="-3"', r"shoulder.Fc = -3; friction"),
+        ('damping="1e20"', r"shoulder.Fv = 1e\+20 is no number of a robot"),
+    ],
+)
+def test_nominal_values_that_no_joint_has_are_refused(tmp_path, attribute, sentence):
+    text = re.sub(r'\s(armature|damping|frictionloss)="[^"]*"', "", TWO)
+    path = tmp_path / "robot.xml"
+    path.write_text(text.replace('name="shoulder"', f'name="shoulder" {attribute}'))
+    with pytest.raises(RobotError, match=sentence):
+        Robot.load(path)
+
+
+def test_nominal_values_of_a_sidecar_are_refused_too(tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_text(TWO)
+    path.with_suffix(".toml").write_text('[nominal]\n"elbow.Fv" = -2.0\n')
+    with pytest.raises(RobotError, match=r"elbow.Fv = -2; friction"):
+        Robot.load(path)
+
+
+def test_an_element_of_a_hundred_thousand_attributes_is_refused_at_once(tmp_path):
+    many = " ".join(f'a{k}="1"' for k in range(100_000))
+    path = tmp_path / "robot.xml"
+    path.write_text(f"<mujoco><worldbody><geom {many}/></worldbody></mujoco>")
+    start = time.process_time()
+    with pytest.raises(RobotError, match="has a <geom> with more than 1000 attributes"):
+        Robot.load(path)
+    assert time.process_time() - start < 2

@@ -60,6 +60,7 @@ def test_a_calibration_is_taken_up_again(log, tmp_path):
     assert run.exit_code == 0, run.output
     assert "posterior" not in run.output  # without simulation-based calibration nothing is said
     kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "work").rglob("*.result")}
+    assert "kept nothing" not in run.stderr
     assert len(kept) == 10  # two batches for the first cell, one for each of the other eight
     victim = min(kept)
     victim.unlink()
@@ -68,6 +69,15 @@ def test_a_calibration_is_taken_up_again(log, tmp_path):
     now = {p: p.stat().st_mtime_ns for p in (tmp_path / "work").rglob("*.result")}
     assert now.keys() == kept.keys()
     assert {p for p in now if now[p] != kept[p]} == {victim}
+
+
+def test_work_that_is_done_in_one_piece_says_that_nothing_was_kept(log, tmp_path):
+    words = ["inspect", "two-link", str(log.write(tmp_path / "log.csv"))]
+    run = CliRunner().invoke(app, [*words, "--resume", str(tmp_path / "work")])
+    assert run.exit_code == 0, run.output
+    assert not list((tmp_path / "work").rglob("*.result"))
+    assert "--resume kept nothing in" in run.stderr
+    assert "kept nothing" not in CliRunner().invoke(app, words).stderr
 
 
 @pytest.mark.parametrize(

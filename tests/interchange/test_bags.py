@@ -163,3 +163,12 @@ def test_a_bag_is_analysed_as_its_table_is(frame, states, write_bag, tmp_path):
     for a, b in zip(analyze("two-link", bag, replicates=0).models,
                     analyze("two-link", kept, replicates=0).models, strict=True):  # fmt: skip
         np.testing.assert_allclose(a.estimate.value, b.estimate.value, rtol=1e-5)
+
+
+@pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
+def test_a_message_that_no_robot_sends_is_refused_unread(joint_state, write_bag, storage, frame):
+    many = np.zeros(200_000)
+    messages = [joint_state(["a"], many, many, many, 0)]
+    folder = write_bag({"/joint_states": messages}, storage)
+    with pytest.raises(LogError, match=r"has a message of joint states of 5 MB; up to 1 MB are"):
+        read_bag(folder)
