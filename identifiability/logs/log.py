@@ -177,7 +177,8 @@ class Log:
 
     def without(self, channels: Sequence[str]) -> Log:
         """Return the log without some of its derivatives."""
-        return self.each(lambda x: x, **dict.fromkeys(channels))
+        left: dict[str, Any] = dict.fromkeys(channels)
+        return replace(self, **left)
 
     def cut(self, start: int, stop: int, name: str) -> Log:
         """Return the samples [start, stop) under another name."""
