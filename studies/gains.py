@@ -20,7 +20,7 @@ from identifiability.simulation import Noise
 from identifiability.simulation.motion import find_motion
 
 ARM = """
-<mujoco><worldbody><body name="base">
+<mujoco><compiler angle="radian"/><worldbody><body name="base">
  <body name="table"><joint name="turn" axis="0 0 1" range="-3 3" damping="{0}" frictionloss="{1}"/>
   <inertial pos="0 0 0.1" mass="8" diaginertia="0.1 0.1 0.1"/>
  <body name="upper" pos="0 0 0.3"><joint name="lift" axis="0 1 0" range="-1.5 1.5" damping="{2}"
@@ -87,8 +87,9 @@ def main() -> None:
         inside, called, off, told = np.array(found, float).T
         share = inside[told > 0]
         error = np.sqrt(share.mean() * (1 - share.mean()) / max(len(share), 1))
-        print(f"{correlation:11.2f} {level:6.2f} {samples:8d}   {share.mean():.3f} ± {error:.3f}"
-              f"  {called.mean():.2f}   {int(off.sum()):6d} {int(called.sum()):6d}", flush=True)  # fmt: skip
+        counts = f"{called.mean():.2f}   {int(off.sum()):6d} {int(called.sum()):6d}"
+        sure = f"{share.mean():.3f} ± {error:.3f}"
+        print(f"{correlation:11.2f} {level:6.2f} {samples:8d}   {sure}  {counts}", flush=True)
 
 
 if __name__ == "__main__":
