@@ -33,6 +33,12 @@ class Case:
         What stands in its sidecar beside what it ships with.
     columns : mapping
         As `--map` gives them.
+    lock : tuple of str
+        Joints that are locked, as `--lock` gives them.
+    scene : callable
+        Changes the text of the robot's file.
+    unmeasured : tuple of str
+        Joints of which no torque is left to compare.
     quiet : bool
         Nothing may be called odd: the log is good.
     never : bool
@@ -46,6 +52,9 @@ class Case:
     robot: str = "six-dof-arm"
     sidecar: str = ""
     columns: Mapping[str, str] = field(default_factory=dict)
+    lock: tuple[str, ...] = ()
+    scene: Callable[[str], str] | None = None
+    unmeasured: tuple[str, ...] = ()
     quiet: bool = False
     never: bool = False
 

@@ -11,6 +11,9 @@ SAMPLE = (
     "rows in disorder",
     "degrees",
     "mN·m, a two-link arm",
+    "compensated, two-link",
+    "German, Windows-1252, velocities",
+    "actuator_force behind a door",
 )
 
 

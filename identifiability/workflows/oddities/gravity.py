@@ -138,7 +138,8 @@ def find_gravity(evidence: Evidence) -> tuple[str, ...]:
             "sidecar, or gravity in the file; sign = 1 says that the torque is right).",
         )
     half = [c for c in carried if c.is_half]
-    sure = len(half) == len(carried) > 1 or any(_gear(evidence, c.joint) != 1.0 for c in half)
+    told = [c for c in carried if np.isfinite(c.nearest)]
+    sure = len(half) == len(told) > 1 or any(_gear(evidence, c.joint) != 1.0 for c in half)
     if half and sure and not (torque.gain or torque.ratio):
         return (
             f"By the masses of the robot file, {_listed(evidence, half)}, and the torque that "
