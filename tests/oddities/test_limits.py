@@ -1,0 +1,220 @@
+"""The null side of hints: sound data just inside a limit say nothing, data just outside do.
+
+One row a limit. A limit that is loosened by a factor, or tightened, is noticed by its row.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identifiability.logs.rates import unify_rates
+from identifiability.logs.units import contradictions, looks_like_degrees
+from identifiability.workflows.oddities import exchanged, torque_scale
+from identifiability.workflows.oddities.effort import find_weightless
+from identifiability.workflows.oddities.gravity import _nearest
+from identifiability.workflows.oddities.hung import find_stretches
+from identifiability.workflows.oddities.limits import find_beyond_limits
+from identifiability.workflows.oddities.saturation import flat_share
+from identifiability.workflows.oddities.time_scale import find_time_scale
+
+N = 4000
+RNG = np.random.default_rng(0)
+#: At right angles to one another and to a constant, of unit rms.
+WAVES = np.sqrt(N) * np.linalg.qr(np.column_stack([np.ones(N), RNG.normal(size=(N, 6))]))[0][:, 1:]
+
+
+def evidence(**given):
+    """What is odd about two joints that turn, of which only this is looked at."""
+    robot = SimpleNamespace(
+        limits=np.array([[-1.0, 1.0]] * 2), actuated=np.array([0, 1]), angles="rad", closed=False,
+        is_prismatic=lambda _: False, torque_units=("N·m",) * 2, speed_limits=[1.0, 2.0],
+    )  # fmt: skip
+    usual = {"robot": robot, "joints": ("a", "b"), "weighs": False, "recordings": ()}
+    return SimpleNamespace(**usual | given)
+
+
+def moving(q=None, v=None):
+    v = np.column_stack([np.sin(np.arange(N)), np.cos(np.arange(N))]) * 0.5 if v is None else v
+    return SimpleNamespace(actuated_q=np.zeros((N, 2)) if q is None else q, actuated_v=v)
+
+
+# Limits of positions: allowed are 2 rad.
+
+
+def share_outside(share):
+    q = np.where(np.arange(N) < share * N, 1.5, 0.0)
+    return find_beyond_limits(evidence(motion=moving(np.column_stack([q, 0 * q]))))
+
+
+def far_outside(share):
+    q = np.where(np.arange(N) < 0.5 * N, 1.0 + 2.0 * share, 0.0)
+    return find_beyond_limits(evidence(motion=moving(np.column_stack([q, 0 * q]))))
+
+
+# Flat tops of torque.
+
+
+def flat_top(share, below, run):
+    """A share of the samples at the top, in runs, and a share within a hundredth below."""
+    x = np.linspace(-1.0, 0.9, N)
+    count, near = round(share * N), round(below * N)
+    starts = np.arange(0, count, run) * 2
+    at = np.concatenate([np.arange(s, s + min(run, count - k * run)) for k, s in enumerate(starts)])
+    x[at] = 1.0
+    x[N - near :] = np.linspace(0.985, 0.998, near)
+    return flat_share(x)
+
+
+# Weight that torque does not carry.
+
+
+def carried(share):
+    weight = np.ones((N, 2))
+    torque = np.column_stack([np.full(N, share), np.ones(N)])
+    return find_weightless(evidence(weighs=True, gravity=weight, torque=torque))
+
+
+def felt(share):
+    weight = np.column_stack([np.full(N, share), np.ones(N)])
+    torque = np.column_stack([np.zeros(N), np.ones(N)])
+    return find_weightless(evidence(weighs=True, gravity=weight, torque=torque))
+
+
+# A reading that hangs: in 40 samples a column changes by so many of its steps, then it jumps.
+
+
+def hangs(length, changes=40.0, jumps=12.0):
+    """Up and down by ten steps a sample, hung for some time, then a leap in usual changes."""
+    n, step = 400, 1.0
+    rise = np.where(np.arange(n) % 2 == 0, 10.0, -10.0 + 2.0 * changes / length) * step
+    rise[0] = step
+    x = np.concatenate([[0.0], np.cumsum(rise)])
+    x = np.concatenate([x[:200], np.full(length - 1, x[199]), x[199] + jumps * 10.0 + x - x[0]])
+    log = SimpleNamespace(joints=("a",), q=np.arange(len(x))[:, None] * 1.0, tau=x[:, None])
+    return list(find_stretches(log))
+
+
+# Time in another unit.
+
+
+def speeds(times):
+    v = np.array([1.0, 2.0]) * times * np.sin(np.linspace(0, 6, N))[:, None]
+    return find_time_scale(evidence(motion=moving(v=v / np.abs(v).max(0) * times * [1.0, 2.0])))
+
+
+def inertia(ratio, follows=1.0):
+    """Torque in which inertia shows so many times as strongly as weight, beside noise."""
+    weight, moved, noise = WAVES[:, :2], WAVES[:, 2:4], WAVES[:, 4:]
+    beside = np.sqrt(1 / follows**2 - 1)
+    torque = weight + ratio * moved + beside * noise
+    given = {"gravity": weight, "predicted": weight + moved, "torque": torque}
+    return find_time_scale(evidence(weighs=True, motion=moving(), **given))
+
+
+def step(seconds):
+    log = SimpleNamespace(name="x", clock=SimpleNamespace(first=0.0, last=99 * seconds))
+
+    class Rows(SimpleNamespace):
+        def __len__(self):
+            return 100
+
+    return find_time_scale(evidence(motion=moving(), recordings=(Rows(**vars(log)),)))
+
+
+# Torque in another unit.
+
+
+def scaled(*factors, follows=1.0, felt=1.0):
+    predicted = WAVES[:, :2] * [felt, 1.0]
+    noise = np.sqrt(1 / follows**2 - 1) * WAVES[:, 4:] * [felt, 1.0]
+    given = {"predicted": predicted, "torque": (predicted + noise) * factors,
+             "stated": np.full((N, 2), np.nan), "ordinary": lambda _: np.ones((N, 1))}  # fmt: skip
+    return torque_scale.find_torque_scale(evidence(weighs=True, **given))
+
+
+# Columns that are exchanged, by the errors of the model as they are and as they might be.
+
+
+def exchange(given, read):
+    errors = iter([given, read])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(exchanged, "_error", lambda *_: next(errors))
+        patch.setattr(exchanged, "_candidates", lambda *_: [SimpleNamespace(says="Exchanged")])
+        return exchanged.find_exchanged(evidence())
+
+
+# Columns at rates of their own.
+
+
+def lacking(share):
+    tau = np.sin(np.arange(N))
+    tau[RNG.permutation(N)[: round(share * N)]] = np.nan
+    return unify_rates({"t": np.arange(N) * 0.01, "a.q": np.sin(np.arange(N)), "a.tau": tau})[1]
+
+
+def written_again(length, alike=1.0):
+    """Runs of some length, a share of them, and of seven times that."""
+    runs = np.where(np.arange(200) < 200 * alike, length, 7 * length)
+    q = np.repeat(np.sin(np.arange(200.0)), RNG.permutation(runs))
+    t = np.arange(len(q)) * 0.01
+    return unify_rates({"t": t, "a.q": q, "a.tau": np.sin(np.arange(len(q)))})[1]
+
+
+# Derivatives that contradict what they are derived from.
+
+
+def derived(scale=1.0, unexplained=0.0, stands_out=1e9):
+    """A velocity so many times too small, with as much of another motion, of a noisy position."""
+    t = 0.01 * np.arange(N)
+    noise = np.random.default_rng(1).normal(size=N) / np.sqrt(max(stands_out**2 - 1, 1e-300))
+    q = np.sqrt(2) * np.sin(2 * np.pi * t) + noise
+    other = np.sqrt(unexplained / (1 - unexplained))
+    v = np.cos(2 * np.pi * t) - 2 * other * np.sin(4 * np.pi * t)
+    v *= 2 * np.pi * np.sqrt(2) * (1 - unexplained) / scale
+    names = SimpleNamespace(joints=("a",), t=t, q=q[:, None], dq=v[:, None], ddq=None)
+    return contradictions(names)
+
+
+#: What is asked, its limit in words, data just inside and data just outside.
+ROWS = {
+    "share of positions outside": (share_outside, 0.19, 0.21),
+    "how far positions are outside": (far_outside, 0.047, 0.053),
+    "share at a flat top": (lambda x: flat_top(x, 0.0, 10), 0.0045, 0.0055),
+    "longest run at a flat top": (lambda n: flat_top(0.05, 0.0, n), 3, 4),
+    "crowd at a flat top": (lambda x: flat_top(0.06, 0.06 / x, 10), 5.7, 6.3),
+    "weight that is carried": (carried, 0.105, 0.095),
+    "weight that is felt": (felt, 0.048, 0.052),
+    "length of a stretch that hangs": (hangs, 19, 21),
+    "changes while a stretch hangs": (lambda x: hangs(40, changes=x), 11.0, 13.0),
+    "leap after a stretch that hangs": (lambda x: hangs(40, jumps=x), 5.5, 7.2),
+    "speed beyond its limit": (speeds, 9.7, 10.3),
+    "inertia over weight": (inertia, 380.0, 420.0),
+    "weight over inertia": (lambda x: inertia(1 / x), 380.0, 420.0),
+    "step of the clock": (step, 0.48, 0.52),
+    "torque that is too large": (lambda x: scaled(x, 1.0), 4.8, 5.2),
+    "torque that is too small": (lambda x: scaled(1 / x, 1.0), 4.8, 5.2),
+    "torque of two joints": (lambda x: scaled(np.sqrt(x), 1 / np.sqrt(x)), 7.7, 8.3),
+    "torque that follows": (lambda x: scaled(9.0, 9.0, follows=x), 0.67, 0.73),
+    "torque that is felt": (lambda x: scaled(9.0, 1.0, felt=x), 0.019, 0.021),
+    "error that is looked into": (lambda x: exchange(x, 0.01), 0.097, 0.103),
+    "error that falls far": (lambda x: exchange(0.5, 0.5 * np.sqrt(x)), 0.21, 0.19),
+    "cells that are empty": (lacking, 0.19, 0.21),
+    "values written again": (written_again, 2, 3),
+    "runs that are alike": (lambda x: written_again(4, x), 0.88, 0.92),
+    "velocity too small": (lambda x: derived(scale=x), 1.22, 1.28),
+    "velocity too large": (lambda x: derived(scale=1 / x), 1.22, 1.28),
+    "velocity of another motion": (lambda x: derived(unexplained=x), 0.19, 0.21),
+    "motion that stands out": (lambda x: derived(2.0, stands_out=x), 3.7, 4.3),
+    "weight that is surely carried": (lambda x: _nearest(1.0, x) == 1.0, 0.26, 0.24),
+    "positions that fit in degrees": (
+        lambda x: looks_like_degrees(np.linspace(-x, x, N), -1.0, 1.0) or None, 1.005, 50.0
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", ROWS)
+def test_sound_data_near_a_limit_say_nothing_and_data_beyond_it_do(what):
+    ask, inside, outside = ROWS[what]
+    assert not ask(inside)
+    assert ask(outside)
