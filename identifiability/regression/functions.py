@@ -9,6 +9,7 @@ and no functions, holds as much as it can.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -86,8 +87,10 @@ def tell_with_terms(structure: Structure, rung: Rung, R: Array) -> Rung:
         length = np.linalg.norm(columns[:, told], axis=0)
         solved = np.linalg.lstsq(columns[:, told] / length, columns[:, curve], rcond=None)[0]
         M[:, curve] -= rung.M[:, told] @ (solved / length[:, None])
+        member = "|".join(re.escape(base[k].term) for k in own)
         for k in told:
-            labels[k] = f"{labels[k]} with its share of {base[own[0]].group}"
+            rest = re.sub(rf" [+−] (\S+·)?({member})", "", labels[k])
+            labels[k] = f"{rest} with its share of {base[own[0]].group}"
     return replace(rung, M=M, labels=tuple(labels))
 
 

@@ -64,7 +64,8 @@ def test_a_file_holds_what_is_best_without_the_function(learned):
         expected = plain[name]
         assert values[name] == pytest.approx(expected["value"], rel=0.1)
         assert result[name]["value"] == pytest.approx(values[name], rel=0.05)
-        assert "with its share of function_of_velocity" in result[name]["label"]
+        label = f"{name[-2:]}(elbow) with its share of function_of_velocity"
+        assert result[name]["label"] == label
         sigma = abs(result[name]["sigma_robust_percent"] * result[name]["value"])
         assert sigma < 2 * expected["sigma_robust_percent"] * abs(expected["value"])
     curve = [x for n, x in values.items() if ".fv" in n]

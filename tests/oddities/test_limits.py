@@ -10,6 +10,8 @@ import pytest
 
 from identifiability.logs.rates import unify_rates
 from identifiability.logs.units import contradictions, looks_like_degrees
+from identifiability.workflows.analyze import cutoff_check, several_logs
+from identifiability.workflows.analyze.words import grade_of
 from identifiability.workflows.oddities import exchanged, torque_scale
 from identifiability.workflows.oddities.effort import find_weightless
 from identifiability.workflows.oddities.gravity import _nearest
@@ -176,6 +178,28 @@ def derived(scale=1.0, unexplained=0.0, stands_out=1e9):
     return contradictions(names)
 
 
+# What is said of a cut-off, of logs beside each other, and of errors.
+
+
+def band(cutoff=5.0, noise=0.0):
+    """A band of one hertz."""
+    found = SimpleNamespace(cutoff=cutoff, bandwidth=1.0, noise=noise, limit=9.0)
+    return cutoff_check._say_cut(found, "x") or cutoff_check._say_noise(found)
+
+
+def follows_cutoff(sure):
+    """A value that moves, in standard deviations of its own move, which are those of the value."""
+    one = SimpleNamespace(sigma=np.ones(1), value=np.zeros(1), determined=np.ones(1, bool))
+    result = SimpleNamespace(uncertainty=SimpleNamespace(robust=[1.0]), estimate=one)
+    moved = {"sigma": np.sqrt([2.0]), "value": np.array([sure]), "correction": None}
+    return cutoff_check._moves(result, one, SimpleNamespace(**vars(one) | moved))[0]
+
+
+def worse_there(times):
+    motions = SimpleNamespace(errors=np.array([[times, 1.0], [1.0, 1.0]]))
+    return several_logs._worse(motions, "ab", 0)
+
+
 #: What is asked, its limit in words, data just inside and data just outside.
 ROWS = {
     "share of positions outside": (share_outside, 0.19, 0.21),
@@ -207,6 +231,13 @@ ROWS = {
     "velocity of another motion": (lambda x: derived(unexplained=x), 0.19, 0.21),
     "motion that stands out": (lambda x: derived(2.0, stands_out=x), 3.7, 4.3),
     "weight that is surely carried": (lambda x: _nearest(1.0, x) == 1.0, 0.26, 0.24),
+    "cut-off in the motion": (lambda x: band(cutoff=1 / x), 1 / 2.05, 1 / 1.95),
+    "noise below the cut-off": (lambda x: band(noise=x), 0.195, 0.205),
+    "values that follow the cut-off": (follows_cutoff, 3.9, 4.1),
+    "errors of one log": (worse_there, 0.97 * several_logs.LARGER, 1.03 * several_logs.LARGER),
+    "very good no more": (lambda x: grade_of(x) != "very-good", 0.0299, 0.0301),
+    "fair": (lambda x: grade_of(x) == "fair", 0.0799, 0.0801),
+    "useless": (lambda x: grade_of(x) == "useless", 0.499, 0.501),
     "positions that fit in degrees": (
         lambda x: looks_like_degrees(np.linspace(-x, x, N), -1.0, 1.0) or None, 1.005, 50.0
     ),
