@@ -1,7 +1,8 @@
 """Filter, differentiate and decimate sampled motion (arrays in, arrays out).
 
 What to use when: `fourier.fit_fourier` for periodic motion (derivatives are then analytic);
-`differentiate` for everything else (zero-phase Butterworth, then central differences);
+`differentiate` for everything else (zero-phase Butterworth before it: it is exact in the band that
+is kept, up to a fifth of the sampling rate, and amplifies what lies above);
 `Decimation` whenever torque is low-passed: it must act on every column of the regressor as it
 acts on the torque (parallel filtering [Gautier 1997]), or sharp friction steps are smoothed on
 one side of the equation only.
@@ -95,10 +96,41 @@ def settling_rows(dt: float, cutoff: float, order: int = 4) -> int:
     return int(np.ceil(np.log(FORGOTTEN) / np.log(np.abs(poles).max())))
 
 
+#: Samples on each side that a difference draws on, and as many times that at the ends of a signal.
+REACH, ENDS = 8, 4
+
+
 def differentiate(x: Array, dt: float) -> Array:
-    """Return the time derivative of x (N, …) by central differences of second order."""
-    slope: Array = np.gradient(x, dt, axis=0, edge_order=2)
+    """Return the time derivative of x (N, …) by central differences of order 16 [Fornberg 1988].
+
+    Its error is 1e-13 of the derivative at a twentieth of the sampling rate, 1e-6 at a seventh and
+    7e-5 at a fifth; that of second order is 1.6, 13 and 24 %, and twice as much after two of them.
+    The first and last `REACH` samples are those of a spline of fifth degree.
+    """
+    if len(x) < 2 * ENDS * REACH:
+        return _end_slope(x, dt)
+    slope: Array = scipy.ndimage.correlate1d(x, _DIFFERENCE / dt, axis=0)
+    end = ENDS * REACH
+    slope[:REACH] = _end_slope(x[:end], dt)[:REACH]
+    slope[-REACH:] = _end_slope(x[-end:], dt)[-REACH:]
     return slope
+
+
+def _end_slope(x: Array, dt: float) -> Array:
+    """Return the derivative of the spline through few samples."""
+    spline = scipy.interpolate.make_interp_spline(np.arange(len(x)), x, min(5, len(x) - 1))
+    slope: Array = spline(np.arange(len(x)), nu=1) / dt
+    return slope
+
+
+def _difference() -> Array:
+    """Return the coefficients of the difference, (2 REACH + 1,)."""
+    k, m = np.arange(1, REACH + 1), REACH
+    c = -((-1.0) ** k) / k * scipy.special.binom(2 * m, m - k) / scipy.special.binom(2 * m, m)
+    return np.concatenate([-c[::-1], [0.0], c])
+
+
+_DIFFERENCE = _difference()
 
 
 #: Outputs of a decimation that are made by one product: of more, most of its terms are zeros.

@@ -17,7 +17,7 @@ FOLLOWED, LATE = 0.3, 0.2
 def follow_command(log: Log, cutoff: float | None) -> tuple[tuple[Array, Array, Array], str] | None:
     """Return the commanded motion at the times of a log, and a note; None where it is of no use.
 
-    It goes the way of the log, low-pass and central differences, and is delayed as the robot
+    It goes the way of the log, low-pass and differences, and is delayed as the robot
     follows. A command that the robot does not follow, or that shares noise with the measured
     positions, is of no use, nor is one with gaps.
 

@@ -133,7 +133,9 @@ class Plan:
     @property
     def filter_reach(self) -> int:
         """Samples on each side that derivatives and rests draw on."""
-        filtered = 0 if self.cutoff is None else signals.settling_rows(self.step, self.cutoff) + 2
+        filtered = 0
+        if self.cutoff is not None:
+            filtered = signals.settling_rows(self.step, self.cutoff) + 2 * signals.REACH
         return filtered + (0 if self.rest is None else self.rest.reach) + 1
 
     @property

@@ -226,7 +226,7 @@ def _plan_filter(log: Log | LogFile, gaps: Gaps, plan: Plan, how: Preparation) -
     band = how.band if isinstance(how, SettledPreparation) else None
     reason = f" ({band.reason})" if band and band.reason else ""
     note = (
-        f"velocity and acceleration are central differences of the {source} after a zero-phase "
+        f"velocity and acceleration are derivatives of the {source} after a zero-phase "
         f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{reason}{jitter}"
     )
     return replace(plan, step=dt, cutoff=cutoff, notes=(note,))
