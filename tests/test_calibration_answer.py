@@ -7,13 +7,13 @@ import pytest
 
 from identifiability import analyze
 from identifiability.foundation.shares import Share
+from identifiability.logs.prepare.white_noise import noise_size
 from identifiability.physical.pseudo_inertia import margin, natural_scale
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.robot import Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.calibrate.answer import Answer, Effect, decide, find_remedy
 from identifiability.workflows.calibrate.calibration import calibrate
-from identifiability.workflows.calibrate.motion_errors import noise_size
 from identifiability.workflows.calibrate.outcome import Cell
 from identifiability.workflows.calibrate.true_robots import TrueRobots, make_possible
 from identifiability.workflows.calibrate.world import Cause

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 from identifiability.estimation.estimate import choose_estimator, estimate
 from identifiability.estimation.scores import scatter_scores
@@ -11,15 +12,18 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import prepare_samples
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.regression.gather import gather_information
+from identifiability.regression.model import Model
 from identifiability.regression.reduction import build_comparison, find_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.report.pruning_report import section_survivors
-from identifiability.robot import Robot
+from identifiability.robot import Motion, Robot
 from identifiability.simulation import Noise
 from identifiability.workflows.analyze import analyze
+from identifiability.workflows.opening import find_hints
 from identifiability.workflows.prune import prune
 
 SEEDS, PERIODS = 6, 10
+MODEL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 NOISE = Noise(motion=0.04, torque=0.05)
 
 
@@ -68,6 +72,66 @@ def test_the_difference_to_least_squares_is_its_bias(fits):
     (values, _), (plain, _) = found["iv"], found["ls"]
     bias, seen = (plain.mean(0) - truth) / truth, (plain - values).mean(0) / truth
     assert np.corrcoef(seen, bias)[0, 1] > 0.95
+
+
+def test_additive_noise_of_velocities_does_not_bias_friction(simulated_session):
+    """Sign(velocity + noise) is wrong near reversals, and more so the more often it is asked."""
+    robot, noise = Robot.load("two-link"), Noise(motion_additive=0.03, torque=0.05)
+    structure = Structure.of(robot, Model.of(*MODEL))
+    once = simulated_session("two-link", "a", noise=Noise())
+    q, dq, ddq, tau = (np.tile(x, (PERIODS, 1)) for x in (once.q, once.dq, once.ddq, once.tau))
+    t = once.t[0] + np.median(np.diff(once.t)) * np.arange(len(q))
+    off = []
+    for seed in range(4):
+        rng = np.random.default_rng([seed, PERIODS])
+        moved = [noise.on_motion(x, rng) for x in (q, dq, ddq)]
+        log = Log("noisy", once.joints, t, moved[0], noise.on_torque(tau, rng), *moved[1:], "")
+        samples = prepare_samples(robot, log)
+        samples = add_instrument(robot, log, samples) or samples
+        information = gather_information(structure.regression([samples]))
+        fit = choose_estimator("wls", "iv", instruments=True).fit(information)
+        sigma = scatter_scores(information, fit, 1.0).widened
+        off.append((fit.value - structure.nominal_base) / sigma)
+    assert np.mean(np.abs(off) <= 1.96) >= 0.85  # .70 with signs of the measured velocity
+    assert np.abs(np.mean(off, axis=0)).max() < 2.0  # 4.4
+
+
+@pytest.mark.parametrize(
+    ("noise", "said"),
+    [
+        (Noise(), False),
+        (Noise(motion=0.1), False),  # in proportion to the speed: it turns no sign
+        (Noise(motion_additive=0.003), False),
+        (Noise(motion_additive=0.1), True),
+    ],
+)
+def test_it_is_said_where_noise_turns_signs_of_velocity(simulated_session, noise, said):
+    robot = Robot.load("two-link")
+    log = simulated_session("two-link", "a", noise=noise)
+    samples = prepare_samples(robot, log)
+    hints = [h for h in find_hints(robot, [samples]) if "Noise turns the sign" in h]
+    assert bool(hints) == said
+    if not said:
+        return
+    assert "'shoulder.dq'" in hints[0]
+    measured = np.sign(samples.motion.actuated_v)
+    assert (np.sign(samples.motion.smooth_v[:, 0]) != measured).mean(0).max() > 0.01
+
+
+def test_a_sign_in_doubt_is_what_it_is_in_the_mean():
+    speed, sd, row = np.array([0.0, 0.02, -0.02, 5.0]), 0.01, np.array([1.0])
+    one = Motion(*[np.zeros((4, 1))] * 7, None, np.arange(4), np.empty(0, int))
+    assert one.expected_sign(speed, row).tolist() == [0, 1, -1, 1]
+    for own in (0.0, sd):
+        motion = replace(one, smooth_v=np.stack([speed, np.full(4, own)], 1)[:, :, None])
+        expected = 2 * scipy.stats.norm.cdf(speed / own) - 1 if own else np.sign(speed)
+        np.testing.assert_allclose(motion.expected_sign(-speed, row), expected, atol=1e-12)
+        np.testing.assert_allclose(motion[1:].expected_sign(speed[1:], row), expected[1:])
+        # An axis that two joints turn is as sure as both.
+        two = replace(motion, smooth_v=np.tile(motion.smooth_v, 2))
+        both = two.expected_sign(speed, np.array([1.0, 1.0]))
+        share = np.sqrt(2) * speed / own if own else np.inf * np.sign(speed[1:])
+        np.testing.assert_allclose(both[1:], 2 * scipy.stats.norm.cdf(share)[-3:] - 1, atol=1e-12)
 
 
 def test_results_say_what_least_squares_would_have_been(noisy_log, monkeypatch):

@@ -44,10 +44,11 @@ class CoulombAsymmetry(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return the parts of either direction."""
-        speed = at.speed
+        sign = at.sign
         if at.axis.mixed:
-            return [np.sign(speed)]
-        return [np.heaviside(speed, 0.0), -np.heaviside(-speed, 0.0)]
+            return [sign]
+        moves = np.abs(np.sign(sign))
+        return [0.5 * (sign + moves), 0.5 * (sign - moves)]
 
 
 def settle_directions(values: dict[str, float], given: Mapping[str, float]) -> None:

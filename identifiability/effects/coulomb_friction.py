@@ -1,7 +1,5 @@
 """Coulomb friction with the same level for both directions."""
 
-import numpy as np
-
 from identifiability.effects.effect import Along, AlongAxes
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
@@ -20,4 +18,4 @@ class CoulombFriction(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return the direction of motion."""
-        return [np.sign(at.speed)]
+        return [at.sign]

@@ -72,6 +72,11 @@ class Along:
         return self.robot.along(self.axis, self.motion.v)
 
     @property
+    def sign(self) -> Array:
+        """Sign of its speed, (N,): where velocity is noisy, what it is in the mean."""
+        return self.motion.expected_sign(self.speed, self.load)
+
+    @property
     def acceleration(self) -> Array:
         """Acceleration of the axis, (N,) [rad/s² or m/s²]."""
         return self.robot.along(self.axis, self.motion.a)

@@ -1,7 +1,5 @@
 """Friction that changes with time, as grease that warms up."""
 
-import numpy as np
-
 from identifiability.effects.effect import Along, AlongAxes
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
@@ -29,4 +27,4 @@ class FrictionDrift(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return both frictions, growing with time."""
-        return [at.motion.t * at.speed, at.motion.t * np.sign(at.speed)]
+        return [at.motion.t * at.speed, at.motion.t * at.sign]

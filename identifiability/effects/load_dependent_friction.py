@@ -46,4 +46,4 @@ class LoadDependentFriction(AlongAxes):
         load = rigid_torque(robot, motion)
         for k, axis in enumerate(robot.axes):
             at = Along(robot, motion, axis)
-            put(out, k, at.load, np.abs(carried_load(load, at)) * np.sign(at.speed))
+            put(out, k, at.load, np.abs(carried_load(load, at)) * at.sign)

@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from identifiability.effects.effect import Along, AlongAxes
 from identifiability.effects.registry import declare
 from identifiability.foundation.names import Array
@@ -40,4 +38,4 @@ class PassiveJointFriction(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return the speed and its sign."""
-        return [at.speed, np.sign(at.speed)]
+        return [at.speed, at.sign]

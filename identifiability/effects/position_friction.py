@@ -1,7 +1,5 @@
 """Dry friction that is not the same everywhere along a joint."""
 
-import numpy as np
-
 from identifiability.effects.effect import Along
 from identifiability.effects.family import Span
 from identifiability.effects.position_torque import PositionTorque, reached_pieces
@@ -43,5 +41,5 @@ class PositionFriction(PositionTorque):
 
     def curves(self, at: Along) -> list[Array]:
         """Return the splines, against the motion."""
-        way = np.sign(at.speed)
+        way = at.sign
         return [column * way for column in super().curves(at)]

@@ -104,7 +104,7 @@ class WithVelocity(SmoothFunction):
         """Return the splines, alone and times direction and speed."""
         columns, speed = splines(self.coordinate(at), PIECES_OF_TWO), at.speed[:, None]
         largest = largest_speed(at.robot, at.axis)
-        return [*columns.T, *(columns * np.sign(speed)).T, *(columns * speed / largest).T]
+        return [*columns.T, *(columns * at.sign[:, None]).T, *(columns * speed / largest).T]
 
 
 def fastest(span: Span) -> tuple[float, ...]:

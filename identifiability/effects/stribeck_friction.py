@@ -49,7 +49,7 @@ class StribeckFriction(Shaped):
     def curves(self, at: Along) -> list[Array]:
         """Return the falling curve."""
         share = np.abs(at.speed / self.shape(at.robot, at.axis))
-        return [np.exp(-share) * np.sign(at.speed)]
+        return [np.exp(-share) * at.sign]
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return a share of the speed limit of an axis, or of a typical one [rad/s or m/s]."""

@@ -10,6 +10,7 @@ Which of its assemblies a closed chain has, and how its loops are closed, is in 
 from __future__ import annotations
 
 from dataclasses import field, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -51,6 +52,9 @@ class Motion:
         determinant of A_e changed its sign: a singular configuration was passed.
     start : float or None [s]
         What its times count from on the clock of a session; None where logs do not share one.
+    smooth_v : (N, 2, n) or None
+        Velocity of the actuated joints, smoothed, and its standard deviation: what signs of speed
+        are taken of. None where `v` has no noise to speak of.
     """
 
     t: Array
@@ -66,6 +70,37 @@ class Motion:
     condition: float = 1.0
     near_singular: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     start: float | None = None
+    smooth_v: Array | None = None
+
+    @property
+    def each(self) -> dict[str, Array]:
+        """What it has a row of for every sample, by name."""
+        names = ("t", "q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "kept", "X")
+        found = {name: getattr(self, name) for name in (*names, "smooth_v")}
+        return {name: rows for name, rows in found.items() if rows is not None}
+
+    def expected_sign(self, speed: Array, row: Array) -> Array:
+        """Return the expected sign of the speed of an axis, (N,), from −1 to 1.
+
+        Where velocity is noisy, its sign is wrong near reversals: that is no error of mean zero,
+        and biases friction however much data there are. Of the smoothed velocity v̂ ± σ the sign
+        is ``2 Φ(v̂/σ) − 1`` in the mean, and what is left of it is independent of v̂ [Berkson 1950].
+
+        Parameters
+        ----------
+        speed : (N,) [rad/s or m/s]
+            As measured.
+        row : (n,) or (N, n)
+            The speed as a row of those of the actuated joints.
+        """
+        if self.smooth_v is None:
+            return np.sign(speed)
+        smooth = (row * self.smooth_v[:, 0]).sum(1)
+        sd = np.sqrt((row**2 * self.smooth_v[:, 1] ** 2).sum(1))
+        sure = 10.0 * np.sign(smooth)  # whose error function is one
+        share = np.divide(smooth, np.sqrt(2.0) * sd, out=sure, where=sd > 0)
+        sign: Array = scipy.special.erf(share)
+        return sign
 
     @property
     def singular(self) -> int:
@@ -78,9 +113,8 @@ class Motion:
 
     def __getitem__(self, rows: slice | np.ndarray) -> Motion:
         """Return the motion at some samples."""
-        each = ("t", "q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "kept")
-        X = None if self.X is None else self.X[rows]
-        return replace(self, X=X, **{name: getattr(self, name)[rows] for name in each})
+        parts: dict[str, Any] = {name: own[rows] for name, own in self.each.items()}
+        return replace(self, **parts)
 
 
 def complete_motion(robot: Description, t: Array, q: Array, dq: Array, ddq: Array) -> Motion:

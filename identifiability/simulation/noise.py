@@ -40,6 +40,10 @@ class Noise:
         AR(1) coefficient of the additive noise from sample to sample.
     encoder : float [rad or m]
         Resolution of the positions; 0 for none.
+    motion_additive : float
+        Standard deviation of additive noise on q, dq and ddq, from sample to sample, as a share of
+        that of each channel and joint. Near reversals it turns signs of velocity, which `motion`
+        never does.
     """
 
     motion: Level = 0.0
@@ -47,6 +51,7 @@ class Noise:
     additive: Level = 0.0
     correlation: Annotated[float, _below(1.0)] = 0.0
     encoder: Level = 0.0
+    motion_additive: Level = 0.0
 
     def __post_init__(self) -> None:
         check_fields(self, "noise level")
@@ -81,8 +86,12 @@ class Noise:
         return Noise(**values)
 
     def on_motion(self, values: Array, rng: np.random.Generator) -> Array:
-        """Return positions, velocities or accelerations (N, n) with per-sample relative noise."""
-        return values * (1 + self.motion * rng.standard_normal(values.shape))
+        """Return positions, velocities or accelerations (N, n) with relative and additive noise."""
+        out = values * (1 + self.motion * rng.standard_normal(values.shape))
+        if self.motion_additive:
+            size = self.motion_additive * values.std(0)
+            out = out + size * rng.standard_normal(values.shape)
+        return out
 
     def on_torque(self, tau: Array, rng: np.random.Generator, level: Array | None = None) -> Array:
         """Return torques (N, n) with relative and with additive, autocorrelated noise.

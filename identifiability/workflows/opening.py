@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
 import pandas as pd
 
 from identifiability.foundation.engines.local import Processes
@@ -42,6 +43,9 @@ MISREAD = (
     "a column seems to have the wrong sign, unit or joint, as the first remark says: mend that, "
     "and run again"
 )
+
+#: Share of the samples at which noise turns the sign of a velocity that is said.
+TURNED = 0.01
 
 LogLike = Log | LogFile | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
@@ -285,12 +289,30 @@ def require_signal(samples: Sequence[Prepared], done: str) -> None:
         )
 
 
+def _find_turned_signs(robot: Robot, samples: Sequence[Prepared]) -> str:
+    """Return where measured and smoothed velocity disagree in sign; nothing if noise is small."""
+    turned = np.zeros(len(robot.joints))
+    for s in samples:
+        motion = s.motion if isinstance(s, Samples) else s.sketch.motion
+        if motion.smooth_v is not None:
+            apart = np.sign(motion.actuated_v) != np.sign(motion.smooth_v[:, 0])
+            turned = np.maximum(turned, apart.mean(0))
+    at = [f"'{j}.dq'" for j, x in zip(robot.joints, turned, strict=True) if x > TURNED]
+    if not at:
+        return ""
+    return (
+        f"Noise turns the sign of the velocity in {listing(at, 4)} at up to "
+        f"{100 * turned.max():.2g} % of the samples: the direction of friction is taken of the "
+        "smoothed velocity; one that is measured with less noise tells more of it."
+    )
+
+
 def find_hints(robot: Robot, samples: Sequence[Prepared]) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file and torque columns, a sentence each."""
     surveys = [s.survey for s in samples]
     varies = torque_varies(surveys)
     dead = [j for j, good in zip(robot.joints, varies, strict=True) if not good]
-    found = [find_impossible_bodies(robot)]
+    found = [find_impossible_bodies(robot), _find_turned_signs(robot, samples)]
     if robot.outside:
         found.append(
             f"Of {robot.path.name}, {listing(robot.outside, 6)} and what hangs there was left out: "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -42,9 +43,8 @@ def complete_along(
 
 def put(motion: Motion, rows: np.ndarray, other: Motion) -> Motion:
     """Return a motion with another one at some samples."""
-    names = ("q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "X")
-    known = [name for name in names if getattr(motion, name) is not None]
-    mixed = {name: getattr(motion, name).copy() for name in known}
+    same = ("t", "kept", "smooth_v")
+    mixed: dict[str, Any] = {k: x.copy() for k, x in motion.each.items() if k not in same}
     for name, values in mixed.items():
         values[rows] = getattr(other, name)
     return replace(motion, **mixed)

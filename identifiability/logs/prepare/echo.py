@@ -17,14 +17,11 @@ from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare.closing import complete_along
 from identifiability.logs.prepare.plan import Plan, joint_log
-from identifiability.logs.prepare.preparation import Preparation, make_plan
+from identifiability.logs.prepare.preparation import SHORT, Preparation, make_plan
 from identifiability.logs.prepare.samples import Samples
-from identifiability.logs.prepare.white_noise import ORDER, lowest_cutoff, noise_level, resolution
+from identifiability.logs.prepare.white_noise import lowest_cutoff, noise_level, resolution
 from identifiability.logs.stale import StaleRule
 from identifiability.robot import Robot
-
-#: So few samples do not tell noise from the motion.
-SHORT = 4 * ORDER
 
 #: Noise with a smaller share of every acceleration (rms) does nothing to values.
 NOTHING = 0.01

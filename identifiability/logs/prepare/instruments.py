@@ -61,7 +61,14 @@ def attach_record(robot: Robot, samples: Samples, record: SecondRecord) -> Sampl
     if motion is None:
         return None
     notes = (*samples.notes, record.note)
-    samples = replace(samples, record=record.kind)
+    own = samples.motion
+    if record.speed is not None and own.smooth_v is not None:
+        other = record.speed[own.kept]
+        less = other[:, 1:] < own.smooth_v[:, 1:]  # noise in proportion to speed turns no sign
+        own = replace(own, smooth_v=np.where(less, other, own.smooth_v))
+    # Both have one sign: what is left of an expected sign depends on neither.
+    motion = replace(motion, smooth_v=own.smooth_v)
+    samples = replace(samples, motion=own, record=record.kind)
     far = _thrown(robot, samples.motion, motion)
     if not len(far):
         return replace(samples, instrument=motion, notes=notes)

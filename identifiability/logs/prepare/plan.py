@@ -12,6 +12,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.gaps import Grid, fill
 from identifiability.logs.log import join_logs
+from identifiability.logs.prepare.white_noise import Smoothing
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.logs.stale import StaleRule
 from identifiability.robot import Robot
@@ -99,6 +100,8 @@ class Plan:
         Which values repeat the sample before and are interpolated; None leaves all as they are.
     grid : Grid or None
         Where samples are missing; None if none are.
+    smoothing : Smoothing or None
+        Of measured velocities, of which signs are taken; None where there is none.
     hints : tuple of str
         What to say of it where every reader looks.
     """
@@ -113,6 +116,7 @@ class Plan:
     remarks: tuple[str, ...] = ()
     stale: StaleRule | None = None
     grid: Grid | None = None
+    smoothing: Smoothing | None = None
     hints: tuple[str, ...] = ()
 
     @property
@@ -136,6 +140,8 @@ class Plan:
         filtered = 0
         if self.cutoff is not None:
             filtered = signals.settling_rows(self.step, self.cutoff) + 2 * signals.REACH
+        elif self.smoothing is not None:
+            filtered = signals.settling_rows(self.step, self.smoothing.cutoff)
         return filtered + (0 if self.rest is None else self.rest.reach) + 1
 
     @property
@@ -182,6 +188,23 @@ class Plan:
             q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
         moves = ~signals.never_moves(log.q.min(0), log.q.max(0))
         return q, np.where(moves, dq, 0.0), np.where(moves, ddq, 0.0)
+
+    def smooth_speed(self, log: Log, origin: int = 0) -> Array | None:
+        """Return smoothed velocities and their standard deviation, (N, 2, n); None if not needed.
+
+        Parameters
+        ----------
+        log : Log
+        origin : int
+            Row of its first sample in the whole log.
+        """
+        if self.smoothing is None or log.dq is None:
+            return None
+        parts = []
+        for a, b in self.stretches(len(log), origin):
+            at = np.arange(b - a) if self.grid is None else self.grid.places(origin + a, origin + b)
+            parts.append(self.smoothing.apply(fill(log.dq[a:b], at), self.step)[at])
+        return np.concatenate(parts)
 
     def stretches(self, rows: int, origin: int) -> list[tuple[int, int]]:
         """Return the stretches without a long gap of so many rows from `origin` on."""

@@ -27,6 +27,7 @@ from identifiability.logs.prepare.plan import (
     has_motors,
     joint_log,
 )
+from identifiability.logs.prepare.white_noise import ORDER, Smoothing
 from identifiability.logs.prepare.windows import Windows, plan_gaps
 from identifiability.logs.spectrum import (
     LOWEST_CUTOFF,
@@ -46,6 +47,9 @@ WORDS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 
 #: Samples of a piece when a long log is read for a Fourier series.
 PIECE = 65_536
+
+#: So few samples do not tell noise from the motion.
+SHORT = 4 * ORDER
 
 #: Share of a step by which a clock's rounding makes steps differ.
 ROUNDED = 0.01
@@ -170,6 +174,8 @@ def make_plan(robot: Robot, log: Log | LogFile, how: Preparation) -> Plan:
         how = _settle(robot, [raw], how)
     plan = _plan_derivatives(robot, log, raw.gaps, how)
     plan = plan_gaps(plan, raw.gaps, len(log))
+    if plan.cutoff is None and plan.series is None:
+        plan = replace(plan, smoothing=_choose_smoothing(windows, plan.step))
     if stale is not None:
         notes += filter(None, (stale.note, tell_steps(raw.logs, stale.steps["q"])))
     if len(windows) > 1:
@@ -267,6 +273,12 @@ def _plan_series(robot: Robot, log: Log | LogFile, plan: Plan, how: Preparation)
         f"{period:.6g} s (rms residual {left:.2g}) and differentiated analytically"
     )
     return replace(plan, series=fit, notes=(note,))
+
+
+def _choose_smoothing(windows: Sequence[Log], dt: float) -> Smoothing | None:
+    """Return how measured velocities are smoothed, for their signs."""
+    speeds = [w.dq for w in windows if w.dq is not None]
+    return Smoothing.choose(speeds, dt) if len(speeds[0]) > SHORT else None
 
 
 def _rest_rule(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> RestRule | None:

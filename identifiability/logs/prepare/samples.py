@@ -234,6 +234,9 @@ def prepare_rows(
         if anywhere:
             raise
         motion = _no_motion(robot, np.arange(part.stop - part.start))
+    smooth = plan.smooth_speed(log, origin)
+    if smooth is not None:
+        motion = replace(motion, smooth_v=smooth[part][motion.kept])
     tau = log.tau[part][motion.kept] - _known_torque(robot, log.name, motion)
     out = np.zeros(len(log), bool) if plan.rest is None else plan.rest.find(dq)
     lost, breaks = 0, np.empty(0, int)
@@ -271,9 +274,10 @@ def _no_motion(robot: Robot, rows: np.ndarray) -> Motion:
 def join_motions(motions: Sequence[Motion]) -> Motion:
     """Return motions one after the other."""
     first, none = motions[0], np.empty(0, int)
-    names = ("t", "q", "v", "a", "actuated_q", "actuated_v", "actuated_a", "kept", "X")
-    known = [n for n in names if getattr(first, n) is not None]
-    joined: dict[str, Any] = {n: np.concatenate([getattr(m, n) for m in motions]) for n in known}
+    rows = [m.each for m in motions]
+    known = [name for name in rows[0] if all(name in own for own in rows)]
+    joined: dict[str, Any] = {name: np.concatenate([own[name] for own in rows]) for name in known}
+    joined.setdefault("smooth_v", None)
     condition = max(m.condition for m in motions)
     return replace(first, **joined, condition=condition, dropped=none, near_singular=none)
 

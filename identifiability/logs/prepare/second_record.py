@@ -19,12 +19,16 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, fourier, signals
 from identifiability.logs.prepare.command import follow_command
+from identifiability.logs.prepare.preparation import SHORT
 from identifiability.logs.prepare.repetition import Repetition, find_repetition
 from identifiability.logs.prepare.samples import Record, Samples
-from identifiability.logs.prepare.white_noise import lowest_cutoff, noise_level, resolution
-
-#: Noise below this share of a signal moves no value by what could be seen.
-NEGLIGIBLE = 1e-3
+from identifiability.logs.prepare.white_noise import (
+    NEGLIGIBLE,
+    Smoothing,
+    lowest_cutoff,
+    noise_level,
+    resolution,
+)
 
 #: A series explains a motion if what is left is at most so many times the noise.
 EXPLAINED = 1.15
@@ -61,6 +65,9 @@ class SecondRecord:
         What the motion is of.
     cutoffs : tuple of float [Hz]
         Low-pass of each channel, where the motion is the smoothed one; infinite for none.
+    speed : (N, 2, n) or None
+        Velocity and its standard deviation of all that was measured of it, the log's own included:
+        what signs are taken of. None where nothing is better than the log's own, smoothed.
     """
 
     motion: tuple[Array, Array, Array]
@@ -69,6 +76,7 @@ class SecondRecord:
     noise: tuple[Array, ...] = ()
     series: fourier.FourierFit | None = None
     cutoffs: tuple[float, ...] = ()
+    speed: Array | None = None
 
     def again(self, log: Log) -> SecondRecord | None:
         """Return the record of another log of this motion; None where it must be looked for."""
@@ -79,7 +87,7 @@ class SecondRecord:
             return None
         period, harmonics = self.series.period, self.series.harmonics
         series = fourier.fit_fourier_jointly(t, channels, self.noise, period, harmonics)
-        return replace(self, motion=series.motion(t), series=series)
+        return _of_series(series, log, self.noise)
 
 
 def find_record(
@@ -93,21 +101,15 @@ def find_record(
     worst = max(_share(s, v) for s, v in zip(noise, size, strict=True))
     if worst < NEGLIGIBLE and len(channels) == 3 and not always:
         return None
-    again = find_repetition(samples, others)
-    if again is not None and again.count >= MANY:
-        return _repeat(again, samples, log)
+    again, series = find_repetition(samples, others), None
     if samples.cutoff is not None or len(channels) == 3:
         series = _fit_series(log, channels, noise)
-        if series is not None:
-            note = (
-                "the instruments' motion is a Fourier series of all that was measured of it, of "
-                f"{series.harmonics} harmonics with period {series.period:.6g} s"
-            )
-            return SecondRecord(
-                series.motion(log.t - log.t[0]), note, noise=tuple(noise), series=series
-            )
-    if again is not None:
-        return _repeat(again, samples, log)
+    of_series = None if series is None else _of_series(series, log, noise)
+    if again is not None and (again.count >= MANY or of_series is None):
+        repeat = _repeat(again, samples, log)
+        return repeat if of_series is None else replace(repeat, speed=of_series.speed)
+    if of_series is not None:
+        return of_series
     if samples.cutoff is None and len(channels) == 3:
         smooth = _smooth(log, channels, noise)
         if smooth is not None:
@@ -123,13 +125,33 @@ def _share(noise: Array, size: Array) -> float:
 
 def _repeat(again: Repetition, samples: Samples, log: Log) -> SecondRecord:
     """Return repetitions at the prepared samples as a record at all rows of the log."""
+    kept = samples.motion.kept
     full = np.zeros((3, *log.q.shape))
-    full[:, samples.motion.kept] = again.motion
+    full[:, kept] = again.motion
     q, dq, ddq = full
     note = (
         f"the instruments' motion is the mean of its repetitions, on average of {again.count:.3g}"
     )
-    return SecondRecord((q, dq, ddq), note)
+    speed = None
+    if log.dq is not None and samples.cutoff is None and len(kept) > SHORT:
+        mean, dt = log.dq.copy(), signals.sampling_step(log.t)
+        mean[kept] = (again.count * dq[kept] + log.dq[kept]) / (again.count + 1)
+        smoothing = Smoothing.choose([mean], dt)
+        speed = None if smoothing is None else smoothing.apply(mean, dt)
+    return SecondRecord((q, dq, ddq), note, speed=speed)
+
+
+def _of_series(series: fourier.FourierFit, log: Log, noise: Sequence[Array]) -> SecondRecord:
+    """Return the motion of a series that was fitted to all that was measured."""
+    note = (
+        "the instruments' motion is a Fourier series of all that was measured of it, of "
+        f"{series.harmonics} harmonics with period {series.period:.6g} s"
+    )
+    motion, speed = series.motion(log.t - log.t[0]), None
+    if log.dq is not None:
+        sd = noise[1] * np.sqrt((2 * series.harmonics + 1) / len(log))
+        speed = np.stack([motion[1], np.broadcast_to(sd, motion[1].shape)], axis=1)
+    return SecondRecord(motion, note, noise=tuple(noise), series=series, speed=speed)
 
 
 def _channels(log: Log) -> list[Array]:

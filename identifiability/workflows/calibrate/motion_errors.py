@@ -8,11 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import comb
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.signal import lfilter
 
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
@@ -23,43 +20,9 @@ from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.plan import Plan, joint_log
 from identifiability.logs.prepare.preparation import make_plan
 from identifiability.logs.prepare.second_record import SecondRecord, find_record
+from identifiability.logs.prepare.white_noise import noise_size
 from identifiability.logs.spectrum import HIGHEST, LOWEST_CUTOFF, WIDE, bandwidth_of_windows
 from identifiability.robot import Robot, complete_motion
-
-#: Order of the differences.
-ORDER = 8
-
-#: Shares of the samples in the variance of a difference, and the quantile above which it is cut.
-WEIGHTS = np.array([comb(ORDER, k) ** 2 for k in range(ORDER + 1)]) / comb(2 * ORDER, ORDER)
-CUT = 0.995
-
-#: Rounds of the fit of variances, and the least of them over the largest when they weigh.
-STEPS, FLOOR = 6, 1e-4
-
-
-def noise_size(x: Array) -> Array:
-    """Return the standard deviation of independent noise on smooth signals x (N, n), (N, n).
-
-    Its variance is a constant and a share of the signal's square, both by weighted least
-    squares on squared differences; the largest of these, at jumps and glitches, are cut.
-    """
-    if len(x) <= ORDER:
-        return np.zeros(x.shape)
-    squares = np.diff(x, ORDER, axis=0) ** 2 / comb(2 * ORDER, ORDER)
-    squares = np.minimum(squares, np.quantile(squares, CUT, axis=0))
-    near = lfilter(WEIGHTS, [1.0], x**2, axis=0)[ORDER:]
-    size = np.zeros(x.shape)
-    for j in np.flatnonzero(~signals.never_moves(x.min(0), x.max(0))):
-        scale = max(float(near[:, j].mean()), 1e-300)
-        A = np.column_stack([np.ones(len(near)), near[:, j] / scale])
-        fitted = np.full(len(near), 1.0)
-        for _ in range(STEPS):  # squares scatter by their own mean: they weigh by one over it
-            weight = 1.0 / np.maximum(fitted, FLOOR * fitted.max())
-            found = nnls(A * weight[:, None], squares[:, j] * weight)[0]
-            fitted = A @ found if found.any() else fitted
-        constant, share = found
-        size[:, j] = np.sqrt(constant + share * x[:, j] ** 2 / scale)
-    return size
 
 
 @frozen
@@ -107,7 +70,8 @@ class MotionErrors:
         beside = None if found is None else found.beside
         smooth = replace(samples, motion=samples.echoes[0].motion) if samples.echoes else None
         near = beside or smooth or _smoothed(robot, samples, log, plan)
-        true = replace(near, instrument=None, echoes=())
+        exactly = replace(near.motion, smooth_v=None)  # its signs are those of its speeds
+        true = replace(near, motion=exactly, instrument=None, echoes=())
         exact = beside is not None
         record = find_record(log, samples, always=True) if instrumented else None
         at = _as_log(log, true)
@@ -122,7 +86,11 @@ class MotionErrors:
         e = self.sd * rng.standard_normal(self.sd.shape)
         pairs = zip(_channels(self.log), e, strict=True)
         log = _with(self.log, [x if x is None else x + y for x, y in pairs])
-        return log, _moved(robot, self.samples, self._prepared(e))
+        samples = _moved(robot, self.samples, self._prepared(e))
+        smooth, motion = self.plan.smooth_speed(log), samples.motion
+        if smooth is not None:
+            samples = replace(samples, motion=replace(motion, smooth_v=smooth[motion.kept]))
+        return log, samples
 
     def _prepared(self, e: Array) -> list[Array]:
         """Return errors (3, N, n) of position, velocity and acceleration after the preparation."""

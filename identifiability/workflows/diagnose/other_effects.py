@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from identifiability.effects.effect import Effect
 from identifiability.effects.family import Family
 from identifiability.foundation.names import Array
+from identifiability.logs.prepare.samples import join_motions
 from identifiability.robot import Motion, Robot, complete_motion
 
 
@@ -116,8 +116,5 @@ def _ways_to(robot: Robot, starts: Sequence[tuple[Motion, int]]) -> list[Motion]
 
 def _join(parts: Sequence[Motion]) -> Motion:
     """Return motions as one, the next after the last."""
-    each = ("t", "q", "v", "a", "actuated_q", "actuated_v", "actuated_a")
-    fields: dict[str, Any] = {n: np.concatenate([getattr(p, n) for p in parts]) for n in each}
-    closed = [p.X for p in parts if p.X is not None]
-    kept = np.arange(len(fields["t"]))
-    return replace(parts[0], **fields, X=np.concatenate(closed) if closed else None, kept=kept)
+    whole = join_motions(parts)
+    return replace(whole, kept=np.arange(len(whole)))

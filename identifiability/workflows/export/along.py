@@ -83,6 +83,11 @@ class Moving:
         return self.position - float(self.robot.travel(self.axis, self.robot.home[None])[0])
 
     @property
+    def sign(self) -> Any:
+        """Sign of its speed."""
+        return np.sign(self.speed)
+
+    @property
     def ones(self) -> Any:
         """One at every sample."""
         return Symbol(self.speed.ca, self.speed.ca.SX(1.0))

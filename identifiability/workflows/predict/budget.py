@@ -61,8 +61,10 @@ def _split(fit: Fit, motion: Motion) -> tuple[Array, Array, Array]:
     values[fit.structure.base.kept] = fit.base
 
     def torque(direction: float, acceleration: float) -> Array:
+        smooth = motion.smooth_v
         moved = replace(
             motion,
+            smooth_v=None if smooth is None else smooth * np.array([[direction], [1.0]]),
             v=direction * motion.v,
             actuated_v=direction * motion.actuated_v,
             a=acceleration * motion.a,
