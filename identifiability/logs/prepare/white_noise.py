@@ -35,6 +35,9 @@ NEGLIGIBLE = 1e-3
 #: falls with the eighth power of the cut-off, the noise rises with its root.
 TRIED, WIDER = 48, 1.5
 
+#: Noise at rest of less than this share of that in motion (rms) cannot be told from none.
+RESOLVED = 0.3
+
 #: Changes are whole multiples of a step up to this share of it.
 WHOLE = 1e-3
 
@@ -168,8 +171,9 @@ class Smoothing:
         cutoff = min(WIDER * float(tried[best]), float(tried[-1]))
         sd = np.sqrt(np.interp(cutoff, tried, share)) * level
         at_rest = np.sqrt(np.mean([noise_parts(x)[0] for x in windows], axis=0))
-        raw = (at_rest <= sd) | ~noisy
-        return Smoothing(cutoff, np.where(raw, np.where(noisy, at_rest, 0.0), sd), raw)
+        at_rest[~noisy | (at_rest < RESOLVED * level)] = 0.0
+        raw = at_rest <= sd
+        return None if not at_rest.any() else Smoothing(cutoff, np.minimum(at_rest, sd), raw)
 
     def apply(self, x: Array, dt: float) -> Array:
         """Return velocities x (N, n) smoothed, and their standard deviation, (N, 2, n)."""
