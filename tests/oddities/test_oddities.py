@@ -4,10 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 from identifiability import analyze, diagnose, prune
 from identifiability.estimation.verdict import Class
+from identifiability.logs import Log
 from identifiability.logs.checks import FEWEST
+from identifiability.logs.prepare import prepare_samples
+from identifiability.robot import Robot
+from identifiability.simulation import Noise, random_trajectory, simulate
+from identifiability.workflows.oddities.late import Shift, measure_position, measure_shift
 
 from .conftest import record
 
@@ -76,6 +82,48 @@ def test_a_joint_whose_torque_is_late(say, six_axis, joint):
     (hint,) = say(structure, replace(log, tau=tau))
     assert f"the torque of {log.joints[joint]} is 10 samples" in hint
     assert "late" in hint
+
+
+@pytest.mark.parametrize("late", [0.5, -0.5])
+@pytest.mark.parametrize("name", ["two-link", "six-dof-arm"])
+def test_positions_that_are_half_a_sample_late_or_early(say, name, late):
+    structure, log = record(name)
+    at = log.t - late * np.median(np.diff(log.t))
+    (hint,) = say(structure, replace(log, q=scipy.interpolate.CubicSpline(log.t, log.q)(at)))
+    assert "by a part of a sample" in hint
+    assert ("early" if late > 0 else "late") + " beside the motion" in hint
+
+
+def test_half_a_sample_is_measured_with_its_error_and_chance_makes_none():
+    """The law of the null side: without a delay the shift over its error is Student's t."""
+    structure, seen = record("two-link")[0], []
+    robot = structure.robot
+    for seed in range(24):
+        rng = np.random.default_rng(seed)
+        motion = random_trajectory(robot, rng, samples=600)
+        noise = Noise(additive=0.03, correlation=0.9 * (seed % 2))
+        log = replace(simulate(robot, motion, noise=noise, rng=rng), dq=None, ddq=None)
+        seen.append(measure_shift(structure, prepare_samples(robot, log)))
+    assert not any(s.certain for s in seen)
+    z = np.array([s.samples / s.sigma for s in seen])
+    assert np.mean(np.abs(z) > 1.96) <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / len(z))
+    sizes = [Shift(x, 0.05, 0.01).certain for x in (0.1, 0.24, 0.26, 3.9, 4.1)]
+    assert sizes == [False, False, True, True, False]
+    assert [Shift(0.5, x, 0.01).certain for x in (0.13, 0.14)] == [True, False]
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5, -0.5])
+def test_positions_beside_their_velocities(late):
+    robot = Robot.load("two-link")
+    wave = random_trajectory(robot, np.random.default_rng(2), samples=600)
+    t = wave.times()
+    q, dq = wave.motion(t - late * t[1])[0], wave.motion(t)[1]
+    rng = np.random.default_rng(3)
+    q, dq = (x + 0.003 * x.std(0) * rng.standard_normal(x.shape) for x in (q, dq))
+    log = Log("log", robot.joints, t, q, np.zeros_like(q), dq, None, "")
+    found = measure_position(log)
+    assert found.certain == (late != 0)
+    assert abs(found.samples - late) <= 3 * found.sigma <= 0.5
 
 
 def test_torque_that_is_early_at_all_joints(say, six_axis):

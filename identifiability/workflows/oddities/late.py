@@ -1,7 +1,9 @@
-"""A joint whose torque is some samples late, or early, beside its motion.
+"""Torque that is late, or early, beside its motion, and positions beside their velocities.
 
 The torque column of one joint, or of all, is moved against the unpruned model of the whole robot,
 whose parameters are common to all joints; where a column is as it should be, it fits best unmoved.
+A delay of all joints by less than a sample is found by the slope of the model's torque
+(`measure_shift`), and tested against what is left from one stretch of time to the next.
 """
 
 from __future__ import annotations
@@ -11,11 +13,15 @@ from dataclasses import replace
 from functools import reduce
 
 import numpy as np
+import scipy
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import Prepared
+from identifiability.logs.prepare.plan import joint_log
+from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.regression.structure import Structure
 from identifiability.workflows.oddities.evidence import Evidence
 
@@ -32,18 +38,46 @@ FAR = 0.5
 #: be left of it, moved: a fit that explains little says nothing on time.
 SMALL, LEFT = 0.03, 0.5
 
+#: A shift of a part of a sample is said where chance makes one so seldom, from this size on
+#: [samples], and up to where its slope tells it.
+CHANCE, LEAST, MOST = 1e-3, 0.25, 4.0
+
+#: Samples of a log by which it is measured, stretches of time between which it scatters, bytes that
+#: the columns may take, and outputs a column.
+LONG, STRETCHES, BYTES, EACH = 4096, 24, 3e7, 2
+
+#: Speeds at which friction may change, as shares of the largest: what a model of friction lacks is
+#: told from a shift.
+SLOW = (0.05, 0.2)
+
 
 def find_late(evidence: Evidence) -> tuple[str, ...]:
-    """Return one sentence on torque that is late or early, or none."""
-    said = []
-    for samples in evidence.samples:
+    """Return one sentence on torque or positions that are late or early, or none."""
+    said, parts = [], []
+    for recording, samples in zip(evidence.recordings, evidence.samples, strict=True):
         found = measure_delay(evidence, samples)
-        if found is not None and found.certain:
+        if found is None or not found.certain:
+            windows = [recording.rows(a, b) for a, b in signals.spread_windows(len(recording))]
+            position = measure_position(joint_log(evidence.robot, windows[0]))
+            shift = None if position else measure_shift(evidence.structure, samples)
+            for what, other, own in (
+                ("positions are", "their velocities", position),
+                ("torque is", "the motion", shift),
+            ):
+                if own is not None and own.certain:
+                    parts.append(f"in {samples.name} {what} {own.text} beside {other}")
+        else:
             which = "all joints" if found.joint < 0 else evidence.joints[found.joint]
             said.append(
                 f"in {samples.name} the torque of {which} is {abs(found.delay)} samples "
                 f"({abs(found.delay) * found.step:.3g} s) {'late' if found.delay > 0 else 'early'}"
             )
+    if not said and parts:
+        return (
+            f"Columns seem to be apart in time by a part of a sample: {', '.join(parts[:3])}. "
+            "Rows may hold what was read at different moments, or a velocity the difference to the "
+            "row before: shift the columns, or log what was measured together.",
+        )
     if not said:
         return ()
     return (
@@ -110,6 +144,139 @@ def measure_delay(evidence: Evidence, prepared: Prepared) -> Delay | None:
         if left.min() < best and abs(k) < reach:
             best, at, who = float(left.min()), k, joint
     return Delay(who, at, dt, float(now / fit.size) ** 0.5, float(best / fit.size) ** 0.5)
+
+
+@frozen
+class Shift:
+    """By how much columns of all joints are late beside others.
+
+    Attributes
+    ----------
+    samples, sigma : float
+        By how many samples, and its standard deviation.
+    step : float [s]
+    """
+
+    samples: float
+    sigma: float
+    step: float
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is no chance, and large enough to say."""
+        chance = 2 * scipy.special.stdtr(STRETCHES - 1, -abs(self.samples) / self.sigma)
+        return bool(LEAST <= abs(self.samples) <= MOST and chance < CHANCE)
+
+    @property
+    def text(self) -> str:
+        """How much, in words."""
+        size, way = abs(self.samples), "late" if self.samples > 0 else "early"
+        return f"{size:.2f} ± {1.96 * self.sigma:.2f} samples ({size * self.step:.2g} s) {way}"
+
+
+def measure_shift(structure: Structure, prepared: Prepared) -> Shift | None:
+    """Return by how much the torque of all joints is late; None where a log is too short to tell.
+
+    A small delay d adds ``−d τ'`` to the torque τ of the model. What friction lacks at low and high
+    speed is fitted beside it.
+    """
+    samples = _consecutive(prepared)
+    if samples is None:
+        return None
+    motion, n = samples.motion, samples.tau.shape[1]
+    long = min(LONG, int(BYTES / (8 * n * max(len(structure.base.kept), 1))))
+    first = max(0, (len(motion) - long) // 2)
+    rows = np.arange(first, min(len(motion), first + long))
+    down = (isinstance(prepared, Samples) and prepared.decimation) or signals.Decimation(2)
+    ends = np.flatnonzero(np.diff(motion.kept[rows]) != 1) + 1
+    runs = [r for r in np.split(rows, ends) if down.outputs(len(r)) > 0]
+    outputs = sum(down.outputs(len(r)) for r in runs)
+    if outputs * n < EACH * (len(structure.base.kept) + 5 * n) or outputs < EACH * STRETCHES:
+        return None
+    dt = float(np.median(np.diff(motion.t) / np.diff(motion.kept)))
+
+    def filtered(parts: Sequence[Array]) -> Array:
+        return np.concatenate([down.apply(x) for x in parts])
+
+    tau = filtered([samples.tau[r] for r in runs])
+    spread = tau.std(0)
+    weight = np.divide(1.0, spread, out=np.zeros(n), where=spread > 0)
+
+    def each(x: Array) -> Array:
+        """Return a column for every joint, (m n, n)."""
+        columns: Array = np.eye(n) * (x * weight)[:, :, None]
+        return columns.reshape(-1, n)
+
+    W = [structure.model.regressor(structure.robot, motion[r])[:, :, structure.base.kept]
+         for r in runs]  # fmt: skip
+    model = (filtered(W) * weight[:, None]).reshape(outputs * n, -1)
+    top = np.maximum(np.abs(motion.actuated_v[rows]).max(0), 1e-300)
+    speeds = [motion.actuated_v[r] / top for r in runs]
+    known = [model, each(np.ones((outputs, n)))]
+    known += [each(filtered([v * np.abs(v) for v in speeds]))]
+    known += [each(filtered([np.sign(v) * np.exp(-np.abs(v) / u) for v in speeds])) for u in SLOW]
+    y = (tau * weight).reshape(-1)
+    beta = np.linalg.lstsq(model, y, rcond=1e-8)[0]
+    slopes = each(filtered([signals.differentiate(w @ beta, dt) * dt for w in W]))
+    return _test_shift(-slopes, y, np.hstack(known), dt)
+
+
+def measure_position(log: Log) -> Shift | None:
+    """Return by how much positions are late beside measured velocities; None where none are."""
+    if log.dq is None or len(log) < STRETCHES * 8 or signals.has_gap(log.t).any():
+        return None
+    dt = signals.sampling_step(log.t)
+    cutoff = choose_band([Spectrum.of([log.q], dt)]).cutoff
+    if 2 * cutoff * dt * len(log) < STRETCHES:
+        return None
+    v = signals.lowpass(log.dq, dt, cutoff)
+    rest = signals.differentiate(signals.lowpass(log.q, dt, cutoff), dt) - v
+    size = v.std(0)
+    weight = np.divide(1.0, size, out=np.zeros(len(size)), where=size > 0)
+    slopes = signals.differentiate(v, dt) * dt * weight
+    known = np.eye(len(size))[None].repeat(len(v), 0).reshape(-1, len(size))
+    each = (np.eye(len(size)) * slopes[:, :, None]).reshape(-1, len(size))
+    return _test_shift(-each, (rest * weight).reshape(-1), known, dt)
+
+
+def _test_shift(slopes: Array, y: Array, known: Array, dt: float) -> Shift | None:
+    """Return the shift of all joints, with what it scatters over time and over joints.
+
+    Parameters
+    ----------
+    slopes : (m n, n)
+        What a shift of each joint by a sample adds.
+    y : (m n,)
+    known : (m n, c)
+        Columns that are fitted beside them.
+    dt : float [s]
+    """
+    size = np.linalg.norm(known, axis=0)
+    Q, R = np.linalg.qr(known[:, size > 0] / size[size > 0])
+    U, s, _ = np.linalg.svd(R)
+    Q = Q @ U[:, s > 1e-8 * s.max(initial=0.0)]
+    d, rest = slopes - Q @ (Q.T @ slopes), y - Q @ (Q.T @ y)
+    used = (d**2).sum(0) > 1e-8 * (slopes**2).sum(0)
+    d, count = d[:, used], slopes.shape[1]
+    if not used.any() or not (rest**2).sum() > 0:
+        return None
+    H = np.linalg.pinv(d.T @ d)
+    each = H @ (d.T @ rest)
+    left = rest - d @ each
+    stretch = np.repeat(np.arange(len(y) // count) * STRETCHES // (len(y) // count), count)
+    scores = np.stack([d[stretch == k].T @ left[stretch == k] for k in range(STRETCHES)])
+    free = len(y) / (len(y) - Q.shape[1] - d.shape[1])
+    C = free**2 * STRETCHES / (STRETCHES - 1) * H @ scores.T @ scores @ H
+    # Joints that disagree by more than their own errors make the mean uncertain, too
+    # [DerSimonian & Laird 1986].
+    w = 1.0 / np.maximum(np.diag(C), 1e-300)
+    mean = w @ each / w.sum()
+    apart = w @ (each - mean) ** 2 - (len(w) - 1)
+    between = max(0.0, apart / max(w.sum() - (w**2).sum() / w.sum(), 1e-300)) if len(w) > 1 else 0.0
+    w = 1.0 / (1.0 / w + between)
+    w /= w.sum()
+    sigma = np.sqrt(w @ (C + between * np.eye(len(w))) @ w)
+    return Shift(float(w @ each), float(sigma), dt)
 
 
 class _Fit:
