@@ -56,7 +56,7 @@ from identifiability.simulation import (
     simulate,
 )
 from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.analyze.decisive import state_decisive, weigh_down_bursts
+from identifiability.workflows.analyze.decisive import state_decisive, weigh_rows
 
 ROBOTS = {"3-rps": "601", "five-bar": "a", "two-link": "a", "six-dof-arm": "a"}
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -123,7 +123,7 @@ def fit(
     information, said = gather_information(structure.regression((samples,))), ""
     if treated:
         joints = structure.robot.joints
-        information, said = weigh_down_bursts(joints, (samples,), information, wls)
+        information, said = weigh_rows(joints, (samples,), information, wls)
     found = wls.fit(information)
     said = said or state_decisive(structure.robot.joints, (samples,), information, found)
     return samples, information, found, said

@@ -17,7 +17,6 @@ from identifiability.estimation.bootstrap import FEWEST_BLOCKS, merge_blocks
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.regression.actuator_blocks import batches
 from identifiability.regression.information import Information
 
 #: Samples of a block, at least: the mean square of fewer varies too much by itself.
@@ -148,10 +147,7 @@ def _block_squares(information: Information, fit: Estimate) -> Array:
     The usual one is taken as so large that what is beyond it is also `LARGE`.
     """
     z = np.append(-fit.value, 1.0)[:, None]
-    sums = np.zeros((len(information.counts), information.actuators))
-    for a, (part, own) in enumerate(information.of_actuators(z)):
-        for at in batches(part.blocks):
-            sums[at, a] = part.grams(own, at)[:, 0, 0]
+    sums = information.squares_of_blocks(z).T
     mean = sums / information.counts[:, None]
     torque = information.torque / information.samples
     usual = np.maximum(np.median(mean, axis=0), (LARGE**2 / BEYOND) * torque)

@@ -10,8 +10,9 @@ import numpy as np
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.instrumental import InstrumentalVariables
 from identifiability.estimation.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
-from identifiability.estimation.memory import LogNoise, Noise
+from identifiability.estimation.memory import LogNoise, Noise, taken_of_blocks
 from identifiability.estimation.renoised import RenoisedLeastSquares
+from identifiability.foundation.names import Array
 from identifiability.foundation.options import OptionError, check_choice, checked
 from identifiability.regression.information import Information
 
@@ -48,6 +49,10 @@ def find_estimator(method: Method) -> Estimator:
 #: So many independent outputs for each of its parameters leave a model a residual that is noise.
 ENOUGH = 3.0
 
+#: Logs are weighed until no weight changes by more than this share, but no oftener than so; and no
+#: log counts more than another by more than this factor.
+SETTLED, WEIGHINGS, MOST = 0.02, 10, 1e6
+
 #: ``ls``: least squares. ``iv``: instrumental variables, which noise in the motion does not bias.
 #: ``auto``: the latter if any log has a second record of its motion; else the former, corrected by
 #: what new noise of the motion does to it where it does anything.
@@ -78,6 +83,79 @@ def choose_estimator(method: Method, kind: Kind, *, instruments: bool) -> Estima
             f"'{base.name}' is neither: choose one of them, or leave out the estimator."
         )
     return base
+
+
+def weigh_logs(information: Information, estimator: Estimator) -> Information:
+    """Return the information with weights that make each actuator's noise one in all logs.
+
+    A log is worth what its noise allows: at every actuator its squares are weighed by the inverse
+    of the noise that its own fit finds there. What logs disagree about is no noise, and a log that
+    is too short to be fitted by itself counts by what the fit to all of them leaves in it. As far
+    as variances of so many independent outputs differ by chance they are taken as equal [Smyth
+    2004]. Weights are one on average, and all that follows knows one noise an actuator. Estimators
+    that weigh all actuators alike weigh all logs alike.
+
+    Parameters
+    ----------
+    information : Information
+        About all columns.
+    estimator : Estimator
+    """
+    fresh = forget_noise(estimator)
+    plain = fresh.base if isinstance(fresh, CORRECTED) else fresh
+    known = np.ones((1, len(information.counts)))
+    known = known if information.weights is None else information.weights
+    alive = known.max(axis=0) > 0  # others were left out
+    logs = np.unique(information.log[alive])
+    if len(logs) < 2 or not isinstance(plain, WeightedLeastSquares):
+        return information
+    member = (information.log == logs[:, None]) & alive
+    counts = member @ information.counts
+    weights, weighed = np.ones((information.actuators, len(logs))), information
+    variance, dof = np.ones(weights.shape), np.ones(weights.shape)
+    own = [fit_whole(plain, information.take(at)) for at in member]
+    short = np.array([fit is None for fit in own])
+    for k, fit in enumerate(own):
+        if fit is not None:
+            variance[:, k], dof[:, k] = fit.variance, counts[k] / fit.times
+    for _ in range(WEIGHINGS):
+        if short.any():
+            fit = plain.fit(weighed)
+            left = (fit.variance * fit.times)[:, None] * taken_of_blocks(weighed, fit)
+            left += weighed.squares_of_blocks(np.append(-fit.value, 1.0)[:, None])
+            variance[:, short] = (left @ member.T / counts / weights)[:, short]
+            dof[:, short] = (counts / fit.times[:, None])[:, short]
+        # Rounding, which is all that there may be in a log, must not be all that counts.
+        floor = variance.max(1, keepdims=True) / MOST
+        before, weights = weights, _shrink(np.maximum(variance, floor), dof)
+        weights /= (weights @ counts / counts.sum())[:, None]
+        weighed = information.weigh(weights @ member)
+        if not short.any() or np.abs(np.log(weights / before)).max() < SETTLED:
+            break
+    if weighed.echo is None:
+        return weighed
+    echo = weighed.echo  # it has as many logs of its own for each log
+    of_log = echo.log * (int(information.log.max()) + 1) // (int(echo.log.max()) + 1)
+    return replace(weighed, echo=echo.weigh(weights @ (of_log == logs[:, None])))
+
+
+def _shrink(mean: Array, dof: Array) -> Array:
+    """Return one over mean squares (n, L), moved together as far as chance explains them.
+
+    Parameters
+    ----------
+    mean, dof : (n, L)
+        Mean squares, and independent squares that each is made of.
+    """
+    if not mean.all():
+        return np.ones(mean.shape)
+    log = np.log(mean)
+    apart = log - log.mean(1, keepdims=True)
+    chance = 2.0 / dof
+    scatter = (apart**2).sum(1, keepdims=True) / (mean.shape[1] - 1)
+    between = np.maximum(scatter - chance.mean(1, keepdims=True), 0.0)
+    found: Array = np.exp(-apart * between / (between + chance))
+    return found
 
 
 def settle_noise(estimator: Estimator, whole: Information) -> Estimator:

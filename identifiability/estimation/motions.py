@@ -178,7 +178,7 @@ def compare_motions(
         own.append(alone)
         sd.append(np.where(fit.determined & (wide > 0), wide, np.inf))
         dof.append(scores.stretches - 1.0)
-        errors.append(np.sqrt(part.squares(np.append(-fit.value, 1.0)) / part.samples))
+        errors.append(np.sqrt(part.squares(np.append(-fit.value, 1.0)) / part.weighed_samples))
     if len(found) < 2:
         return None
     values, spread = np.array([e.value for e in own]), np.array(sd)

@@ -28,6 +28,7 @@ from identifiability.foundation.values import frozen
 from identifiability.regression.actuator_blocks import (
     ActuatorBlocks,
     allot,
+    batches,
     choose_basis,
     hold_blocks,
     invert_basis,
@@ -56,6 +57,8 @@ class Information:
     echo : Information or None
         The same columns W along a smoothed motion, and as instruments along it with new noise: how
         the log's own noise is tried once more. It has blocks and logs of its own.
+    weights : (n, B) or None
+        By which the squares of each actuator's blocks were weighed; None where they were not.
     """
 
     columns: tuple[str, ...]
@@ -64,6 +67,7 @@ class Information:
     log: np.ndarray
     instrumented: bool = False
     echo: Information | None = None
+    weights: Array | None = None
 
     @staticmethod
     def of_rows(
@@ -179,6 +183,20 @@ class Information:
         pairs = self.of_actuators(change)
         return np.array([np.square(part.root @ own).sum(0) for part, own in pairs])
 
+    def squares_of_blocks(self, change: Array) -> Array:
+        """Return each actuator's sum of squares of ``[W τ] change`` in each block, (n, B).
+
+        Parameters
+        ----------
+        change : (k + 1, q)
+        """
+        out = np.zeros((self.actuators, len(self.counts)))
+        for sums, (part, own) in zip(out, self.of_actuators(change), strict=True):
+            for at in batches(part.blocks):
+                Z = part.blocks[at] @ own
+                sums[at] = (Z * own if part.squared else Z * Z).sum((1, 2))
+        return out
+
     def products(self, weights: Array, left: Array, right: Array) -> Array:
         """Return ``([W τ] left)ᵀ ([W τ] right)`` of each block, actuators weighted, (B, p, q).
 
@@ -261,17 +279,38 @@ class Information:
     def take(self, kept: np.ndarray) -> Information:
         """Return some of the blocks."""
         parts = tuple(part.take(kept) for part in self.parts)
-        return replace(self, parts=parts, counts=self.counts[kept], log=self.log[kept])
+        weights = None if self.weights is None else self.weights[:, kept]
+        counts, log = self.counts[kept], self.log[kept]
+        return replace(self, parts=parts, counts=counts, log=log, weights=weights)
 
     def weigh(self, weights: Array) -> Information:
-        """Return the blocks with weights (B,) of their squares; their samples count as before."""
-        return replace(self, parts=tuple(part.weigh(weights) for part in self.parts))
+        """Return the blocks with weights of their squares; their samples count as before.
+
+        Parameters
+        ----------
+        weights : (B,) or (n, B)
+            Of all actuators, or of each.
+        """
+        each = np.broadcast_to(weights, (self.actuators, len(self.counts)))
+        parts = tuple(part.weigh(w) for part, w in zip(self.parts, each, strict=True))
+        return replace(
+            self, parts=parts, weights=each if self.weights is None else self.weights * each
+        )
+
+    @property
+    def weighed_samples(self) -> Array:
+        """Samples of each actuator, as often as their squares count, (n,)."""
+        counts = np.full(self.actuators, float(self.samples))
+        return counts if self.weights is None else self.weights @ self.counts
 
     def merge(self, at: np.ndarray) -> Information:
         """Return blocks that each hold those from one of `at` up to the next."""
         parts = tuple(part.merge(at) for part in self.parts)
         counts = np.add.reduceat(self.counts, at)
-        merged = replace(self, parts=parts, counts=counts, log=self.log[at])
+        weights = self.weights
+        if weights is not None:
+            weights = np.add.reduceat(weights * self.counts, at, axis=1) / counts
+        merged = replace(self, parts=parts, counts=counts, log=self.log[at], weights=weights)
         vars(merged)["_made"] = self._made  # the sums over all blocks are the same
         if self.instrumented:
             vars(merged.joint)["_made"] = self.joint._made
@@ -285,6 +324,11 @@ class Information:
         echo = self.echo if other.echo is None else other.echo
         if self.echo is not None and other.echo is not None:
             echo = self.echo + other.echo
+        weights = None
+        if self.weights is not None or other.weights is not None:
+            ones = (np.ones((self.actuators, len(one.counts))) for one in (self, other))
+            pairs = zip((self.weights, other.weights), ones, strict=True)
+            weights = np.concatenate([one if w is None else w for w, one in pairs], axis=1)
         return Information(
             self.columns,
             tuple(a.join(b) for a, b in zip(self.parts, other.parts, strict=True)),
@@ -292,6 +336,7 @@ class Information:
             np.concatenate([self.log, later]),
             self.instrumented,
             echo,
+            weights,
         )
 
 

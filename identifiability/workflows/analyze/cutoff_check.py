@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from identifiability.estimation.estimate import settle_noise
+from identifiability.estimation.estimate import settle_noise, weigh_logs
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import IdentifiabilityError, listing
@@ -132,6 +132,7 @@ def vary_cutoff(
         parts = [(logs[k].rows(a, b), s) for (k, a, b), s in zip(windows, samples, strict=True)]
         own = result.estimate.estimator
         again = gather_information(structure.regression(follow(own, structure.robot, parts)), 1)
+        again = weigh_logs(again, own)
         return settle_noise(own, again).fit(result.rung.reduce(again))
 
     whole = sum(b - a for _, a, b in windows) == sum(len(log) for log in logs)

@@ -1,4 +1,4 @@
-"""Stretches of the logs that no model follows: left out where they would decide, and told."""
+"""What rows count: stretches that no model follows are left out where they would decide."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from identifiability.estimation.decisive import Decisive, find_decisive, leave_out_bursts
+from identifiability.estimation.estimate import weigh_logs
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import Array
@@ -45,13 +46,15 @@ def state_decisive(
     )
 
 
-def weigh_down_bursts(
+def weigh_rows(
     joints: Sequence[str],
     samples: Sequence[Prepared],
     information: Information,
     estimator: Estimator,
 ) -> tuple[Information, str]:
     """Return the information without stretches that would decide, and a sentence on them if any.
+
+    Logs are weighed by their noise.
 
     Parameters
     ----------
@@ -62,6 +65,7 @@ def weigh_down_bursts(
     estimator : Estimator
     """
     kept, found = leave_out_bursts(information, estimator)
+    kept = weigh_logs(kept, estimator)
     if found is None:
         return kept, ""
     return kept, (

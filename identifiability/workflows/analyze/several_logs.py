@@ -20,8 +20,8 @@ NAMED = 3
 #: What of one log is compared.
 HALVES = ("the first half", "the second half")
 
-#: The error of a joint is spoken of where it is so many times as large.
-LARGER = 1.3
+#: The error of a joint is spoken of where it is so many times as large, and the noise of a log.
+LARGER, LOUDER = 1.3, 2.0
 
 CAUSE = "a payload, a temperature or another robot does that"
 LEFT_OUT = "or the model leaves out what differs between them (diagnose looks for it)"
@@ -91,9 +91,13 @@ def compare_logs(
         names = tuple(samples[k].name for k in motions.which) if motions else ()
         if motions is None:
             text = "The logs are too short to be fitted one by one: no interval holds what "
-            return SeveralLogs(None, names, columns, f"{text}another motion would change.")
+            text += (
+                f"another motion would change.{_weighed(information, [s.name for s in samples])}"
+            )
+            return SeveralLogs(None, names, columns, text)
         if motions.agree:
             text = f"The {len(names)} logs agree: fitted one by one, {_chance(motions, columns)}."
+            text += _weighed(information, [s.name for s in samples])
             return SeveralLogs(motions, names, columns, text)
         hint = _blame(motions, names, columns, joints)
         return SeveralLogs(motions, names, columns, hint, hint)
@@ -160,6 +164,21 @@ def _worse(motions: Motions, joints: Sequence[str], odd: int) -> str:
         f"; the error of {joints[k]} is {ratio[k]:.2g} × as large there"
         if ratio[k] > LARGER
         else ""
+    )
+
+
+def _weighed(information: Information, names: Sequence[str]) -> str:
+    """Return a sentence on a log that counts for less because of its noise, to follow another."""
+    if information.weights is None:
+        return ""
+    first = np.unique(information.log, return_index=True)[1]
+    size = np.exp(-0.5 * np.log(np.maximum(information.weights[:, first], 1e-12)).mean(0))
+    loud, still = int(size.argmax()), int(size.argmin())
+    if size[loud] < LOUDER * size[still]:
+        return ""
+    return (
+        f" Logs count by their noise: that of {names[loud]} is {size[loud] / size[still]:.2g} × "
+        f"that of {names[still]}."
     )
 
 

@@ -34,7 +34,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.assessment import assess_ladder, select_model
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.decisive import state_decisive, weigh_down_bursts
+from identifiability.workflows.analyze.decisive import state_decisive, weigh_rows
 from identifiability.workflows.analyze.fit import (
     base_values,
     fit_ladder,
@@ -148,9 +148,7 @@ def analyze(
             say("fitting models", 0.6)
             burst = ""
             if not silence:
-                information, burst = weigh_down_bursts(
-                    robot.joints, opening.samples, information, chosen
-                )
+                information, burst = weigh_rows(robot.joints, opening.samples, information, chosen)
                 chosen = settle_noise(chosen, information)
             models, robots = fit_ladder(structure, rungs, information, chosen, cad_prior, silence)
             values, with_files = base_values(models, robots)

@@ -42,7 +42,7 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.cutoff_check import check_cutoff
-from identifiability.workflows.analyze.decisive import state_decisive, weigh_down_bursts
+from identifiability.workflows.analyze.decisive import state_decisive, weigh_rows
 from identifiability.workflows.analyze.several_logs import compare_logs
 from identifiability.workflows.analyze.words import state_weak
 from identifiability.workflows.instruments import add_instruments
@@ -160,7 +160,8 @@ def prune(
         building = share(say, "building the regression", 0.1, 0.4)
         information = gather_information(opening.regression, engine=runner, progress=building)
         start = build_ladder(LadderEntry(models=source.entry.models[:1]), structure)[0]
-        information, burst = weigh_down_bursts(robot.joints, opening.samples, information, asked)
+        variation = _measure_variation(opening, information)
+        information, burst = weigh_rows(robot.joints, opening.samples, information, asked)
         asked = settle_noise(asked, start.reduce(information))
         question = Question(opening=opening, information=information, start=start, estimator=asked)
         say("walking down the ladder", 0.4)
@@ -170,7 +171,7 @@ def prune(
             start.reduce(information),
             start.nonnegative,
             unseen=unseen_regressor(structure, opening.samples, streams[1], reach) @ start.M,
-            variation=_measure_variation(opening, information),
+            variation=variation,
             suggested=suggest(structure, start.columns),
             forbid=forbid,
             force=force,

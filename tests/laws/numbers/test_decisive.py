@@ -16,7 +16,7 @@ from identifiability.estimation.decisive import (
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.estimator import Estimate
 from identifiability.regression.information import Information
-from identifiability.workflows.analyze.decisive import state_decisive, weigh_down_bursts
+from identifiability.workflows.analyze.decisive import state_decisive, weigh_rows
 
 ROWS, SIZE = 600, 5
 WLS = find_estimator("wls")
@@ -118,7 +118,7 @@ def test_a_burst_decides_nothing_any_more(size):
     assert set(range(100, 110)) <= {
         k for a, b in zip(found.first, found.last, strict=True) for k in range(a, b)
     }
-    text = weigh_down_bursts(["shoulder", "elbow"], LOGS, information, WLS)[1]
+    text = weigh_rows(["shoulder", "elbow"], LOGS, information, WLS)[1]
     assert " would decide: with it " in text
     assert "It was left out of the fit" in text
 
