@@ -33,7 +33,7 @@ from identifiability.foundation.output import write_json
 from identifiability.logs.prepare import Samples
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.physical.mass import HEAVY, mass_rows
+from identifiability.physical.mass import is_far, mass_rows
 from identifiability.regression.model import Model
 from identifiability.regression.reduction import LadderEntry, RungEntry
 from identifiability.report import Check, Section, frame_table, write_page
@@ -150,7 +150,7 @@ def study_case(case: Case, folder: Path) -> dict[str, Any]:
         samples, lambda m: code.inverse_dynamics(m.actuated_q, m.actuated_v, m.actuated_a)
     )
     masses = mass_rows(case.robot, values)
-    far = [m for m in masses if not m["mass_file"] / HEAVY <= m["mass"] <= HEAVY * m["mass_file"]]
+    far = [m for m in masses if is_far(m["mass"], m["mass_file"])]
     row["mass"] = sum(m["mass"] for m in masses)
     row["mass of the file"] = sum(m["mass_file"] for m in masses)
     row["far"] = ", ".join(f"{m['body']} {m['mass']:.3g} for {m['mass_file']:.3g}" for m in far)

@@ -9,12 +9,20 @@ from identifiability.foundation.errors import listing
 from identifiability.physical.cad_prior import WEAK
 from identifiability.robot import Robot
 
-#: Times the robot file's total mass beyond which another one is spoken of.
-HEAVY = 3.0
+#: Factor between a mass and that of the robot file, either way, beyond which it is spoken of.
+FAR = 3.0
+
+
+def is_far(mass: float, stated: float) -> bool:
+    """Whether a mass is beyond a factor `FAR` of that of the robot file, either way."""
+    return not stated / FAR <= mass <= FAR * stated
 
 
 def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:
     """Return what is wrong with the total mass of a robot, and the remedy; nothing if it is right.
+
+    It is the first thing that is said of a robot: one that is many times too heavy or too light
+    may predict torque well along the motion that was fitted, and moves wrongly in a simulator.
 
     Parameters
     ----------
@@ -26,18 +34,23 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
     """
     mass = total_mass(robot, parameters)
     stated = total_mass(robot, robot.nominal)
-    if not mass > HEAVY * stated > 0:
+    if not (stated > 0 and mass_rows(robot, parameters) and is_far(mass, stated)):
         return ""
     remedy = f"--cad-prior {10 * cad_weight or WEAK:g} keeps it nearer to the file"
     why = f"the logs do not determine every mass; {remedy}"
     if cad_weight:
         why = (
-            "the logs contradict the file where they are not silent; look whether a mass of the "
-            f"file, a unit or a torque scale is wrong, or {remedy}"
+            "identified masses disagree with the file's; look whether a mass of the file, a unit "
+            f"or a torque scale is wrong, or {remedy}"
         )
+    return f"{state_total(robot, parameters)}: {why}."
+
+
+def state_total(robot: Robot, parameters: Mapping[str, float]) -> str:
+    """Return what a real robot weighs beside that of the robot file, without a full stop."""
     return (
-        f"The nearest real robot weighs {mass:.4g} kg, that of the robot file {stated:.4g} kg: "
-        f"{why}."
+        f"The nearest real robot weighs {total_mass(robot, parameters):.4g} kg, that of the robot "
+        f"file {total_mass(robot, robot.nominal):.4g} kg"
     )
 
 
@@ -73,13 +86,10 @@ def state_masses(robot: Robot, parameters: Mapping[str, float]) -> str:
     rows = mass_rows(robot, parameters)
     if not rows:
         return ""
-    text = (
-        f"The nearest real robot weighs {total_mass(robot, parameters):.4g} kg, that of the robot "
-        f"file {total_mass(robot, robot.nominal):.4g} kg"
-    )
-    far = [r for r in rows if not r["mass_file"] / HEAVY <= r["mass"] <= HEAVY * r["mass_file"]]
+    text = state_total(robot, parameters)
+    far = [r for r in rows if is_far(r["mass"], r["mass_file"])]
     if not far:
-        return f"{text}; every body is within a factor {HEAVY:g} of the file's."
+        return f"{text}; every body is within a factor {FAR:g} of the file's."
     each = [f"{r['body']} {r['mass']:.3g} for {r['mass_file']:.3g} kg" for r in far]
     return f"{text}; far from the file's are {listing(each, 4)}."
 

@@ -23,7 +23,12 @@ from identifiability.report.numbers import (
 )
 from identifiability.report.page import Page
 from identifiability.report.sections.connections import section_budget, section_confused
-from identifiability.report.sections.decision import answer_next, answer_quality, answer_trust
+from identifiability.report.sections.decision import (
+    after_mass,
+    answer_next,
+    answer_quality,
+    answer_trust,
+)
 from identifiability.report.sections.drawn import sketch_robot
 from identifiability.report.sections.facts import (
     SIGMA,
@@ -98,7 +103,7 @@ def _answers(ladder: Ladder, notes: tuple[Note, ...]) -> Answers:
     each = ladder.held_out.joint_error()[:, 0]
     doubt = f"Nothing is identifiable, because {ladder.nothing}." if ladder.nothing else ""
     answers = (
-        use,
+        after_mass(use, ladder.mass_warning),
         answer_quality(error, ladder.robot.joints, each, kind),
         answer_trust(notes, doubt or ladder.result.unjudged, found, size),
         answer_next(_next_commands(ladder)),
@@ -130,6 +135,8 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
 
 
 def _notes(ladder: Ladder) -> Iterator[Note]:
+    if ladder.mass_warning:
+        yield note("mass", warning=ladder.mass_warning)
     if not ladder.feasible:
         yield note("infeasible", why=ladder.result.physical.sentence)
     for rung in ladder.rungs[1 : ladder.selected + 1]:

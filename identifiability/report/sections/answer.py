@@ -10,7 +10,12 @@ from identifiability.estimation.verdict import Class
 from identifiability.report.blocks import Answer, Answers, Note, Notes, Term, Terms
 from identifiability.report.marks import MARKS
 from identifiability.report.numbers import error_text, format_count, format_number, join, time_text
-from identifiability.report.sections.decision import answer_next, answer_quality, answer_trust
+from identifiability.report.sections.decision import (
+    after_mass,
+    answer_next,
+    answer_quality,
+    answer_trust,
+)
 from identifiability.report.sections.drawn import sketch_robot
 from identifiability.report.sections.facts import model_title, sigma_inflation
 from identifiability.report.words import note
@@ -34,7 +39,7 @@ def answer_questions(analysis: Analysis, notes: Notes) -> Answers:
     each = analysis.held_out.joint_error()[:, analysis.selected]
     joints, kind = analysis.robot.joints, analysis.validation_kind
     answers = (
-        _answer_use(analysis),
+        after_mass(_answer_use(analysis), analysis.mass_warning),
         answer_quality(chosen.error_ra_validation, joints, each, kind),
         answer_trust(notes.notes, doubt or chosen.unjudged, found, len(chosen.rung)),
         answer_next(next_commands(analysis)),
@@ -90,6 +95,8 @@ def answer_notes(analysis: Analysis) -> Notes:
 
 def _physics_notes(analysis: Analysis) -> Iterator[Note]:
     chosen, full = analysis.chosen, analysis.full
+    if analysis.mass_warning:
+        yield note("mass", warning=analysis.mass_warning)
     near = f"the nearest real robot errs by {error_text(chosen.error_ra_physical)} on unseen motion"
     if chosen.infeasible:
         yield note("impossible", names=join(chosen.infeasible), near=near)

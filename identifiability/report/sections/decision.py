@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +25,22 @@ def tone_of(error: float) -> str:
     """Return the colour of an error on unseen motion."""
     tones = {"very-good": "green", "good": "green", "fair": "amber"}
     return tones.get(grade_of(error), "vermilion") if np.isfinite(error) else "grey"
+
+
+def after_mass(answer: Answer, warning: str) -> Answer:
+    """Return the first answer of a page behind what is wrong with the total mass, if anything is.
+
+    Parameters
+    ----------
+    answer : Answer
+    warning : str
+        What `state_mass` says.
+    """
+    if not warning:
+        return answer
+    total, _, why = warning.partition(": ")
+    why = f"{why[0].upper()}{why[1:]} {answer.text}"
+    return replace(answer, short=f"{total}. {answer.short}", text=why, tone="vermilion")
 
 
 def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:

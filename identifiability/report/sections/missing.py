@@ -7,7 +7,12 @@ import numpy as np
 from identifiability.report.blocks import Answer, Answers, Sketch
 from identifiability.report.figures.skeleton import Part
 from identifiability.report.numbers import format_number, join, percent
-from identifiability.report.sections.decision import answer_next, state_error, tone_of
+from identifiability.report.sections.decision import (
+    after_mass,
+    answer_next,
+    state_error,
+    tone_of,
+)
 from identifiability.report.sections.drawn import moved_pose, sketch_parts
 from identifiability.workflows.diagnose.findings import NamedEffect
 from identifiability.workflows.diagnose.next_steps import next_commands
@@ -20,7 +25,10 @@ PLACES = 3
 
 def answer_missing(d: Diagnosis) -> Answers:
     """Return the first screen of a diagnosis."""
-    return Answers((_what(d), _gap(d), _left(d), answer_next(next_commands(d))), _sketch(d))
+    return Answers(
+        (after_mass(_what(d), d.mass_warning), _gap(d), _left(d), answer_next(next_commands(d))),
+        _sketch(d),
+    )
 
 
 def _what(d: Diagnosis) -> Answer:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from identifiability.foundation.linalg import RANK_TOLERANCE
-from identifiability.physical.mass import mass_rows, state_mass, total_mass
+from identifiability.physical.mass import mass_rows, total_mass
 from identifiability.report.blocks import Fold, Gallery, Picture, Prose, Section, Term, Terms
 from identifiability.report.figures.models import draw_conditions, draw_errors, draw_spectrum
 from identifiability.report.figures.parameters import draw_pulls
@@ -24,8 +24,7 @@ def section_physics(analysis: Analysis) -> Section:
     """Return the certificate, the way to the nearest real robot, and its parameters."""
     chosen = analysis.chosen
     physical = chosen.physical
-    mass = state_mass(analysis.robot, physical.parameters(), physical.cad_weight)
-    certificate = f"{physical.sentence} {mass}".rstrip()
+    certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
     way = None
     if not chosen.feasible:
         pictures = Gallery((nearest_picture(analysis), cost_picture(analysis)))

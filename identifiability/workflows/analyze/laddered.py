@@ -10,7 +10,7 @@ from identifiability.estimation.spread import measure_errors, measure_spread, wi
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.physical.mass import real_robot_dict, state_masses
+from identifiability.physical.mass import real_robot_dict, state_mass, state_masses
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource
 from identifiability.workflows.analyze.assessment import JudgedModel, RungResult
@@ -133,10 +133,16 @@ class Laddered(Result, Opening, Predicts):
         """What the nearest real robot and its bodies weigh beside the robot file's, in a line."""
         return state_masses(self.robot, self._used.physical.parameters())
 
+    @property
+    def mass_warning(self) -> str:
+        """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
+        real = self._used.physical
+        return "" if self.nothing else state_mass(self.robot, real.parameters(), real.cad_weight)
+
     def _state(self, answer: str) -> str:
-        """Return an answer with what its error is of, and what seems to be wrong."""
+        """Return an answer behind a wrong mass, with what its error is of and what is odd."""
         raw = "" if self.nothing else state_raw(self._alone[1])
-        return " ".join(filter(None, (answer, raw, *self.hints)))
+        return " ".join(filter(None, (self.mass_warning, answer, raw, *self.hints)))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""

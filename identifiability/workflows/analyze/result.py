@@ -164,4 +164,4 @@ class Analysis(Laddered):
     @property
     def physical_statement(self) -> str:
         """What physics says of the selected model, in words."""
-        return state_physics(self.robot, self.chosen)
+        return state_physics(self.chosen)

@@ -10,9 +10,7 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.renoised import RenoisedLeastSquares
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import listing
-from identifiability.physical.mass import state_mass
 from identifiability.regression.base_parameters import BaseParameters
-from identifiability.robot import Robot
 from identifiability.workflows.analyze.assessment import RungResult
 
 #: Why no verdict is believed where a model would be used that is no better than no model.
@@ -73,13 +71,8 @@ def state_answer(
     return " ".join(filter(None, (text, physics, why_not)))
 
 
-def state_physics(robot: Robot, chosen: RungResult) -> str:
+def state_physics(chosen: RungResult) -> str:
     """Return what physics says of a model."""
-    weight = state_mass(robot, chosen.physical.parameters(), chosen.physical.cad_weight)
-    return f"{_state_certificate(chosen)} {weight}".rstrip()
-
-
-def _state_certificate(chosen: RungResult) -> str:
     if chosen.feasible:
         return "A real robot can have its values."
     if chosen.physical.nearest is None:

@@ -7,6 +7,7 @@ from functools import cached_property
 from identifiability.effects import Effect, title_of
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
+from identifiability.physical.mass import state_mass
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -296,6 +297,12 @@ class Findings(Setting, Verified):
         """The robot under the model with the named effects."""
         known = None if self.forward is None else self.forward.nearest
         return Structure.of(self.robot, self.model) if known is None else known.structure
+
+    @property
+    def mass_warning(self) -> str:
+        """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
+        known = None if self.forward is None else self.forward.nearest
+        return "" if known is None else state_mass(self.robot, known.values, known.cad_weight)
 
     @property
     def base_effects(self) -> tuple[Effect, ...]:

@@ -31,7 +31,8 @@ class Remark:
 
 def state(d: Findings) -> str:
     """Return the answer in plain words, and below it a list of what should be known with it."""
-    return "\n- ".join([headline(d), *(r.text for r in remarks(d)), state_remainder(d)])
+    first = " ".join(filter(None, (d.mass_warning, headline(d))))
+    return "\n- ".join([first, *(r.text for r in remarks(d)), state_remainder(d)])
 
 
 def headline(d: Findings) -> str:

@@ -174,7 +174,7 @@ def _state_answer(ladder: Ladder) -> str:
             f" On the logs held out for validation it is "
             f"{percent(chosen.error_ra_validation)} against {percent(full.error_ra_validation)}."
         )
-    return f"{text} {state_physics(ladder.robot, ladder.result)}"
+    return f"{text} {state_physics(ladder.result)}"
 
 
 def _identifiable(ladder: Ladder) -> str:
