@@ -1,5 +1,8 @@
 """Coulomb friction in proportion to the load of the gear."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 
 from identifiability.effects.effect import Along, AlongAxes, put
@@ -41,8 +44,14 @@ class LoadDependentFriction(AlongAxes):
     units = (("Fl", "1", "1"),)
     nonnegative = True
 
+    def __init__(self, reference: Mapping[str, float] | None = None) -> None:
+        """Know the load by standard parameters, by default by the robot's own."""
+        self.reference = reference
+
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write one column an axis; the torque of the whole robot is computed once."""
+        if self.reference is not None:
+            robot = replace(robot, reference=self.reference)
         load = rigid_torque(robot, motion)
         for k, axis in enumerate(robot.axes):
             at = Along(robot, motion, axis)

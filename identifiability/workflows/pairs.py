@@ -6,7 +6,7 @@ something changed, the difference of the torques has none of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,9 +21,13 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, Samples, prepare_samples
 from identifiability.logs.prepare.repetition import COVERED, find_lag
 from identifiability.logs.repeats import Recording
+from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.opening import Logs, Recordings, read_recordings, state_reading
+
+#: What gives the columns along logs.
+Columns = Callable[[Sequence[Samples]], Regression]
 
 #: Times closer than this share of a step are the same.
 SAME = 1e-3
@@ -51,13 +55,17 @@ class Pair:
         """Return the pair with the second log first."""
         return Pair(self.second, self.first, (self.at[1], self.at[0]), -self.later)
 
-    def rows(self, structure: Structure) -> tuple[Array, Array, Array, Array]:
-        """Return base columns (N, n, b) and torque (N, n) of the first, then of the second."""
-        (t, *first), (other, *second) = (
-            _gather(structure, samples) for samples in (self.first, self.second)
-        )
+    def rows(
+        self, structure: Structure, first: Columns | None = None
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return base columns (N, n, b) and torque (N, n) of the first, then of the second.
+
+        Of the first log a regression may give other columns.
+        """
+        t, *own = _gather(first or structure.regression, self.first)
+        other, *second = _gather(structure.regression, self.second)
         at, there = _match(t, other, SAME * float(np.median(np.diff(t))))
-        return first[0][at], first[1][at], second[0][there], second[1][there]
+        return own[0][at], own[1][at], second[0][there], second[1][there]
 
 
 def read_sides(
@@ -145,9 +153,9 @@ def _on_one_clock(
     return first, second
 
 
-def _gather(structure: Structure, samples: Samples) -> tuple[Array, Array, Array]:
-    """Return times (N,), base columns (N, n, b) and torque (N, n) along a log."""
-    (part,) = structure.regression([replace(samples, instrument=None, echoes=())]).parts()
+def _gather(columns: Columns, samples: Samples) -> tuple[Array, Array, Array]:
+    """Return times (N,), columns (N, n, b) and torque (N, n) along a log."""
+    (part,) = columns([replace(samples, instrument=None, echoes=())]).parts()
     rows = [(c.t, c.W.copy(), c.tau) for c in part.chunks()]  # W is a buffer
     t, W, tau = map(np.concatenate, zip(*rows, strict=True))
     return t, W, tau

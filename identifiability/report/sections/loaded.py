@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identifiability.report.blocks import Answer, Answers, Sketch
@@ -32,10 +34,11 @@ def _what(result: Load) -> Answer:
     if not mass.told:
         short = f"Nothing surely: at most {format_number(mass.high, 2)} kg."
         return Answer(question, short, tone="amber")
+    gains = "It is proportional to the torque constants by which the torque was read."
     centre = [result.of[f"centre {axis}"] for axis in "xyz"]
     told = [f"{q.name[-1]} = {value_text(q)}" for q in centre if q.told]
     text = f"Its centre in the frame of {result.body}: {join(told)}." if told else ""
-    return Answer(question, f"{value_text(mass)} (95 %).", text, "blue")
+    return Answer(question, f"{value_text(mass)} (95 %).", f"{text} {gains}".strip(), "blue")
 
 
 def _known(result: Load) -> Answer:
@@ -49,6 +52,12 @@ def _known(result: Load) -> Answer:
 
 
 def _trust(result: Load) -> Answer:
+    answer = _trusted(result)
+    text = " ".join(filter(None, (answer.text, result.friction)))
+    return replace(answer, text=text)
+
+
+def _trusted(result: Load) -> Answer:
     question, motions = "May I trust it?", result.estimate.motions
     if result.caveats:
         return Answer(question, "With care: the robot changed since.", result.caveats[0], "amber")

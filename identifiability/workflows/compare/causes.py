@@ -100,27 +100,18 @@ _Columns = list[tuple[tuple[int, ...], tuple[float, ...]]]
 
 def _of_effects(structure: Structure) -> Iterator[tuple[str, str, str, _Columns]]:
     """Yield causes at joints: friction, alike in both directions, offsets, and other effects."""
-    at = {name: k for k, name in enumerate(structure.columns)}
-    friction: dict[str, _Columns] = {}
     offsets: dict[str, _Columns] = {}
     others: dict[tuple[str, str], _Columns] = {}
     for k, p in enumerate(structure.parameters):
-        if p.group == BODIES:
-            continue
-        if p.kind == "Fc-":
-            continue
         if p.group == "torque_offset":
             offsets[p.owner] = [((k,), (1.0,))]
-        elif p.kind == "Fc+":
-            both = (k, at[f"{p.owner}.Fc-"])
-            friction.setdefault(p.owner, []).append((both, (1.0, 1.0)))
-            offsets.setdefault(p.owner, [(both, (1.0, -1.0))])
-        elif "friction" in p.group:
-            friction.setdefault(p.owner, []).append(((k,), (1.0,)))
-        else:
+        elif p.group != BODIES and p.kind not in ("Fc+", "Fc-") and "friction" not in p.group:
             others.setdefault((p.owner, p.group), []).append(((k,), (1.0,)))
-    for joint, columns in friction.items():
+    for joint, columns in structure.friction.items():
         yield "friction", joint, f"friction of {joint}", columns
+        both = [members for members, _ in columns if len(members) == 2]
+        if both:
+            offsets.setdefault(joint, [(both[0], (1.0, -1.0))])
     for joint, columns in offsets.items():
         yield "offset", joint, f"torque offset of {joint}", columns
     for (joint, group), columns in others.items():

@@ -1,22 +1,28 @@
 """`LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
-    τ − W x̂ = W δ + K θ + noise,   δ ~ N(0, Σ)
+    τ − W x̂ = W δ + K θ + F f + noise,   δ ~ N(0, Σ)
 
 x̂ and Σ are the values of the result and their covariance, K the columns of the body that carries
-the load. Both unknowns are estimated together, so that the interval of the load holds what the
-result does not know of the robot, and the load takes nothing that the robot may have. Of paired
-logs it is the difference of the two residuals: the columns of δ nearly vanish, and whatever the
-model gets wrong along the motion does.
+the load, F those of friction, which is another one with the load: it changes from day to day, and
+gears rub in proportion to what they carry. All unknowns are estimated together, so that the
+interval of the load holds what the result does not know of the robot, and the load takes nothing
+that robot or friction may have. Of paired logs it is the difference of the two residuals: the
+columns of δ nearly vanish, and whatever the model gets wrong along the motion does, but friction
+that follows the load.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import reduce
 from operator import add
 
 import numpy as np
+from scipy.linalg import block_diag
+from scipy.stats import chi2
 
+from identifiability.effects.load_dependent_friction import LoadDependentFriction
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.estimator import NOTHING, Estimate
 from identifiability.estimation.memory import Noise
@@ -26,9 +32,12 @@ from identifiability.estimation.uncertainty import remembering_covariance
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.physical.pseudo_inertia import entry_scale
 from identifiability.regression.gather import BLOCKS
 from identifiability.regression.information import Information
+from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import Structure
 from identifiability.workflows.pairs import Pair
 from identifiability.workflows.predict import Fit
 
@@ -69,6 +78,8 @@ class LoadEstimate:
         Which log each motion of the estimate is.
     rms : (n,) [N·m or N]
         What is left of the torque.
+    rubbing : mapping
+        How surely the friction of a joint is another one than without the load: p-values.
     """
 
     theta: Array
@@ -78,6 +89,7 @@ class LoadEstimate:
     motions: Motions | None
     logs: tuple[int, ...]
     rms: Array
+    rubbing: Mapping[str, float]
 
 
 @frozen(kw_only=True)
@@ -97,9 +109,53 @@ class _Nuisance:
         return _Nuisance(directions=directions, precision=precision)
 
 
+@frozen(kw_only=True)
+class Rubbing:
+    """Friction that is another one with a load, of any joint.
+
+    Attributes
+    ----------
+    structure : Structure
+    carried : tuple of mapping
+        Standard parameters by which gears rub in proportion to what they carry: of the robot
+        with the load, and without; none while the load is not known.
+    """
+
+    structure: Structure
+    carried: tuple[Mapping[str, float], ...] = ()
+
+    def regression(self, samples: Sequence[Prepared]) -> Regression:
+        """Return base columns, then one of each axis by each of what is carried."""
+        known = self.structure.regression(samples)
+        model, kept = known.model, self.structure.base.kept
+        more = tuple(LoadDependentFriction(values) for values in self.carried)
+        width = len(self.structure.parameters)
+        every = sum(len(e.parameters(known.robot)) for e in more)
+        columns = np.append(kept, np.arange(width, width + every))
+        return replace(known, model=Model((*model.effects, *more)), columns=columns)
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """Joint or motor of each column of friction."""
+        own = [joint for joint, columns in self.structure.friction.items() for _ in columns]
+        return (*own, *(a.name for _ in self.carried for a in self.structure.robot.axes))
+
+    @property
+    def directions(self) -> Array:
+        """Columns of friction in those of `regression`, (b + e, r)."""
+        S = np.zeros((len(self.structure.columns), 0))
+        for columns in self.structure.friction.values():
+            for members, signs in columns:
+                S = np.column_stack([S, np.zeros(len(S))])
+                S[list(members), -1] = signs
+        more = len(self.owners) - S.shape[1]
+        return block_diag(self.structure.G @ S, np.eye(more))
+
+
 def estimate_load(
     fit: Fit,
     load: Array,
+    rubbing: Rubbing,
     loaded: Sequence[Information],
     without: Sequence[Information],
     pairs: Sequence[Pair],
@@ -112,8 +168,10 @@ def estimate_load(
         Of the robot without the load.
     load : (b, 10)
         Base parameters of the load's ten.
+    rubbing : Rubbing
     loaded, without : sequence of Information
-        About the base parameters along each log with and without it that has no pair.
+        About the columns of `rubbing` along each log with the load that has no pair, and about the
+        base parameters along each without.
     pairs : sequence of Pair
 
     Raises
@@ -121,16 +179,20 @@ def estimate_load(
     LogError
         If the logs are too short.
     """
-    nuisance = _Nuisance.of(fit)
-    s = nuisance.directions.shape[1]
+    known, friction = _Nuisance.of(fit), rubbing.directions
+    r, b = friction.shape[1], len(load)
+    nuisance = replace(known, precision=np.append(known.precision, np.zeros(r)))
+    s = len(nuisance.precision)
     names = (*(f"robot {k}" for k in range(s)), *INERTIAL)
-    nothing = np.zeros_like(load)
-    parts = [
-        info.reduce(np.hstack([nuisance.directions, columns]), names, fit.base)
-        for infos, columns in ((loaded, load), (without, nothing))
-        for info in infos
-    ]
-    parts += [_differences(pair, fit, nuisance.directions, load, names) for pair in pairs]
+    more = np.zeros((len(friction) - b, 1))  # of what gears carry, which only a loaded log has
+    own = [known.directions, load]
+    first, second = (np.vstack([x, np.tile(more, x.shape[1])]) for x in own)
+    both = np.hstack([first, friction, second])
+    bare = np.hstack([known.directions, np.zeros((b, r + 10))])
+    base = np.append(fit.base, more)
+    parts = [info.reduce(both, names, base) for info in loaded]
+    parts += [info.reduce(bare, names, fit.base) for info in without]
+    parts += [_differences(pair, fit, rubbing, both, bare, names) for pair in pairs]
     whole = reduce(add, parts)
     # Logs without the load tell of the robot only.
     bare = range(len(loaded), len(loaded) + len(without))
@@ -159,7 +221,23 @@ def estimate_load(
         motions=motions,
         logs=() if motions is None else tuple(order[k] for k in motions.which),
         rms=np.sqrt(alone.rss / part.samples),
+        rubbing=_test_friction(rubbing.owners, joint, s - r, float(np.mean(factor) ** 2)),
     )
+
+
+def _test_friction(
+    owners: Sequence[str], joint: _Joint, start: int, wider: float
+) -> dict[str, float]:
+    """Return how surely the friction of each joint is another one, by Wald's test."""
+    out = {}
+    for owner in dict.fromkeys(owners):
+        at = start + np.flatnonzero([o == owner for o in owners])
+        size = np.sqrt(np.diag(joint.spread)[at])
+        at, size = at[size > 0], size[size > 0]
+        inverse = np.linalg.pinv(joint.spread[np.ix_(at, at)] / np.outer(size, size), RANK)
+        z = joint.robot[at] / size
+        out[owner] = float(chi2.sf(z @ inverse @ z / wider, max(len(at), 1)))
+    return out
 
 
 @frozen(kw_only=True)
@@ -170,11 +248,14 @@ class _Joint:
     ----------
     robot : (s,)
         Along the directions of the nuisance.
+    spread : (s, s)
+        Covariance of these by formula; zero where they are not told.
     theta, covariance, root, unknown
         As in `LoadEstimate`, by formula.
     """
 
     robot: Array
+    spread: Array
     theta: Array
     covariance: Array
     root: Array
@@ -205,9 +286,11 @@ class _Joint:
         inverse = turn[good].T / size[good]
         theta = inverse @ (inverse.T @ (load.T @ (b - left @ (left.T @ b))))
         robot = np.linalg.lstsq(A[:, :s], b - A[:, s:] @ theta, rcond=RANK)[0]
+        every = np.linalg.pinv(A, RANK)[:s] / lengths[:s, None]
         unknown = turn[~good].T / (lengths[s:] * TYPICAL)[:, None]
         return _Joint(
             robot=robot / lengths[:s],
+            spread=every @ every.T,
             theta=theta / lengths[s:],
             root=size[good, None] * turn[good] * lengths[s:],
             unknown=np.linalg.qr(unknown)[0],
@@ -216,12 +299,12 @@ class _Joint:
 
 
 def _differences(
-    pair: Pair, fit: Fit, directions: Array, load: Array, names: Sequence[str]
+    pair: Pair, fit: Fit, rubbing: Rubbing, both: Array, bare: Array, names: Sequence[str]
 ) -> Information:
     """Return the information of what a pair's two residuals differ by."""
-    W, tau, other, below = pair.rows(fit.structure)
-    columns = np.concatenate([(W - other) @ directions, W @ load], axis=2)
-    torque = tau - below - (W - other) @ fit.base
+    W, tau, other, below = pair.rows(fit.structure, rubbing.regression)
+    columns = W @ both - other @ bare
+    torque = tau - below - (W[:, :, : len(bare)] - other) @ fit.base
     size = -(-len(tau) // BLOCKS)
     return Information.of_rows(names, columns, torque, np.zeros(len(tau), int), size)
 

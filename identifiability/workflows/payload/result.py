@@ -19,6 +19,15 @@ from identifiability.robot import Robot
 from identifiability.workflows.payload.body import Quantity
 from identifiability.workflows.payload.estimate import LoadEstimate
 
+#: Level at which friction is said to be another one than without the load [family-wise].
+LEVEL = 0.05
+
+#: What masses are stated by.
+GAINS = (
+    "Mass and moments are proportional to the torque constants and gear ratios by which the torque "
+    "was read: as many percent as these are off, so is every number."
+)
+
 #: Torque that the load leaves is spoken of where it is so many times what the result left.
 LARGER = 1.5
 
@@ -94,7 +103,8 @@ class Load(Result):
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        texts = [self.answer, self._moments(), self._untold(), self._agreement(), *self.caveats]
+        texts = [self.answer, self._moments(), self._untold(), self._agreement(), self.friction]
+        texts += [*self.caveats, GAINS if self.mass.told else ""]
         return " ".join(t for t in (*texts, *self.hints) if t)
 
     def _moments(self) -> str:
@@ -121,6 +131,23 @@ class Load(Result):
         if motions.agree:
             return f"The logs agree ({each})."
         return f"The logs disagree ({each}): intervals are widened to hold all of them."
+
+    @property
+    def rubbing(self) -> tuple[str, ...]:
+        """Joints whose friction is surely another one than without the load."""
+        level = LEVEL / max(len(self.estimate.rubbing), 1)
+        return tuple(joint for joint, p in self.estimate.rubbing.items() if p < level)
+
+    @property
+    def friction(self) -> str:
+        """What became of friction, in a sentence; empty where it did not change for sure."""
+        if not self.rubbing:
+            return ""
+        many = "differ" if len(self.rubbing) > 1 else "differs"
+        return (
+            f"Friction of {listing(self.rubbing, 6)} {many} from that without the load, which the "
+            "intervals hold."
+        )
 
     @property
     def caveats(self) -> tuple[str, ...]:
@@ -177,4 +204,5 @@ class Load(Result):
             "pairs": [list(p) for p in self.pairs],
             "by_log": self.log_frame().to_dict("records"),
             "caveats": list(self.caveats),
+            "friction_changed": list(self.rubbing),
         }

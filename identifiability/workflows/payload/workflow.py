@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from identifiability.effects.load_dependent_friction import LoadDependentFriction
+from identifiability.effects.nominal import reference_values
 from identifiability.foundation.engines.local import Serial
 from identifiability.foundation.engines.mapping import Engine
 from identifiability.foundation.errors import listing, near_match
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL, Array
 from identifiability.foundation.options import OptionError, checked
 from identifiability.foundation.threads import one_thread
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.echo import noise_share
-from identifiability.logs.prepare.longsamples import prepare_log
+from identifiability.logs.prepare.longsamples import Prepared, prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.logs.repeats import Recording
 from identifiability.physical.nominal_bodies import draw_bodies
 from identifiability.physical.pseudo_inertia import natural_scale
 from identifiability.regression.gather import gather_information
-from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.changed import last_bodies
@@ -32,9 +33,12 @@ from identifiability.workflows.instruments import LOUD
 from identifiability.workflows.opening import Logs, require_signal
 from identifiability.workflows.pairs import find_pairs, read_sides
 from identifiability.workflows.payload.body import nearest_body, state_quantities
-from identifiability.workflows.payload.estimate import estimate_load
+from identifiability.workflows.payload.estimate import Rubbing, estimate_load
 from identifiability.workflows.payload.result import Load
 from identifiability.workflows.predict import FitLike, find_fit
+
+#: How often the load is found: friction that follows it takes what it was found to be before.
+WEIGHED = 2
 
 
 @checked
@@ -83,21 +87,28 @@ def payload(
         pairs = find_pairs(robot, given, other, how)
         runner = engine or Serial()
 
-        def gather(recordings: tuple[Recording, ...], paired: set[int]) -> list[Information]:
+        def prepare(recordings: tuple[Recording, ...], paired: set[int]) -> list[Prepared]:
             left = [r for k, r in enumerate(recordings) if k not in paired]
             samples = [prepare_log(robot, r, how, engine=runner) for r in left]
             require_signal(samples, "weighed")
             hints.extend(text for s in samples for text in s.hints)
-            return [
-                gather_information(fit.structure.regression([s]), engine=runner) for s in samples
-            ]
+            return samples
 
         hints = [text for side in sides for text in side.hints]
         hints += _tell_noise(robot, given, how)
-        loaded = gather(given, {p.at[0] for p in pairs})
-        bare = gather(other, {p.at[1] for p in pairs})
-        found = estimate_load(fit, columns, loaded, bare, pairs)
-        nearest = nearest_body(found)
+        samples = prepare(given, {p.at[0] for p in pairs})
+        bare = [
+            gather_information(fit.structure.regression([s]), engine=runner)
+            for s in prepare(other, {p.at[1] for p in pairs})
+        ]
+        rubbing = Rubbing(structure=fit.structure)
+        for _ in range(WEIGHED):
+            loaded = [gather_information(rubbing.regression([s]), engine=runner) for s in samples]
+            found = estimate_load(fit, columns, rubbing, loaded, bare, pairs)
+            nearest = nearest_body(found)
+            rubbing = Rubbing(
+                structure=fit.structure, carried=_carried(fit.structure, place, nearest)
+            )
         length = float(np.median(natural_scale(_bodies(fit.structure))[1]))
     return Load(
         robot=robot,
@@ -113,6 +124,18 @@ def payload(
         hints=tuple(dict.fromkeys(hints)),
         origin=fit.origin,
     )
+
+
+def _carried(structure: Structure, body: str, load: Array) -> tuple[Mapping[str, float], ...]:
+    """Return by which values gears carry what they do: with the load, and without.
+
+    Where the model itself has friction by load, it is that without.
+    """
+    bare = reference_values(structure.robot)
+    loaded = dict(bare)
+    for kind, value in zip(INERTIAL, load.tolist(), strict=True):
+        loaded[f"{body}.{kind}"] = loaded.get(f"{body}.{kind}", 0.0) + value
+    return (loaded,) if LoadDependentFriction.name in structure.model.names else (loaded, bare)
 
 
 def _tell_noise(robot: Robot, logs: Sequence[Recording], how: Preparation) -> list[str]:
