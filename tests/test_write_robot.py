@@ -71,7 +71,7 @@ def test_asymmetric_friction_goes_to_the_sidecar_and_its_mean_to_the_file(rps, t
 
 
 def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, tmp_path):
-    values = {"slider1.off": 3.0, "slider2.Fs": 4.0, "base.tilt1": 0.01}
+    values = {"slider1.off": 3.0, "slider2.Fs": 4.0, "slider3.Fq": 0.01}
     shapes = {"slider2.stribeck_friction": 0.02}
     written = write_parameters(
         rps, values, tmp_path / "copy.xml", shapes=shapes, reference={"platform.m": 7.0}

@@ -36,6 +36,17 @@ class Effect(ABC):
     #: splines; none where what they say changes most at one point, as friction does at rest.
     curves_apart: ClassVar[int] = 1
 
+    #: How many numbers its shape is, behind the colon of a ladder file.
+    shape_size: ClassVar[int] = 0
+
+    def about(self, shape: Sequence[float]) -> "Effect":
+        """Return the effect with a shape of several numbers: most have none."""
+        raise NotImplementedError(f"{type(self).__name__} has no shape of {len(shape)} numbers")
+
+    def turn(self, robot: Robot) -> Robot:
+        """Return the robot that a model with the effect is about: nearly always the same one."""
+        return robot
+
     @property
     def texts(self) -> tuple[str, ...]:
         """How a ladder file writes the effect."""
@@ -187,6 +198,8 @@ class Shaped(AlongAxes):
     only : str or None
         One axis, or a pattern such as ``wrist_*``; None for all.
     """
+
+    shape_size: ClassVar[int] = 1
 
     #: The shape where none is stated: at an axis that turns, and at one that slides.
     usual: ClassVar[tuple[float, float]]

@@ -174,8 +174,10 @@ class Family:
         """Public name, that of its effects."""
         return self.effect.name
 
-    def at(self, shape: float | None, place: str) -> Effect:
+    def at(self, shape: float | tuple[float, ...] | None, place: str) -> Effect:
         """Return the effect with a shape at a place, as the robot has it without one."""
+        if isinstance(shape, tuple):
+            return self.effect.about(shape)
         if shape is None or np.isnan(shape) or not isinstance(self.effect, Shaped):
             return self.effect
         return type(self.effect)(shape, place)

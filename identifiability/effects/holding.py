@@ -1,8 +1,8 @@
 """What a robot file holds of a model's parameters, as their effects say it.
 
-Masses (a payload is part of its body), and at each joint viscous and Coulomb friction with one
-level for both directions; an MJCF also has the inertia of a rotor and a spring with its rest, which
-a spring of unknown rest is too where it pulls back.
+Masses (a payload is part of its body), where gravity points, and at each joint viscous and Coulomb
+friction with one level for both directions; an MJCF also has the inertia of a rotor and a spring
+with its rest, which a spring of unknown rest is too where it pulls back.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Literal
 from identifiability.effects.coulomb_asymmetry import settle_directions
 from identifiability.effects.family import Family
 from identifiability.effects.registry import FAMILIES
-from identifiability.foundation.names import INERTIAL_KINDS, Parameter
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot
 from identifiability.robot.parts import name_numbers
 from identifiability.robot.write import joint_numbers
@@ -44,6 +44,7 @@ def _stated(
     places = {
         **dict.fromkeys(robot.bodies, INERTIAL_KINDS),
         **dict.fromkeys((*robot.tree.single, *tendons), joint_numbers(kind)),
+        BASE: ("gravity",),
     }
     for family in families:
         for parameter in family.effect.parameters(robot):

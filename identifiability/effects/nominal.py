@@ -89,11 +89,6 @@ def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
     return hold_weight(robot, motion, model)
 
 
-def gravity_vector(robot: Robot) -> Array:
-    """Return the gravity that the file states [m/s²]."""
-    return np.array(robot.model.gravity.linear)
-
-
 def has_masses(robot: Robot) -> bool:
     """Whether the file states a mass for any body."""
     return any(robot.nominal.get(f"{b}.m", 0.0) > 0 for b in robot.bodies)

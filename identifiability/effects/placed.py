@@ -110,6 +110,10 @@ class Placed(Effect):
         """How a ladder file writes the effect."""
         return self._texts or super().texts
 
+    def turn(self, robot: Robot) -> Robot:
+        """Return the robot that the effect of its parts is about."""
+        return self.parts[0].effect.turn(robot)
+
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the parameters of all parts, part by part.
 

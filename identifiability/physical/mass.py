@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from identifiability.effects.gravity_tilt import settle_gravity
+from identifiability.effects.holding import file_kinds, held_by_file
+from identifiability.estimation.prediction import predict
 from identifiability.foundation.errors import listing
+from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.physical.cad_prior import WEAK
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
 #: Factor between a mass and that of the robot file, either way, beyond which it is spoken of.
@@ -100,30 +108,35 @@ def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
 
 
 def real_robot_dict(
-    robot: Robot,
+    structure: Structure,
     parameters: Mapping[str, float],
     errors: tuple[float, float, float],
-    shapes: Mapping[str, float],
+    samples: Sequence[Prepared] = (),
     cad_weight: float = 0.0,
 ) -> dict[str, Any]:
     """Return a real robot as plain values, as `export` reads them.
 
     Parameters
     ----------
-    robot : Robot
-        Whose file it is written to.
+    structure : Structure
+        Of the robot whose file it is written to.
     parameters : mapping
         Standard parameters by name; empty where no real robot was found.
     errors : (float, float, float)
         ε_RA on the fitted logs, of all parameters and of what a robot file holds of them: one of
         the robot's own format, and one of the other.
-    shapes : mapping
-        Of the model's effects, by ``<joint>.<effect>``.
+    samples : sequence of Samples or LongSamples
+        The fitted logs.
     cad_weight : float
         Of the prior that it was found with.
     """
-    own, other = ("mjcf", "urdf") if robot.mjcf else ("urdf", "mjcf")
+    robot = structure.robot
+    own, other = file_kinds(robot)
+    tilt = settle_gravity(robot, parameters)[0].tilt
+    if tilt is not None and samples:
+        errors = _errors_tilted(structure, samples, parameters)
     return {
+        **({} if tilt is None else {"gravity": tilt.to_dict()}),
         "error_ra": errors[0],
         "error_ra_file": errors[1],
         "file": own,
@@ -132,9 +145,33 @@ def real_robot_dict(
         "mass_file": total_mass(robot, robot.nominal),
         "masses": mass_rows(robot, parameters),
         "cad_prior": cad_weight,
-        "shapes": dict(shapes),
+        "shapes": dict(structure.shapes) if parameters else {},
         "parameters": dict(parameters),
     }
+
+
+def _errors_tilted(
+    structure: Structure, samples: Sequence[Prepared], values: Mapping[str, float]
+) -> tuple[float, float, float]:
+    """Return ε_RA of a robot whose base is tilted, and of what a file of either format holds.
+
+    Gravity pulls at the bodies that were found, along where it points; the columns of a tilt are
+    those of the file's bodies, and to first order.
+
+    Parameters
+    ----------
+    structure : Structure
+    samples : sequence of Samples or LongSamples
+    values : mapping
+        Standard parameters by name.
+    """
+    robot, rest = settle_gravity(structure.robot, values)
+    held = [rest, *(held_by_file(robot, rest, kind) for kind in file_kinds(robot))]
+    phi = np.array([[f.get(name, 0.0) for name in structure.columns] for f in held]).T
+    first = [structure.columns.index(n) == k for k, n in enumerate(structure.columns)]
+    regression = Regression(robot, structure.model, tuple(samples))
+    whole, own, other = predict(regression, phi * np.array(first)[:, None]).relative_error()
+    return float(whole), float(own), float(other)
 
 
 def _masses(body: str) -> tuple[str, str]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from identifiability.effects import Effect, Part, Placed, Shaped, find_effect, find_family
+from identifiability.effects import Effect, Part, Placed, find_effect, find_family
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, checked
@@ -66,6 +66,12 @@ class Model:
     def names(self) -> tuple[str, ...]:
         """Names of the effects."""
         return tuple(e.name for e in self.effects)
+
+    def turn(self, robot: Robot) -> Robot:
+        """Return the robot that the model is about: a tilted base has gravity elsewhere."""
+        for effect in self.effects:
+            robot = effect.turn(robot)
+        return robot
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -140,16 +146,25 @@ def _read_effect(name: str, written: Iterable[str]) -> Effect:
             return effect
         places, shape = _split_shape(text.partition("@")[2])
         family = find_family(name)
-        if shape is not None and not isinstance(effect, Shaped):
+        if shape is not None and not effect.shape_size:
             raise ModelError(f"'{text}': {name} has no shape; leave out the number behind the ':'.")
+        given = 0 if shape is None else len(shape) if isinstance(shape, tuple) else 1
+        if given not in (0, effect.shape_size):
+            raise ModelError(
+                f"'{text}': the shape of {name} is {effect.shape_size} numbers, and {given} stand "
+                "behind the ':'."
+            )
         parts += [Part(family.at(shape, place), place) for place in places.split("+")]
     return Placed(parts, tuple(written))
 
 
-def _split_shape(text: str) -> tuple[str, float | None]:
+def _split_shape(text: str) -> tuple[str, float | tuple[float, ...] | None]:
     """Return the places and the shape of ``PLACE+PLACE:SHAPE``; names may have colons too."""
     places, colon, number = text.rpartition(":")
     try:
-        return (places, float(number)) if colon else (text, None)
+        numbers = tuple(map(float, number.split(",")))
     except ValueError:
         return text, None
+    if not colon:
+        return text, None
+    return places, numbers if len(numbers) > 1 else numbers[0]

@@ -37,7 +37,11 @@ class Structure:
 
     @staticmethod
     def of(robot: Robot, model: Model, rng: np.random.Generator | None = None) -> Structure:
-        """Return the structure with what `find_base_parameters` finds."""
+        """Return the structure with what `find_base_parameters` finds.
+
+        Of a model that says where gravity points the robot is one under that gravity.
+        """
+        robot = model.turn(robot)
         return Structure(robot, model, find_base_parameters(robot, model, rng))
 
     @property

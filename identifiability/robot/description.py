@@ -3,10 +3,10 @@
 import hashlib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import field, fields
+from dataclasses import field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -20,10 +20,46 @@ from identifiability.robot.known_torque import KnownTorque
 from identifiability.robot.markup import included_files
 from identifiability.robot.measured_torque import MeasuredTorque
 from identifiability.robot.parts import Axis, Cable, Coupling, Entry, Loop, Transmission
+from identifiability.robot.vectors import shortest_turn
 
 
 def _none() -> np.ndarray:
     return np.empty(0, int)
+
+
+@frozen
+class Tilt:
+    """A base that stands otherwise than its robot file says.
+
+    Attributes
+    ----------
+    direction : (3,)
+        Of gravity in the file's world, a unit vector.
+    degrees : float
+        Between it and the direction that the file states.
+    """
+
+    direction: Array
+    degrees: float
+
+    @staticmethod
+    def of(stated: Array, found: Array) -> "Tilt":
+        """Return the tilt of a gravity (3,) against the one that a file states."""
+        angle = float(np.linalg.norm(shortest_turn(stated, found)))
+        return Tilt(found / np.linalg.norm(found), float(np.degrees(angle)))
+
+    @property
+    def text(self) -> str:
+        """Where gravity points, after "gravity"."""
+        x, y, z = (f"{c + 0.0:.3f}".replace("-", "−") for c in self.direction.round(3))
+        return (
+            f"points along ({x}, {y}, {z}) in the world of the robot file, {self.degrees:.3g}° "
+            "from the direction that the file states"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        return {"direction": self.direction.tolist(), "degrees": self.degrees}
 
 
 @frozen
@@ -97,6 +133,8 @@ class Description:
         Bodies of a scene that no actuated joint reaches; they and what they carry are left out.
     entries : mapping
         Entries of arrays that MuJoCo keeps of its joints, by array, then index or name.
+    upright : (3,) [m/s²] or None
+        Gravity as the file states it, where it was found to be another one (`turned`).
     """
 
     name: str
@@ -141,6 +179,7 @@ class Description:
     cables: tuple[Cable, ...] = ()
     outside: tuple[str, ...] = ()
     entries: Mapping[str, Mapping[str, Entry]] = field(default_factory=dict)
+    upright: Array | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: the fields, without what was derived from them meanwhile."""
@@ -169,12 +208,41 @@ class Description:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What results say of it in JSON: name, title, what is locked, torque known beforehand."""
+        """What results say of it in JSON: name, title, what is locked, tilted, known of torque."""
         said: dict[str, Any] = {"name": self.name, "title": self.title}
+        said |= {"gravity": self.tilt.to_dict()} if self.tilt is not None else {}
         said |= {"locked": dict(self.locked)} if self.locked else {}
         said |= {"left_out": list(self.outside)} if self.outside else {}
         known = [k.text for k in self.known_torque]
         return said | ({"known_torque": known} if known else {})
+
+    @property
+    def gravity(self) -> Array:
+        """Gravity in the file's world, (3,) [m/s²]."""
+        return np.array(self.model.gravity.linear)
+
+    def turned(self, direction: Array) -> Self:
+        """Return the robot with gravity along another direction of the file's world.
+
+        That is what a base is that stands otherwise than the file says. The file stays as it is; a
+        file that is written of the robot states it.
+
+        Parameters
+        ----------
+        direction : (3,)
+        """
+        size, direction = float(np.linalg.norm(self.gravity)), np.asarray(direction, float)
+        if not (size and direction.any()):
+            return self
+        model = self.model.copy()
+        model.gravity.linear = size * direction / np.linalg.norm(direction)
+        upright = self.gravity if self.upright is None else self.upright
+        return replace(self, model=model, upright=upright)
+
+    @property
+    def tilt(self) -> Tilt | None:
+        """How the base stands otherwise than the file says; None if it does as the file says."""
+        return None if self.upright is None else Tilt.of(self.upright, self.gravity)
 
     @property
     def closed(self) -> bool:

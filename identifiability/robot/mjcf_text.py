@@ -44,6 +44,16 @@ def clear_mjcf(top: ET.Element) -> None:
                 element.attrib.pop(key, None)
 
 
+def write_gravity(top: ET.Element, gravity: Array) -> None:
+    """Write gravity (3,) [m/s²] where an MJCF states another one."""
+    options = [e for e in top.iter("option") if e.get("gravity")]
+    stated = options[-1].get("gravity", "").split() if options else ["0", "0", "-9.81"]
+    if not gravity.any() or np.allclose(np.array(stated, float), gravity, rtol=0, atol=1e-12):
+        return
+    for element in options or top.findall("option")[:1] or [ET.SubElement(top, "option")]:
+        element.set("gravity", numbers(gravity))
+
+
 def write_cable(element: ET.Element, stated: Mapping[str, float], rest: float) -> None:
     """Write friction, inertia and spring of a tendon that is relaxed at a length [m]."""
     for word, value in stated.items():

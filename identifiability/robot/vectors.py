@@ -28,6 +28,26 @@ def basis_along(axis: Array) -> Array:
     return np.stack([first, np.cross(axis, first), axis], 1)
 
 
+def shortest_turn(start: Array, end: Array) -> Array:
+    """Return the rotation vector (3,) of the shortest turn from one direction (3,) to another.
+
+    Of opposite directions, which have no shortest one, it is about a level axis.
+    """
+    start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
+    axis, cosine = np.cross(start, end), float(start @ end)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        return np.zeros(3) if cosine > 0 else np.pi * basis_along(start)[:, 0]
+    found: Array = axis * (np.arctan2(sine, cosine) / sine)
+    return found
+
+
+def turn(vector: Array, step: Array) -> Array:
+    """Return a vector (3,) turned by a rotation vector (3,)."""
+    out: Array = scipy.spatial.transform.Rotation.from_rotvec(step).apply(vector)
+    return out
+
+
 def combine(R: Array, parts: Array) -> Array:
     """Return the vector with some components along the axes of a frame, (3, N)."""
     whole: Array = R[0] * parts[0] + R[1] * parts[1] + R[2] * parts[2]

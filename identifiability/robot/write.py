@@ -29,11 +29,16 @@ from identifiability.robot.mjcf_text import (
     numbers,
     thicken,
     write_cable,
+    write_gravity,
     write_inertial,
 )
 from identifiability.robot.shared_sidecar import own_sidecar, place_sidecar
 from identifiability.robot.sidecar import read_sidecar
+from identifiability.robot.vectors import shortest_turn
 from identifiability.robot.write_axes import write_axes
+
+#: Where gravity points in a URDF, and by how little it may be off [rad].
+DOWN, LEVEL = np.array([0.0, 0.0, -1.0]), 1e-12
 
 
 def joint_numbers(kind: Literal["mjcf", "urdf"]) -> tuple[str, ...]:
@@ -97,8 +102,10 @@ def write_robot(
             _write_joint(elements[name], robot, name, stated, degrees=degrees)
     if robot.mjcf:
         clear_mjcf(top)
-    if robot.mjcf:
         write_axes(top, robot, joints)
+        write_gravity(top, robot.gravity)
+    else:
+        _turn_base(top, robot)
     cables = {e.get("name"): e for e in top.iter("spatial")}
     for name in slides & set(joints):
         home = float(robot.dof_position(robot.home[None], name)[0])
@@ -193,6 +200,39 @@ def _write_urdf_inertial(
     for link in links:
         if link.get("name") in attached - {body}:
             _remove_all(link, "inertial")
+
+
+def _turn_base(top: ET.Element, robot: Description) -> None:
+    """Let a URDF stand so that gravity, which is down in every one, is along the robot's.
+
+    Its first link hangs on another one by a joint whose origin turns the whole robot.
+
+    Raises
+    ------
+    RobotError
+        If loops are closed along some axes of the world, which would not turn.
+    """
+    step = shortest_turn(robot.gravity, DOWN) if robot.gravity.any() else np.zeros(3)
+    if np.linalg.norm(step) < LEVEL:
+        return
+    if any(len(loop.axes) < 3 and loop.frame is None for loop in robot.loops):
+        raise RobotError(
+            f"{robot.path} closes loops along axes of the world, which a URDF cannot turn with the "
+            "robot: export it as MJCF, or as JSON."
+        )
+    children = {e.get("link") for joint in top.findall("joint") for e in joint.findall("child")}
+    links = [str(link.get("name")) for link in top.findall("link")]
+    first = next(name for name in links if name not in children)
+    taken = {*links, *(str(j.get("name")) for j in top.findall("joint"))}
+    ground = joint = "ground"
+    while ground in taken:
+        ground = joint = f"{ground}_"
+    ET.SubElement(top, "link", name=ground)
+    made = ET.SubElement(top, "joint", name=f"{joint}_to_{first}", type="fixed")
+    rpy = pin.rpy.matrixToRpy(pin.exp3(step))
+    ET.SubElement(made, "origin", xyz="0 0 0", rpy=numbers(rpy))
+    ET.SubElement(made, "parent", link=ground)
+    ET.SubElement(made, "child", link=first)
 
 
 def _remove_all(element: ET.Element, tag: str) -> None:

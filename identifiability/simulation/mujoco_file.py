@@ -18,10 +18,14 @@ def load_file(robot: Robot) -> Any:
     try:
         root = ET.parse(robot.path).getroot()
         if robot.path.suffix.lower() == ".urdf" or root.tag == "robot":
-            return mujoco.MjModel.from_xml_string(bare_urdf(root, balance="false"))
-        return compile_mjcf(robot.path, read_markup(robot.path), robot.outside)
+            model = mujoco.MjModel.from_xml_string(bare_urdf(root, balance="false"))
+        else:
+            model = compile_mjcf(robot.path, read_markup(robot.path), robot.outside)
     except (ValueError, OSError) as error:
         raise RobotError(f"MuJoCo cannot load {robot.path}: {reason_of(error)}.") from None
+    if robot.upright is not None:
+        model.opt.gravity[:] = robot.gravity
+    return model
 
 
 def bare_urdf(root: ET.Element, balance: str) -> str:

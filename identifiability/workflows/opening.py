@@ -36,6 +36,7 @@ from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
+from identifiability.workflows.gravity import about_gravity
 from identifiability.workflows.oddities import Evidence, find_oddities
 
 #: Why no verdict stands on columns that are read as what they are not, for after "because".
@@ -100,6 +101,17 @@ class Opening(OfStructure):
     hints: tuple[str, ...]
     explained: bool = False
     misread: str = ""
+
+    def under(self, structure: Structure, recordings: Sequence[Recording]) -> "Opening":
+        """Return the opening under another structure, with what is odd about logs then."""
+        before, now = (
+            find_oddities(Evidence(s, tuple(recordings), self.samples))
+            for s in (self.structure, structure)
+        )
+        hints = (*now.hints, *(h for h in self.hints if h not in before.hints))
+        why = MISREAD if now.misread else ""
+        known = replace(self, structure=structure, explained=now.decisive, misread=why)
+        return replace(known, hints=hints)
 
     @cached_property
     def regression(self) -> Regression:
@@ -262,9 +274,11 @@ def open_logs(
     opening = Opening(structure=structure, samples=train, validation=held, hints=hints)
     if opening.silence:
         return replace(opening, validation=())
+    structure = about_gravity(structure, train)
     odd = find_oddities(Evidence(structure, recordings.fitted, train))
     why = MISREAD if odd.misread else ""
-    return replace(opening, hints=(*odd.hints, *hints), explained=odd.decisive, misread=why)
+    known = replace(opening, structure=structure, explained=odd.decisive, misread=why)
+    return replace(known, hints=(*odd.hints, *hints))
 
 
 def require_signal(samples: Sequence[Prepared], done: str) -> None:

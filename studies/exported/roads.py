@@ -91,6 +91,9 @@ def in_pinocchio(path: Path, robot: Robot, motion: Motion) -> np.ndarray | None:
     build = pin.buildModelFromMJCF if path.suffix == ".xml" else pin.buildModelFromUrdf
     model = build(str(path))
     assert model.nv == robot.nv
+    for option in ET.parse(path).iter("option"):  # which Pinocchio's reader of MJCF passes over
+        if option.get("gravity"):
+            model.gravity.linear = np.array(option.get("gravity").split(), float)
     data, out = model.createData(), np.zeros((len(motion), robot.nv))
     positions = _positions(model, robot, motion)
     friction = np.where(np.isfinite(model.upperDryFrictionLimit), model.upperDryFrictionLimit, 0.0)

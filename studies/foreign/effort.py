@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from foreign.case import Case, Writer, csv, joints, scaled
-from identifiability.effects.nominal import gravity_torque, gravity_vector
+from identifiability.effects.nominal import gravity_torque
 from identifiability.robot import Robot, complete_motion
 
 LIGHT, WRONG = ("compensated for gravity",), ("wrong sign", "wrong way")
@@ -29,7 +29,7 @@ def lifted(robot: str, only: str = "") -> Writer:
     def change(frame: pd.DataFrame, _: np.random.Generator) -> pd.DataFrame:
         shipped, q = Robot.load(robot), frame[[f"{j}.q" for j in joints(frame)]].to_numpy()
         motion = complete_motion(shipped, frame["t"].to_numpy(), q, 0 * q, 0 * q)
-        g = gravity_torque(shipped, motion, gravity_vector(shipped))
+        g = gravity_torque(shipped, motion, shipped.gravity)
         less = {
             f"{j}.tau": frame[f"{j}.tau"] - g[:, k]
             for k, j in enumerate(joints(frame))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.effects.nominal import gravity_torque, gravity_vector
+from identifiability.effects.nominal import gravity_torque
 from identifiability.foundation.errors import RobotError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.model import Model
@@ -24,7 +24,7 @@ NOISE = Noise(additive=0.02, correlation=0.9, encoder=1e-5)
 
 def weight(robot, log):
     motion = complete_motion(robot, log.t, log.q, 0 * log.q, 0 * log.q)
-    return gravity_torque(robot, motion, gravity_vector(robot))
+    return gravity_torque(robot, motion, robot.gravity)
 
 
 def with_sidecar(structure, tmp_path, torque):

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pinocchio as pin
 from markupsafe import Markup, escape
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
+from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import WORLD, Point
+from identifiability.robot.vectors import shortest_turn
 
 #: Size of the drawing and the margin around it [px].
 WIDTH, HEIGHT, MARGIN = 400, 380, 46
@@ -23,6 +26,9 @@ FLAT = 0.03
 
 #: Bodies and joints with a name beside them, at most; others say it where the pointer is.
 NAMED = 12
+
+#: Where up is without gravity.
+UP = np.array([0.0, 0.0, 1.0])
 
 #: Points of a line that a name may hide.
 DENSE = 24
@@ -65,7 +71,9 @@ def draw_skeleton(
     every = np.concatenate([*limbs.values(), at])
     if not np.isfinite(every).all() or not np.ptp(every, axis=0).max() > 0:
         return None
-    place = _look(every)
+    gravity = robot.gravity
+    vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else UP
+    place = _look(every, vertical)
     ground = Part("grey", rest)
     drawn = []
     for body, lines in sorted(limbs.items(), key=lambda x: float(place.depth(x[1]).mean())):
@@ -80,7 +88,12 @@ def draw_skeleton(
         places = {d: x for d, x in dots.items() if d in parts and parts[d].tone != "grey"}
     drawn += _names(places, place(np.concatenate([_between(x) for x in limbs.values()])))
     base = [place(o[None])[0] for j, o in zip(robot.tree.joints, at, strict=True) if _stands(j)]
-    feet = "".join(_foot(x, y) for x, y in base)
+    lean = 0.0
+    if robot.tilt is not None and robot.upright is not None:
+        right, up = (float(-robot.upright @ axis) for axis in (place.right, place.up))
+        lean = float(np.degrees(np.arctan2(right, up)))
+    feet = "".join(_foot(x, y, lean) for x, y in base)
+    feet += _gravity(robot.tilt) if robot.tilt is not None else ""
     return Markup(
         f'<svg class="robot" viewBox="0 0 {WIDTH} {HEIGHT}" role="group" '
         f'aria-label="{escape(robot.title or robot.name)}, drawn from its kinematics">'
@@ -151,16 +164,16 @@ class _View:
         return near
 
 
-def _look(points: Array) -> _View:
-    """Return the view that shows some points: of a flat robot its plane, with z up if it can be."""
+def _look(points: Array, vertical: Array) -> _View:
+    """Return the view that shows some points: of a flat robot its plane, upright if it can be."""
     origin = points.mean(0)
     _, size, axes = np.linalg.svd(points - origin, full_matrices=False)
     size = np.pad(size, (0, 3 - len(size)))
-    vertical = np.array([0.0, 0.0, 1.0])
+    east, north, _ = pin.exp3(shortest_turn(UP, vertical)).T
     if size[0] > 0 and size[2] < FLAT * size[0] and size[1] > FLAT * size[0]:
         away = axes[2]
-        if abs(away[2]) > 0.9:  # seen from above, where nothing is up
-            right, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+        if abs(away @ vertical) > 0.9:  # seen from above, where nothing is up
+            right, up = east, north
         else:
             away = away if away[np.argmax(np.abs(away))] < 0 else -away
             right = np.cross(away, vertical)
@@ -168,8 +181,8 @@ def _look(points: Array) -> _View:
             up = np.cross(right, away)
     else:
         turn, height = VIEW
-        right = np.array([np.cos(turn), np.sin(turn), 0.0])
-        level = np.array([-np.sin(turn), np.cos(turn), 0.0])
+        right = np.cos(turn) * east + np.sin(turn) * north
+        level = -np.sin(turn) * east + np.cos(turn) * north
         up = np.sin(height) * level + np.cos(height) * vertical
     flat = np.stack([(points - origin) @ right, -((points - origin) @ up)], 1)
     low, high = flat.min(0), flat.max(0)
@@ -211,10 +224,22 @@ def _joint(dofs: Sequence[str], kind: str, parts: Mapping[str, Part], at: Array)
     return f"{_open(known, parts[known])}{shape % 'joint'}</g>"
 
 
-def _foot(x: float, y: float) -> str:
+def _foot(x: float, y: float, lean: float) -> str:
+    """Return what a base stands on, turned clockwise by so many degrees where it leans."""
     left, right, low = x - 15, x + 15, y + 11
     strokes = "".join(f"M{k:.1f} {low:.1f}l-5 6" for k in np.linspace(left + 5, right, 5))
-    return f'<path class="ground" d="M{left:.1f} {low:.1f}H{right:.1f}{strokes}"/>'
+    turn = f' transform="rotate({lean:.1f} {x:.1f} {y:.1f})"' if lean else ""
+    return f'<path class="ground" d="M{left:.1f} {low:.1f}H{right:.1f}{strokes}"{turn}/>'
+
+
+def _gravity(tilt: Tilt) -> str:
+    """Return an arrow along gravity, which is down on the paper, and how far the base leans."""
+    text = f"gravity, {tilt.degrees:.3g}° from the file's"
+    return (
+        f'<g><title>gravity {escape(tilt.text)}</title><path class="ground" '
+        f'd="M{MARGIN / 2:.1f} 14v34m-4 -8l4 8l4 -8"/>'
+        f'<text x="{MARGIN / 2 + 8:.1f}" y="26">{escape(text)}</text></g>'
+    )
 
 
 def _between(lines: Array) -> Array:

@@ -80,4 +80,5 @@ def _sketch(d: Diagnosis) -> Sketch | None:
             missing.setdefault(p.place, []).append(e.title)
     parts = {joint: Part("grey", "nothing was found to be missing") for joint in d.robot.joints}
     parts |= {place: Part("vermilion", f"misses {join(t)}") for place, t in missing.items()}
-    return sketch_parts(d.robot, parts, "decision.missing", moved_pose(d.robot, d.samples))
+    robot = d.completed.robot
+    return sketch_parts(robot, parts, "decision.missing", moved_pose(robot, d.samples))

@@ -142,7 +142,9 @@ class Laddered(Result, Opening, Predicts):
     def _state(self, answer: str) -> str:
         """Return an answer behind a wrong mass, with what its error is of and what is odd."""
         raw = "" if self.nothing else state_raw(self._alone[1])
-        return " ".join(filter(None, (self.mass_warning, answer, raw, *self.hints)))
+        tilt = self.robot.tilt
+        about = "" if tilt is None else f"In this model gravity {tilt.text}."
+        return " ".join(filter(None, (self.mass_warning, answer, about, raw, *self.hints)))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -166,7 +168,7 @@ class Laddered(Result, Opening, Predicts):
                 "infeasible": list(used.infeasible),
                 "error_ra_validation": used.error_ra_physical,
                 **real_robot_dict(
-                    self.robot, real.parameters(), errors, self.shapes, real.cad_weight
+                    self.structure, real.parameters(), errors, self.samples, real.cad_weight
                 ),
             },
             "hints": list(self.hints),

@@ -13,9 +13,17 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
     robot, how = source_name(analysis.robot), analysis.settings.get("preparation")
     names = [s.name for s in analysis.samples]
     logs = name_logs(analysis.robot, names, how=how)
+    held = held_back(analysis.validation)
+    if analysis.leaning is not None:
+        diagnose = f"identifiability diagnose {robot} {logs}{held}"
+        return [
+            (
+                "Take gravity as the logs have it, and find what else is missing:",
+                f"{diagnose} --report missing.html --out model.toml --json result.json",
+            )
+        ]
     if analysis.nothing:
         return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
-    held = held_back(analysis.validation)
     chosen, out = analysis.chosen, []
     if grade_of(chosen.error_ra_validation) != "very-good":
         page = "--report missing.html"

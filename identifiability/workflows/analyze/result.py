@@ -18,6 +18,7 @@ from identifiability.workflows.analyze.belief import Belief, belief_dict
 from identifiability.workflows.analyze.laddered import Laddered
 from identifiability.workflows.analyze.several_logs import SeveralLogs
 from identifiability.workflows.analyze.words import state_answer, state_physics
+from identifiability.workflows.gravity import Leaning
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -42,6 +43,8 @@ class Analysis(Laddered):
         As asked for.
     recordings : tuple of Log or LogFile
         What the fitted logs were prepared from.
+    leaning : Leaning or None
+        Where gravity points by the torque, where nothing is believed and it is not the file's.
     several : SeveralLogs or None
         Whether the logs, or stretches of one, lead to the same values of the selected model.
     """
@@ -54,6 +57,7 @@ class Analysis(Laddered):
     settings: Mapping[str, object] = field(default_factory=dict)
     recordings: tuple[Recording, ...] = ()
     several: SeveralLogs | None = None
+    leaning: Leaning | None = None
 
     @property
     def _ladder(self) -> tuple[RungResult, ...]:

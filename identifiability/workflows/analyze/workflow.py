@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -23,6 +24,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.repeats import Recording
 from identifiability.regression.gather import gather_information
 from identifiability.regression.reduction import (
     LadderLike,
@@ -45,9 +47,12 @@ from identifiability.workflows.analyze.form_belief import believe
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.several_logs import compare_logs
 from identifiability.workflows.analyze.words import doubt, state_weak
+from identifiability.workflows.gravity import Leaning, find_leaning, state_leaning
 from identifiability.workflows.instruments import add_instruments
+from identifiability.workflows.oddities import Evidence
 from identifiability.workflows.opening import (
     Logs,
+    Opening,
     Progress,
     open_logs,
     read_recordings,
@@ -132,15 +137,14 @@ def analyze(
             recordings = read_recordings(logs, validate, Conventions.of(robot), preparation)
             structure = Structure.of(robot, ladder_model(source.entry), streams[0])
             how = settle_cutoff(robot, recordings.fitted, preparation)
-            prepare = partial(
-                prepare_log,
-                robot,
-                how=how,
-                engine=runner,
-                progress=share(say, "reading logs", 0.1, 0.3),
+            reading = share(say, "reading logs", 0.1, 0.3)
+            opening = open_logs(
+                structure,
+                recordings,
+                partial(prepare_log, robot, how=how, engine=runner, progress=reading),
             )
-            opening = open_logs(structure, recordings, prepare)
             opening, chosen = add_instruments(opening, recordings.fitted, base, estimator)
+            structure = opening.structure
             rungs = build_comparison(source.entry, structure)
             building = share(say, "building the regression", 0.3, 0.6)
             regression, silence = opening.regression, opening.silence
@@ -169,9 +173,8 @@ def analyze(
         results = assess_ladder(models, physical, fitted, out, thresholds, streams[1], draws)
         at = select_model(results)
         results, nothing = doubt(silence or opening.misread, results, at, out)
-        bands = check_cutoff(opening, recordings, results[at], how)
+        leaning, leans = _seek_leaning(opening, recordings.fitted, nothing)
         fit, part = results[at].estimate, results[at].rung.reduce(information)
-        decided = state_decisive(robot.joints, opening.samples, part, fit)
         several = compare_logs(robot.joints, opening.samples, information, results[at])
         belief = None
         if posterior:
@@ -198,10 +201,11 @@ def analyze(
                 filter(
                     None,
                     (
+                        *leans,
                         *opening.hints,
                         burst,
-                        decided,
-                        *bands,
+                        state_decisive(robot.joints, opening.samples, part, fit),
+                        *check_cutoff(opening, recordings, results[at], how),
                         *after,
                         belief.hint if belief else None,
                     ),
@@ -221,4 +225,15 @@ def analyze(
             nothing=nothing,
             recordings=recordings.fitted,
             several=several,
+            leaning=leaning,
         )
+
+
+def _seek_leaning(
+    opening: Opening, recordings: Sequence[Recording], nothing: str
+) -> tuple[Leaning | None, tuple[str, ...]]:
+    """Return where gravity points, and that in words, if no value is believed and it differs."""
+    if not nothing or opening.silence:
+        return None, ()
+    found = find_leaning(Evidence(opening.structure, tuple(recordings), opening.samples))
+    return found, () if found is None else (state_leaning(found),)

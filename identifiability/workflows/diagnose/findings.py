@@ -20,6 +20,7 @@ from identifiability.workflows.diagnose.residual import Discrepancy, Remainder
 from identifiability.workflows.diagnose.rows import Refusal
 from identifiability.workflows.diagnose.shown import UNASKED, Both, Shown
 from identifiability.workflows.diagnose.turns import Turn
+from identifiability.workflows.gravity import Leaning
 
 
 @frozen
@@ -120,6 +121,8 @@ class NamedEffect:
         Names that were refused in its stead.
     both : Both
         What fitted and unseen motion say of it beside all else that was named.
+    leaning : Leaning or None
+        Where gravity points, if it is a tilted base.
     """
 
     name: str
@@ -137,6 +140,7 @@ class NamedEffect:
     rare: bool = False
     nearest: tuple[Nearest, ...] = ()
     both: Both = UNASKED
+    leaning: Leaning | None = None
 
     @property
     def confirmed(self) -> bool:
@@ -263,6 +267,9 @@ class Findings(Setting, Verified):
         What became of each of its names.
     nothing : str
         Why nothing was looked for, for after "because"; empty where it was.
+    upright : Structure or None
+        What was diagnosed, with gravity as the file states it, where it was found elsewhere first
+        and `structure` is about that.
     """
 
     refuted: tuple[NamedEffect, ...]
@@ -280,6 +287,7 @@ class Findings(Setting, Verified):
     earlier_error: float = float("nan")
     turns: tuple[Turn, ...] = ()
     nothing: str = ""
+    upright: Structure | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -288,9 +296,14 @@ class Findings(Setting, Verified):
         return self.structure.robot
 
     @property
+    def diagnosed(self) -> Structure:
+        """The robot as its file has it, under the model that was diagnosed."""
+        return self.structure if self.upright is None else self.upright
+
+    @property
     def base(self) -> tuple[str, ...]:
         """Names of the effects of the model that was diagnosed."""
-        return self.structure.model.names
+        return self.diagnosed.model.names
 
     @cached_property
     def completed(self) -> Structure:

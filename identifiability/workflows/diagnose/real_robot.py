@@ -102,17 +102,18 @@ def nearest_dict(d: Findings) -> dict[str, Any]:
     try:
         real = real_robot(d, structure) if known is None else known
     except IdentifiabilityError as error:
-        return {**real_robot_dict(d.robot, {}, (np.nan,) * 3, {}), "reason": str(error)}
+        nothing = real_robot_dict(structure, {}, (np.nan,) * 3)
+        return {**nothing, "reason": str(error)}
     values = dict(real.values)
     # A named effect may have the columns of one in the model: these stand for both.
     names = structure.columns
     first = np.array([names.index(n) == k for k, n in enumerate(names)])
-    files = [held_by_file(d.robot, values, kind) for kind in file_kinds(d.robot)]
+    files = [held_by_file(structure.robot, values, kind) for kind in file_kinds(structure.robot)]
     phi = np.array([[v[n] for n in names] for v in (values, *files)]).T
     regression = replace(structure.regression(d.samples, keep=True), instruments=None, echo=None)
     errors = predict(regression, structure.G @ (phi * first[:, None])).relative_error()
     held = (float(errors[0]), float(errors[1]), float(errors[2]))
-    return real_robot_dict(d.robot, _fold(values), held, structure.shapes, real.cad_weight)
+    return real_robot_dict(structure, _fold(values), held, d.samples, real.cad_weight)
 
 
 def _fold(values: dict[str, float]) -> dict[str, float]:

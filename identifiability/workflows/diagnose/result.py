@@ -137,8 +137,8 @@ class Diagnosis(Result, Findings, Predicts):
         hidden = {"effect": "family", "joint": "place", "hidden_behind": "behind"}
         return {
             "schema": self.schema,
-            "robot": self.robot.identity,
-            "model": list(self.structure.model.texts),
+            "robot": self.completed.robot.identity,
+            "model": list(self.diagnosed.model.texts),
             **pick(self, "fixed", "statement", "hints", "seed", "physical"),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             "effects": [_effect_row(e) for e in self.effects],
@@ -204,6 +204,7 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "shown": pick(e.shown, "before", "after", "expected", change_interval95="interval"),
         "unnamed": e.unnamed,
         "nearest": [pick(n, "worse", effect="title") for n in e.nearest],
+        **({} if e.leaning is None else {"gravity": e.leaning.to_dict()}),
         "or": list(e.alternatives),
         "confusable_with": [
             {"effect": name, "similarity": similarity}
@@ -223,7 +224,7 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
 def simulate_forward(d: Findings, rng: np.random.Generator) -> ForwardGap:
     """Return the gap in motion of a diagnosis, on the motion that verified it."""
     try:
-        before, after = (real_robot(d, s) for s in (d.structure, d.completed))
+        before, after = (real_robot(d, s) for s in (d.diagnosed, d.completed))
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     return replace(compare_forward(before, after, d.validation, rng), nearest=after)

@@ -134,7 +134,8 @@ def remarks(d: Findings) -> list[Remark]:
 
 def _state_effect(e: NamedEffect) -> str:
     where = "" if e.joints == ("base",) else f" in {join(e.joints)}"
-    return f"{_either(e)}{where}{_state_mass(e)} (p = {e.p_value:.2g}, family-wise)"
+    at = "" if e.leaning is None else f": gravity {e.leaning.text}"
+    return f"{_either(e)}{where}{_state_mass(e)}{at} (p = {e.p_value:.2g}, family-wise)"
 
 
 def _either(e: NamedEffect) -> str:

@@ -53,6 +53,9 @@ from identifiability.workflows.diagnose.motion import (
 from identifiability.workflows.diagnose.odd_log import OddLog, describe_odd_log
 from identifiability.workflows.diagnose.result import Diagnosis, simulate_forward
 from identifiability.workflows.diagnose.search import Search
+from identifiability.workflows.diagnose.tilted import lead_with_tilt, settle_named
+from identifiability.workflows.gravity import find_leaning
+from identifiability.workflows.oddities import Evidence
 from identifiability.workflows.opening import (
     Logs,
     Opening,
@@ -172,6 +175,11 @@ def diagnose(
         fit, held = (in_memory(s, Samples) for s in (opening.samples, opening.validation))
         choose, verify = held[: len(roles.choose)], held[len(roles.choose) :]
         require_signal(verify, "verified")
+        leaning = None
+        if fixed is False:
+            leaning = find_leaning(Evidence(opening.structure, roles.fit, opening.samples))
+        upright = opening.structure
+        opening = opening if leaning is None else opening.under(leaning.structure, roles.fit)
         say("building columns", 0.1)
         setting = Setting(
             structure=opening.structure,
@@ -204,6 +212,11 @@ def diagnose(
         else:
             found, said = search.run_doubted(setting, odd)
             doubts = [said]
+        if leaning is not None:
+            least = 1.0 / (search.draws + 1)
+            found = lead_with_tilt(found, upright, leaning, least, streams[2])
+        else:
+            found = settle_named(found)
         options = {
             "effects": "all" if effects is None else list(effects),
             "fixed": fixed is True if known is None else known.words,

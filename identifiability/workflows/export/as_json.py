@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,15 @@ from identifiability.effects.vocabulary import every_parameter
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.output import write_json
 from identifiability.robot import Robot
-from identifiability.workflows.export.entries import Result
+from identifiability.workflows.export.entries import PhysicalEntry
 
 
-def write_parameters_json(robot: Robot, content: Result, out: Path) -> Path:
+def write_parameters_json(
+    robot: Robot, given: Mapping[str, float], physical: PhysicalEntry, out: Path
+) -> Path:
     """Write names, values and units of the real robot, and each body as it is usually stated."""
-    physical = content.physical
     known = every_parameter(robot, physical.shapes)
-    whole = complete_values(robot, physical.parameters, keep=False)
+    whole = complete_values(robot, given, keep=False)
     bodies = {b: _state_body([whole[f"{b}.{kind}"] for kind in INERTIAL_KINDS])
               for b in robot.bodies}  # fmt: skip
     told = {
@@ -26,7 +28,7 @@ def write_parameters_json(robot: Robot, content: Result, out: Path) -> Path:
         "robot": robot.identity,
         "parameters": [
             {"name": name, "value": value, "unit": known[name].unit if name in known else ""}
-            for name, value in physical.parameters.items()
+            for name, value in given.items()
         ],
         "shapes": physical.shapes,
         "bodies": bodies,

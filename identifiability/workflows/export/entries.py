@@ -21,6 +21,13 @@ from identifiability.workflows.predict.about import Entry, RobotEntry
 NOTHING = 1e-9
 
 
+class GravityEntry(Entry):
+    """Where gravity points, if not as the robot file says."""
+
+    direction: tuple[float, float, float]
+    degrees: float
+
+
 class PhysicalEntry(Entry):
     """The nearest real robot."""
 
@@ -29,6 +36,7 @@ class PhysicalEntry(Entry):
     error_ra: float | None
     error_ra_file: float | None
     error_ra_files: dict[str, float | None] = Field(default={})
+    gravity: GravityEntry | None = None
     cad_prior: float = 0.0
     certificate: str = ""
     sentence: str = ""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identifiability.effects.gravity_tilt import settle_gravity
 from identifiability.effects.holding import (
     complete_values,
     read_back,
@@ -76,11 +77,12 @@ def write_parameters(
         If the files cannot be written, or the sidecar's name is taken by something else.
     """
     path = Path(path)
+    robot, parameters = settle_gravity(robot, parameters)
     if path.suffix.lower() in (".xml", ".urdf") and (path.suffix.lower() == ".urdf") == robot.mjcf:
         with temporary_folder() as folder:  # the same robot in the other format is the template
             beside = Path(folder) / f"{path.stem}{path.suffix.lower()}"
             write_twin(robot, beside)
-            twin = replace(Robot.load(beside), rest=robot.rest)
+            twin = replace(Robot.load(beside), rest=robot.rest).turned(robot.gravity)
             shapes = robot.shapes if shapes is None else shapes
             reference = robot.reference if reference is None else reference
             whole = complete_values(robot, parameters, keep=keep)

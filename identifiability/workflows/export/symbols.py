@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.effects.gravity_tilt import horizontal_axes
 from identifiability.effects.load_dependent_friction import SMALLEST, LoadDependentFriction
-from identifiability.effects.nominal import gravity_vector, reference_values
+from identifiability.effects.nominal import reference_values
 from identifiability.effects.vocabulary import every_parameter
 from identifiability.foundation.errors import IdentifiabilityError, listing
-from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Robot
 from identifiability.robot.kinematics import Point
@@ -76,21 +75,15 @@ def torque_symbols(robot: Robot, values: Mapping[str, float], shapes: Mapping[st
 
     known = _sort(robot, values, shapes, forces)
     slope = inputs[3] if robot.closed else None
-    gravity = gravity_vector(robot)
-    tree = tree_torque(ca, robot.tree, known.theta, gravity, motion)
+    tree = tree_torque(ca, robot.tree, known.theta, robot.gravity, motion)
     for axis, level in known.levels:
         for dof, share in enumerate(axis_row(robot, axis)):
             tree[dof] += share * level if share else 0.0
-    if known.tilt.any() or known.loads:
-        reference = _bodies(robot, reference_values(robot))
-        still = ca.SX.zeros(robot.nv)
-        axes = horizontal_axes(gravity) if known.tilt.any() else ()
-        for angle, level in zip(known.tilt, axes, strict=False):
-            pull = np.cross(level, gravity)
-            tree += angle * tree_torque(ca, robot.tree, reference, pull, (motion[0], still, still))
     tau = _project(ca, robot, tree, slope)
     if known.loads:
-        load = _project(ca, robot, tree_torque(ca, robot.tree, reference, gravity, motion), slope)
+        reference = _bodies(robot, reference_values(robot))
+        carried = tree_torque(ca, robot.tree, reference, robot.gravity, motion)
+        load = _project(ca, robot, carried, slope)
         for axis, value in known.loads:
             own = ca.SX(axis_row(robot, axis))
             row = _project(ca, robot, own, slope)
@@ -184,13 +177,11 @@ class _Sorted:
         What acts along an axis.
     loads : list of (Axis, float)
         Friction in proportion to the load of an axis.
-    tilt : (2,) [rad]
     """
 
     theta: Mapping[int, Array]
     levels: list[tuple[Axis, Any]]
     loads: list[tuple[Axis, float]]
-    tilt: Array
 
 
 def _sort(
@@ -213,7 +204,7 @@ def _sort(
     bodies: dict[str, float] = {}
     levels: list[tuple[Axis, Any]] = []
     loads: list[tuple[Axis, float]] = []
-    tilt, odd = np.zeros(2), []
+    odd = []
     for name, value in values.items():
         owner, _, kind = name.rpartition(".")
         effect = known[name].group if name in known else "no effect"
@@ -224,8 +215,6 @@ def _sort(
             continue
         elif owner in axes and effect == LoadDependentFriction.name:
             loads.append((axes[owner], value))
-        elif owner == BASE and kind in ("tilt1", "tilt2"):
-            tilt[int(kind[-1]) - 1] = value
         else:
             unit = forces(axes[owner], effect) if owner in axes and name in known else {}
             if kind in unit:
@@ -237,7 +226,7 @@ def _sort(
             f"No code can be generated for {listing(odd, 4)}: leave it out of the model, or "
             "predict from the result."
         )
-    return _Sorted(_bodies(robot, bodies), levels, loads, tilt)
+    return _Sorted(_bodies(robot, bodies), levels, loads)
 
 
 def _bodies(robot: Robot, values: Mapping[str, float]) -> dict[int, Array]:

@@ -6,12 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from identifiability.effects import FAMILIES
+from identifiability.effects.gravity_tilt import settle_gravity
 from identifiability.effects.holding import Kind, file_kinds, held_by_file
 from identifiability.effects.nominal import reference_values
 from identifiability.effects.vocabulary import every_parameter
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.names import BASE
 from identifiability.foundation.options import FilePath, checked
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.result import shown
@@ -56,6 +60,8 @@ class Exported:
         Whether it is another format than the robot's own file, and so without geometry.
     known : tuple of str
         Torque that is known beforehand, which was taken off and stands in the sidecar alone.
+    gravity : str
+        Where it points, if not as the robot's own file says.
     mended : bool
         Whether samples of the logs were replaced: the errors are of the logs after that.
     """
@@ -68,6 +74,7 @@ class Exported:
     mass: str
     anew: bool = False
     known: tuple[str, ...] = ()
+    gravity: str = ""
     mended: bool = False
 
     @property
@@ -81,6 +88,8 @@ class Exported:
                 f"{self.robot.name} cannot hold {listing(held, len(held))}: {stand} in the "
                 "sidecar, which simulators do not read."
             )
+        if self.gravity:
+            parts.append(f"{self.robot.name} holds a tilted base: gravity {self.gravity}.")
         if self.known:
             parts.append(
                 f"Torque that is known beforehand ({'; '.join(self.known)}) is beside what was "
@@ -155,13 +164,17 @@ def export(
     shapes = physical.shapes
     effect_of = {n: FAMILIES[p.group] for n, p in every_parameter(robot, shapes).items()}
     check_result(robot, Path(result), content, {*effect_of, *robot.nominal})
-    given = physical.parameters
+    given = dict(physical.parameters)
+    if physical.gravity is not None:
+        given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
+        robot = robot.turned(np.array(physical.gravity.direction))
+    robot, given = settle_gravity(robot, given)
     loaded = any(value and n in effect_of and effect_of[n].loaded for n, value in given.items())
     reference = reference_values(robot) if loaded else {}
     wanted = _find_format(Path(out), form)
     path = None
     if wanted == "json":
-        path = write_parameters_json(robot, content, Path(out))
+        path = write_parameters_json(robot, given, physical, Path(out))
     elif wanted in ("python", "c"):
         path = write_code(robot, given, shapes, Path(out), "c" if wanted == "c" else "python")
     if path is not None:
@@ -172,6 +185,7 @@ def export(
             error_ra=physical.error_ra,
             error_ra_file=physical.error_ra,
             mass=state_mass(robot, given, physical.cad_prior),
+            gravity="" if robot.tilt is None else robot.tilt.text,
             mended=content.mended,
         )
     assert wanted in ("mjcf", "urdf")
@@ -188,6 +202,7 @@ def export(
     anew = wanted != file_kinds(robot)[0]
     return Exported(
         anew=anew,
+        gravity="" if robot.tilt is None else robot.tilt.text,
         known=tuple(k.text for k in robot.known_torque),
         robot=written.robot,
         sidecar=written.sidecar,

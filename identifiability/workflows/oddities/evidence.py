@@ -9,7 +9,6 @@ import numpy as np
 
 from identifiability.effects.nominal import (
     gravity_torque,
-    gravity_vector,
     has_masses,
     rigid_torque,
 )
@@ -92,7 +91,7 @@ class Evidence:
     @cached_property
     def gravity(self) -> Array:
         """The part of it that holds the weight, (N, n)."""
-        return gravity_torque(self.robot, self.motion, gravity_vector(self.robot))
+        return gravity_torque(self.robot, self.motion, self.robot.gravity)
 
     @cached_property
     def stated(self) -> Array:

@@ -149,7 +149,8 @@ class Rubbing:
                 S = np.column_stack([S, np.zeros(len(S))])
                 S[list(members), -1] = signs
         more = len(self.owners) - S.shape[1]
-        return block_diag(self.structure.G @ S, np.eye(more))
+        found: Array = block_diag(self.structure.G @ S, np.eye(more))
+        return found
 
 
 def estimate_load(
@@ -185,14 +186,13 @@ def estimate_load(
     s = len(nuisance.precision)
     names = (*(f"robot {k}" for k in range(s)), *INERTIAL)
     more = np.zeros((len(friction) - b, 1))  # of what gears carry, which only a loaded log has
-    own = [known.directions, load]
-    first, second = (np.vstack([x, np.tile(more, x.shape[1])]) for x in own)
-    both = np.hstack([first, friction, second])
-    bare = np.hstack([known.directions, np.zeros((b, r + 10))])
+    wide = [np.vstack([x, np.tile(more, x.shape[1])]) for x in (known.directions, load)]
+    both = np.hstack([wide[0], friction, wide[1]])
+    empty = np.hstack([known.directions, np.zeros((b, r + 10))])
     base = np.append(fit.base, more)
     parts = [info.reduce(both, names, base) for info in loaded]
-    parts += [info.reduce(bare, names, fit.base) for info in without]
-    parts += [_differences(pair, fit, rubbing, both, bare, names) for pair in pairs]
+    parts += [info.reduce(empty, names, fit.base) for info in without]
+    parts += [_differences(pair, fit, rubbing, both, empty, names) for pair in pairs]
     whole = reduce(add, parts)
     # Logs without the load tell of the robot only.
     bare = range(len(loaded), len(loaded) + len(without))

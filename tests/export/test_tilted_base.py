@@ -1,0 +1,186 @@
+"""A base that stands otherwise than its file says: found, stated, written, and moved alike."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import Robot, analyze, diagnose, simulate
+from identifiability.effects.gravity_tilt import GravityTilt, horizontal_axes, tilt_text
+from identifiability.effects.nominal import gravity_torque, rigid_torque
+from identifiability.logs.prepare import prepare_samples
+from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.regression.base_parameters import random_motion
+from identifiability.regression.model import Model
+from identifiability.regression.reduction import LadderEntry, RungEntry
+from identifiability.regression.structure import Structure
+from identifiability.report.sections.missing import answer_missing
+from identifiability.robot import complete_motion
+from identifiability.robot.description import Tilt
+from identifiability.robot.vectors import turn
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation.mujoco_robot import MujocoRobot
+from identifiability.workflows.analyze.next_steps import next_commands
+from identifiability.workflows.export import export
+from identifiability.workflows.export.parameters import write_parameters
+from identifiability.workflows.gravity import LARGE, find_leaning, state_leaning
+from identifiability.workflows.oddities import Evidence
+
+ANGLES = (1.0, 30.0, 90.0, 180.0)
+
+
+def leaning(robot, degrees):
+    """Gravity of a base at so many degrees, about an axis that is none of the file's."""
+    first, second = horizontal_axes(robot.gravity)
+    return turn(robot.gravity, np.radians(degrees) * (0.6 * first + 0.8 * second))
+
+
+@pytest.mark.parametrize("degrees", ANGLES)
+@pytest.mark.parametrize("ending", [".xml", ".urdf"])
+@pytest.mark.parametrize("name", ["six-dof-arm", "two-link", "3-rps"])
+def test_a_written_file_has_the_torque_of_the_model_by_both_roads(name, ending, degrees, tmp_path):
+    robot = Robot.load(name)
+    gravity = leaning(robot, degrees)
+    structure = Structure.of(robot, Model.of("rigid_body", tilt_text(gravity)))
+    motion = random_motion(robot, np.random.default_rng(1), 20)
+    W = structure.model.regressor(structure.robot, motion)
+    tau = W @ structure.nominal
+    assert structure.robot.tilt.degrees == pytest.approx(degrees)
+    written = write_parameters(structure.robot, robot.nominal, tmp_path / f"copy{ending}")
+    copy = Robot.load(written.robot)
+    own = motion.actuated_q, motion.actuated_v, motion.actuated_a
+    again = complete_motion(copy, motion.t, *own)
+    scale = np.abs(tau).max()
+    np.testing.assert_allclose(rigid_torque(copy, again), tau, atol=1e-9 * scale)
+    np.testing.assert_allclose(MujocoRobot(copy).inverse_dynamics(*own).tau, tau, atol=1e-7 * scale)
+    assert np.abs(tau - rigid_torque(robot, motion)).max() > 1e-3 * scale
+
+
+def test_a_small_tilt_among_the_values_is_gravity_in_the_file(tmp_path):
+    robot = Robot.load("two-link")
+    values = {"base.tilt1": 0.02, "base.tilt2": -0.01}
+    written = write_parameters(robot, values, tmp_path / "copy.xml")
+    assert not written.beside
+    g, (first, second) = robot.gravity, horizontal_axes(robot.gravity)
+    expected = turn(g, 0.02 * first - 0.01 * second)
+    np.testing.assert_allclose(Robot.load(written.robot).gravity, expected, atol=1e-12)
+    assert np.linalg.norm(expected) == pytest.approx(np.linalg.norm(g))
+
+
+def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(tmp_path):
+    text = Robot.load("two-link").path.read_text()
+    text = text.replace("<worldbody", '<option gravity="9.81 0 0"/><worldbody', 1)
+    (tmp_path / "wall.xml").write_text(text)
+    robot = Robot.load(tmp_path / "wall.xml")
+    motion = random_motion(robot, np.random.default_rng(0), 10)
+    copy = Robot.load(write_parameters(robot, {}, tmp_path / "copy.urdf").robot)
+    own = motion.actuated_q, motion.actuated_v, motion.actuated_a
+    again = complete_motion(copy, motion.t, *own)
+    np.testing.assert_allclose(rigid_torque(copy, again), rigid_torque(robot, motion), atol=1e-9)
+
+
+def test_a_model_says_where_gravity_points_and_reads_it_again():
+    text = tilt_text(np.array([0.0, 9.81, 0.0]) / 9.81)
+    model = Model.of("rigid_body", text)
+    assert model.texts == ("rigid_body", text)
+    robot = Robot.load("two-link")
+    turned = model.turn(robot)
+    np.testing.assert_allclose(turned.gravity, [0, 9.81, 0], atol=1e-12)
+    np.testing.assert_allclose(model.turn(turned).gravity, turned.gravity)
+    assert turned.tilt.degrees == pytest.approx(90.0)
+    assert robot.tilt is None
+    assert GravityTilt().turn(robot) is robot
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("gravity_tilt@base:0.1", "is 3 numbers, and 1 stand"),
+        ("gravity_tilt@base:0,0,0", "no direction"),
+        ("viscous_friction@*:1,2,3", "has no shape"),
+    ],
+)
+def test_a_direction_that_is_none_is_refused(text, why):
+    from identifiability.foundation.errors import ModelError
+
+    with pytest.raises(ModelError, match=why):
+        Model.of("rigid_body", text)
+
+
+@pytest.fixture(scope="module")
+def on_a_wall():
+    """Logs of an arm that hangs on a wall, of which the file says that it stands."""
+    robot = Robot.load("six-dof-arm")
+    turned = robot.turned(np.array([0.0, 1.0, 0.0]))
+    moves = [PrescribedMotion.of(shipped_trajectory(robot, m), 400) for m in "ab"]
+    noise = Noise(additive=0.02)
+    return robot, [simulate(turned, m, noise=noise, seed=k) for k, m in enumerate(moves)]
+
+
+def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
+    robot, (log, unseen) = on_a_wall
+    found = diagnose(robot, log, unseen, quick=True)
+    (tilt,) = (e for e in found.effects if e.name == "gravity_tilt")
+    assert found.effects[0] is tilt
+    assert tilt.leaning.tilt.degrees == pytest.approx(90.0, abs=4 * tilt.leaning.sd)
+    assert tilt.leaning.sd < 1.0
+    assert np.linalg.norm(tilt.leaning.tilt.direction - [0, 1, 0]) < 0.02
+    assert "gravity points along (" in found.statement.splitlines()[0]
+    assert "from the direction that the file states" in found.statement.splitlines()[0]
+    assert found.held_after < 0.03 < 0.3 < found.held_before
+    told = found.to_dict()
+    assert told["robot"]["gravity"]["degrees"] == pytest.approx(90.0, abs=1.0)
+    assert told["effects"][0]["gravity"]["degrees_sd"] == pytest.approx(tilt.leaning.sd)
+    assert told["model"] == list(found.base)
+    drawing = str(answer_missing(found).sketch.markup)
+    assert "rotate(" in drawing
+    assert "from the file&#39;s" in drawing
+    exported = export(robot, found.to_json(tmp_path / "r.json"), tmp_path / "wall.urdf")
+    assert "wall.urdf holds a tilted base: gravity points along" in exported.statement
+    assert "cannot hold a tilted base" not in exported.statement
+    again = analyze(robot, log, unseen, ladder=found, quick=True, replicates=0)
+    assert "In this model gravity points along" in again.statement
+    assert again.chosen.error_ra_validation < 0.03
+
+
+def test_where_nothing_is_believed_and_gravity_disagrees_diagnose_comes_next(on_a_wall):
+    robot, (log, _) = on_a_wall
+    few = ("viscous_friction", "rigid_body")
+    ladder = LadderEntry(models=[RungEntry(name="bodies", effects=few)])
+    result = analyze(robot, log, ladder=ladder, quick=True, replicates=0)
+    lost = replace(result, nothing="no model predicts", leaning=find_leaning(evidence(robot, log)))
+    assert lost.leaning.tilt.degrees == pytest.approx(90.0, abs=2.0)
+    ((_, command),) = next_commands(lost)
+    assert command.startswith("identifiability diagnose ")
+    ((_, command),) = next_commands(replace(lost, leaning=None))
+    assert command.startswith("identifiability inspect ")
+    assert "gravity points along" in state_leaning(lost.leaning)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 5.0, 40.0, 180.0])
+def test_only_a_large_tilt_is_taken_before_all_else(degrees):
+    robot = Robot.load("six-dof-arm")
+    gravity = leaning(robot, degrees)
+    move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
+    log = simulate(robot.turned(gravity), move, noise=Noise(additive=0.02))
+    found = find_leaning(evidence(robot, log))
+    assert (found is not None) == (degrees > LARGE)
+    if found is not None:
+        off = Tilt.of(gravity, found.tilt.direction).degrees
+        assert off < 4 * found.sd < 2.0
+
+
+def test_torque_without_gravity_is_no_tilt():
+    robot = Robot.load("six-dof-arm")
+    move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
+    log = simulate(robot, move, noise=Noise(additive=0.02))
+    motion = complete_motion(robot, log.t, log.q, log.dq, log.ddq)
+    bare = replace(log, tau=log.tau - gravity_torque(robot, motion, robot.gravity))
+    assert find_leaning(evidence(robot, bare)) is None
+
+
+def evidence(robot, log):
+    """What a log and the file's masses say under the usual model."""
+    model = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
+    samples = prepare_samples(robot, log, settle_cutoff(robot, [log], None))
+    return Evidence(Structure.of(robot, model), (log,), (samples,))
