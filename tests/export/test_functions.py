@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from identifiability import analyze, simulate
 from identifiability.cli import app
 from identifiability.effects.holding import held_by_file
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs.prepare import prepare_samples
 from identifiability.regression.functions import leave_to_terms, list_functions
 from identifiability.regression.model import Model
@@ -116,6 +117,12 @@ def test_a_file_that_is_another_robot_needs_force(learned, tmp_path):
             assert not out.with_suffix(".toml").exists()
             assert CliRunner().invoke(app, [*words, "--force"]).exit_code == 0
             assert out.exists()
+    # Of a log without noise a file errs by many times next to nothing, and is right.
+    content["physical"] |= {"error_ra": 1e-9, "error_ra_files": {"mjcf": 9e-4, "urdf": 1.1e-3}}
+    (tmp_path / "result.json").write_text(json.dumps(content))
+    export("two-link", tmp_path / "result.json", tmp_path / "exact.xml")
+    with pytest.raises(IdentifiabilityError, match="more than 3 times"):
+        export("two-link", tmp_path / "result.json", tmp_path / "other.urdf")
 
 
 @pytest.mark.parametrize("text", [*FUNCTIONS, "function_of_position@elbow:3",

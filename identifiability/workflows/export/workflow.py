@@ -20,6 +20,7 @@ from identifiability.foundation.options import FilePath, checked
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
+from identifiability.physical.feasibility import LEFT_OUT
 from identifiability.physical.mass import state_mass
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.export.as_json import write_parameters_json
@@ -27,7 +28,8 @@ from identifiability.workflows.export.code import write_code
 from identifiability.workflows.export.entries import PhysicalEntry, Result, check_result
 from identifiability.workflows.export.parameters import write_parameters
 
-#: Times the error of all that was fitted beyond which what a file alone holds is another robot.
+#: Times the error of all that was fitted beyond which what a file alone holds is another robot, if
+#: it is an error that is spoken of.
 ANOTHER = 3.0
 
 #: What is written, and the ending of its file.
@@ -247,7 +249,7 @@ def _refuse_another(
     IdentifiabilityError
     """
     whole = physical.error_ra
-    if whole is None or alone is None or alone <= ANOTHER * whole:
+    if whole is None or alone is None or alone <= max(ANOTHER * whole, LEFT_OUT):
         return
     other = next(k for k in file_kinds(robot) if k != kind)
     error = _error_of_file(robot, physical, other)
