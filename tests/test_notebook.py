@@ -1,9 +1,13 @@
 """Results show themselves in a notebook, and what comes from files cannot run there."""
 
+import json
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
+from IPython.core.interactiveshell import InteractiveShell
+from traitlets.config import Config
 
 from identifiability import analyze
 from identifiability.workflows.calibrate.calibration import calibrate
@@ -91,3 +95,23 @@ def test_a_model_named_like_a_tag_does_not_run(results):
     assert "script" not in Tags(html).found
     html = replace(results["calibration"], model=HOSTILE)._repr_html_()
     assert "script" not in Tags(html).found
+
+
+def test_the_notebook_of_the_documentation_runs_and_shows_what_it_says():
+    """Every cell in a shell of IPython, and what it shows, as a kernel sends it."""
+    page = Path(__file__).resolve().parents[1] / "docs" / "tutorials" / "notebook.ipynb"
+    cells = json.loads(page.read_text(encoding="utf-8"))["cells"]
+    assert not any(cell.get("outputs") for cell in cells)  # what is shown is made anew
+    shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
+    shown = {}
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            source = "".join(cell["source"])
+            done = shell.run_cell(source, store_history=False)
+            done.raise_error()
+            shown[source.splitlines()[-1]], _ = shell.display_formatter.format(done.result)
+    assert {"text/html"} < shown["result"].keys()
+    assert "<table" in shown["robot"]["text/html"]
+    for line in (line for line in shown if line.startswith("plot.")):
+        assert shown[line]["image/png"][:4] == b"\x89PNG"
+    assert "phi[link2.Iyy]" in shown["arviz_stats.summary(result.to_arviz())"]["text/html"]

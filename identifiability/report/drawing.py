@@ -56,7 +56,21 @@ _SAVED = ("axes.unicode_minus", "path.simplify", "svg.fonttype", "svg.hashsalt")
 #: What the identifier of a label begins with that the page links to the row of that name.
 MARKED = "row:"
 
+#: Pixels of a figure in a notebook for each of its own, for screens that are dense.
+DENSE = 2
+
 P = ParamSpec("P")
+
+
+class Shown(Figure):
+    """A figure that shows itself in a notebook, whichever backend Matplotlib has there."""
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        stream = io.BytesIO()
+        with mpl.rc_context(STYLE):
+            self.savefig(stream, format="png", dpi=72 * DENSE, facecolor=SURFACE)
+        width, height = (round(72 * size) for size in self.get_size_inches())
+        return stream.getvalue(), {"width": width, "height": height}
 
 
 def drawn(draw: Callable[P, Figure]) -> Callable[P, Figure]:
@@ -86,7 +100,7 @@ def canvas(
         Relative heights of the axes, which share x.
     """
     left, right, top, bottom = margins
-    figure = Figure(figsize=(width / 72, height / 72), dpi=72)
+    figure = Shown(figsize=(width / 72, height / 72), dpi=72)
     figure.subplots_adjust(
         left / width, bottom / height, 1 - right / width, 1 - top / height, hspace=0.14
     )

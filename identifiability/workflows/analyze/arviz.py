@@ -28,11 +28,11 @@ def build_datatree(
     """Return a posterior of a model as ArviZ reads it.
 
     Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw;
-    with ``which="physical"`` also ``standard`` of the standard parameters. The coordinate
-    ``ensemble`` says which chains started together, for `arviz_stats.rhat_nested`. Group
-    ``constant_data`` holds the estimate and its σ, the prior, and ``sway``, by how many sd a mean
-    may move with the prior's density at edges. The attribute ``trustworthy`` is 0, with the reasons
-    beside it, where the chains have not converged.
+    with ``which="physical"`` also ``standard`` of the standard parameters that the model does not
+    hold. The coordinate ``ensemble`` says which chains started together, for
+    `arviz_stats.rhat_nested`. Group ``constant_data`` holds the estimate, its σ and unit, the
+    prior, and ``sway``, by how many sd a mean may move with the prior's density at edges. The
+    attribute ``trustworthy`` is 0, with the reasons beside it, where the chains have not converged.
 
     Parameters
     ----------
@@ -65,19 +65,20 @@ def build_datatree(
         "estimate": (PARAMETER, estimate.value),
         "sigma": (PARAMETER, estimate.sigma),
         "sway": (PARAMETER, summary.sway),
+        "unit": (PARAMETER, [v.unit for v in result.verdicts]),
     }
     names = {PARAMETER: list(result.rung.columns)}
     if which == "physical" and standard is not None:
-        draws["standard"] = _walkers(standard.chains, STANDARD)
-        constants["prior_mean"] = (STANDARD, standard.prior_mean)
-        constants["prior_sd"] = (STANDARD, standard.prior_sd)
-        names[STANDARD] = list(standard.names)
+        moving = np.ptp(standard.chains, axis=(0, 1, 2)) > 0
+        draws["standard"] = _walkers(standard.chains[..., moving], STANDARD)
+        constants["prior_mean"] = (STANDARD, standard.prior_mean[moving])
+        constants["prior_sd"] = (STANDARD, standard.prior_sd[moving])
+        names[STANDARD] = [n for n, moves in zip(standard.names, moving, strict=True) if moves]
     ensembles, walkers, length = summary.chains.shape[:3]
     along = {
         "chain": np.arange(ensembles * walkers),
         "draw": np.arange(length),
         "ensemble": ("chain", np.repeat(np.arange(ensembles), walkers)),
-        "unit": (PARAMETER, [v.unit for v in result.verdicts]),
     }
     groups = {
         "posterior": Dataset(draws, names | along),
