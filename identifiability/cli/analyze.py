@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,7 +89,7 @@ def analyze(
     print_analysis(result, written, [machine.robot, *logs, *held])
 
 
-def print_analysis(result: Analysis, written: Iterable[Path], typed: Iterable[str] = ()) -> None:
+def print_analysis(result: Analysis, written: Sequence[Path], typed: Sequence[str] = ()) -> None:
     """Print the ladder, the errors, the statement, what to do next and the paths of what is there.
 
     Robot and logs are called in the next line as they were `typed`.
@@ -120,5 +120,5 @@ def print_analysis(result: Analysis, written: Iterable[Path], typed: Iterable[st
     if typed:
         from identifiability.workflows.analyze.next_steps import next_commands  # noqa: PLC0415
 
-        common.print_next(next_commands(result), typed)
+        common.print_next(next_commands(result), [*typed, *written])
     common.print_end([], written)

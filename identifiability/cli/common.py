@@ -188,11 +188,11 @@ def apart(statement: str, hints: Sequence[str]) -> list[str]:
     return [statement.removesuffix(" ".join(hints)).strip(), *hints]
 
 
-def print_next(commands: Sequence[tuple[str, str]], typed: Iterable[str]) -> None:
+def print_next(commands: Sequence[tuple[str, str]], typed: Iterable[str | Path]) -> None:
     """Print what to do next, with the line to type; files are where they were typed to be."""
     from rich.console import Console  # noqa: PLC0415
 
-    places = {Path(word).name: word for word in typed}
+    places = {Path(word).name: str(word) for word in typed}
     for what, command in commands[:1]:
         line = " ".join(places.get(word, word) for word in command.split(" "))
         Console().print(

@@ -13,6 +13,7 @@ from identifiability.cli.analyze import print_analysis
 from identifiability.cli.first_look import Writes
 
 if TYPE_CHECKING:
+    from identifiability.logs import Log
     from identifiability.workflows.analyze import Analysis
 
 
@@ -37,21 +38,27 @@ def demo(
     quick
         100 samples instead of 750.
     folder
-        Where to write demo.html and demo.json.
+        Where to write demo.html, demo.json and the logs.
     """
     with common.sentences(), common.progress() as say:
         folder.mkdir(parents=True, exist_ok=True)
         outputs = options.Outputs(folder / "demo.html", folder / "demo.json")
         common.check_outputs(outputs.report, outputs.json)
-        result = run_demo(quick, seed, say)
-        written = outputs.write(result, say)
-    print_analysis(result, written)
+        result, logs = run_demo(quick, seed, say)
+        read = [log.write(folder / log.name) for log in logs]  # what the page's lines are about
+        written = [*read, *outputs.write(result, say)]
+    print_analysis(result, written, ["3-rps", *map(str, read)])
 
 
 def run_demo(
     quick: bool, seed: int = 0, say: Callable[[str, float], None] = lambda _text, _share: None
-) -> Analysis:
-    """Analyse Models 1 to 4 of the 3-RPS robot on trajectory 601, validated on 595."""
+) -> tuple[Analysis, list[Log]]:
+    """Analyse Models 1 to 4 of the 3-RPS robot on trajectory 601, validated on 595.
+
+    Returns the logs, too, which are called as the files that they may be written to.
+    """
+    from dataclasses import replace  # noqa: PLC0415
+
     import numpy as np  # noqa: PLC0415
 
     from identifiability.robot import Robot  # noqa: PLC0415
@@ -63,5 +70,6 @@ def run_demo(
     for name, rng in zip(("601", "595"), np.random.default_rng(seed).spawn(2), strict=True):
         say(f"simulating trajectory {name}", 0.0)
         motion = find_motion(robot, name, 100 if quick else None, rng)
-        logs.append(simulate(robot, motion, noise=PAPER_NOISE, rng=rng))
-    return analyze(robot, logs[:1], logs[1:], seed=seed, progress=say)
+        log = simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
+        logs.append(replace(log, name=f"{name}.csv"))
+    return analyze(robot, logs[:1], logs[1:], seed=seed, progress=say), logs

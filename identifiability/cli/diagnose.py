@@ -111,9 +111,8 @@ def diagnose(
             engine=runner if any(astuple(place)) else None,
             progress=say,
         )
-        written = outputs.write(result, say)
-        if out is not None:
-            written.append(result.write_model(out))
+        model_file = [] if out is None else [result.write_model(out)]  # of which the page knows
+        written = [*model_file, *outputs.write(result, say)]
         told = [result.statement]
         if motion is not None:
             found = find_next(result, limits=limits, seed=seed, progress=say)
@@ -148,5 +147,5 @@ def diagnose(
         title, ("joint", "before", "after", "rms after", "raw after"), table, left=("joint",)
     )
     common.print_end(told)
-    common.print_next(next_commands(result), [machine.robot, *logs, *held])
+    common.print_next(next_commands(result), [machine.robot, *logs, *held, *written])
     common.print_end([], written)

@@ -98,9 +98,8 @@ def prune(
             preparation=derived.preparation(),
             **fitting.arguments(),
         )
-        written = outputs.write(result, say)
-        if out is not None:
-            written.append(result.write_model(out))
+        model_file = [] if out is None else [result.write_model(out)]  # of which the page knows
+        written = [*model_file, *outputs.write(result, say)]
     print_pruning(result, written)
 
 

@@ -57,7 +57,17 @@ class Result(ABC):
             If it cannot be written, or is no .json.
         """
         check_ending(path, ".json")
-        return write_json(path, self.to_dict())
+        return self.note_written("json", write_json(path, self.to_dict()))
+
+    def note_written(self, kind: str, path: Path) -> Path:
+        """Remember where the result was written as ``"json"`` or ``"model"``, and return that."""
+        vars(self).setdefault("_written", {})[kind] = path.name
+        return path
+
+    def written(self, kind: str) -> str | None:
+        """Return the name of the file that the result was written to, if it was."""
+        name: str | None = vars(self).get("_written", {}).get(kind)
+        return name
 
     def write_report(self, path: str | Path) -> Path:
         """Write the result as one self-contained HTML file, whole or not at all."""

@@ -41,7 +41,13 @@ from identifiability.report.sections.facts import (
 from identifiability.report.sections.robot import mass_table
 from identifiability.report.tables import Cell, Column, Table
 from identifiability.report.words import columns, note, picture, section, sentence, words
-from identifiability.workflows.commands import held_back, name_logs, source_name
+from identifiability.workflows.commands import (
+    held_back,
+    name_export,
+    name_logs,
+    on_file,
+    source_name,
+)
 from identifiability.workflows.prune.result import Ladder
 from identifiability.workflows.prune.rung import PrunedRung
 
@@ -117,19 +123,30 @@ def _next_commands(ladder: Ladder) -> list[tuple[str, str]]:
     held = held_back(ladder.validation)
     if ladder.nothing:
         return [("See what the logs hold:", f"identifiability inspect {robot} {logs}")]
+    again = f"identifiability prune {robot} {logs}{held}"
+    another = name_logs(ladder.robot, [s.name for s in (ladder.validation or ladder.samples)])
+    text, name = name_export(ladder.robot, ladder.chosen.rung.columns)
+    export = f"identifiability export {robot} {{file}} --out {name}"
+    predict = f"identifiability predict {robot} {{file}} {another} --out torque.csv"
+    diagnose = f"identifiability diagnose {robot} {logs}{held} --model {{file}}"
     return [
         (
-            "Take the robot into a simulator (result.json is what --json wrote):",
-            f"identifiability export {robot} result.json --out fitted.xml",
+            text,
+            on_file(ladder, "json", "result.json", f"{again} --json", export),
         ),
         (
-            "Predict the torque of another log:",
-            f"identifiability predict {robot} result.json another.csv --out torque.csv",
+            "Predict torque, of this log or another:",
+            on_file(ladder, "json", "result.json", f"{again} --json", predict),
         ),
         (
-            "Find out what even this model misses (pruned.toml is what --out wrote):",
-            f"identifiability diagnose {robot} {logs}{held} --model pruned.toml "
-            "--report missing.html",
+            "Find out what even this model misses:",
+            on_file(
+                ladder,
+                "model",
+                "pruned.toml",
+                f"{again} --out",
+                f"{diagnose} --report missing.html",
+            ),
         ),
     ]
 

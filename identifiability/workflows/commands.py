@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
 
+from identifiability.effects.holding import held_by_file
+from identifiability.foundation.result import Result
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.longsamples import Prepared
 from identifiability.logs.prepare.preparation import SettledPreparation
@@ -80,6 +82,34 @@ def held_back(samples: Sequence[Prepared], fitted: Sequence[Prepared] = ()) -> s
     own = file_names(s.name for s in fitted)
     names = (n for n in file_names(s.name for s in samples) if n not in own)
     return "".join(f" --validate {quote(n)}" for n in names)
+
+
+def on_file(result: Result, kind: str, name: str, make: str, use: str) -> str:
+    """Return a command on a file of a result; what writes it comes before, where nobody has.
+
+    Parameters
+    ----------
+    result : Result
+    kind : {"json", "model"}
+    name : str
+        What the file is called if it is yet to be written.
+    make, use : str
+        Commands that end in the option and name of the file, and that have ``{file}`` for it.
+    """
+    there = result.written(kind)
+    line = use.replace("{file}", quote(there or name))
+    return line if there else f"{make} {name} && {line}"
+
+
+def name_export(robot: Robot, columns: Iterable[str]) -> tuple[str, str]:
+    """Return what a fitted model is exported for, and to: no simulator has all parameters.
+
+    Torque offsets do not count: they are the sensors'.
+    """
+    values = {name: 1.0 for name in columns if not name.endswith(".off")}
+    if all(held_by_file(robot, values, "mjcf").values()):
+        return "Take the robot into a simulator:", "fitted.xml"
+    return "Take its parameters along, more than robot files hold:", "fitted.json"
 
 
 def quote(name: str) -> str:

@@ -97,7 +97,7 @@ def reports(tmp_path_factory, few_draws) -> Pages:
     """Every kind of report, by name."""
     folder = tmp_path_factory.mktemp("reports")
     robot, log = _hostile(folder)
-    demo, studies = cache(partial(run_demo, quick=True)), cache(partial(_studies, folder))
+    demo, studies = cache(lambda: run_demo(quick=True)[0]), cache(partial(_studies, folder))
 
     def analysis():
         with few_draws():

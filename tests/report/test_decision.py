@@ -4,6 +4,7 @@ import re
 import shlex
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -71,7 +72,13 @@ def test_names_are_quoted_for_a_shell():
 
 def test_commands_stand_on_the_page_and_can_be_copied(paper_analysis):
     html = render_page(build_analysis_page(paper_analysis))
-    assert 'data-copy="identifiability export 3-rps result.json --out fitted.xml"' in html
+    export = r"identifiability export 3-rps result.json --out fitted.(xml|json)"
+    made = r"identifiability analyze 3-rps [^\"]* --json result.json &amp;&amp; "
+    assert re.search(f'data-copy="{made}{export}"', html)
+    written = replace(paper_analysis)
+    written.note_written("json", Path("mine.json"))
+    html = render_page(build_analysis_page(written))
+    assert 'data-copy="identifiability export 3-rps mine.json --out fitted.' in html
 
 
 def test_limbs_go_from_joint_to_joint_and_close_loops():

@@ -72,7 +72,8 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
     if result.difference.kind == "results":
         again = f"identifiability compare {robot} before.csv after.csv --report changed.html"
-        return [("Compare logs of the same motion, to be surer:", again)]
+        text = "Log the same motion before and after, and compare these logs, to be surer:"
+        return [(text, again)]
     how = result.preparation
     before = name_logs(result.robot, result.before, how=how)
     after = name_logs(result.robot, result.after, how=how)
@@ -80,11 +81,11 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     out = []
     if "load" in kinds:
         fitted = f"identifiability analyze {robot} {before} --json result.json"
-        out.append(("Weigh the load; first fit the robot without it:", fitted))
         held = "".join(f" --without {quote(n)}" for n in file_names(result.before))
         places = [c.cause.place for c in result.changes if c.cause.kind == "load"]
         weigh = f"{name_logs(result.robot, result.after)}{held} --body {places[0]}"
-        out.append(("Then:", f"identifiability payload {robot} result.json {weigh}"))
+        call = f"{fitted} && identifiability payload {robot} result.json {weigh}"
+        out.append(("Fit the robot without the load, and weigh the load:", call))
     elif result.changes:
         fit = f"identifiability analyze {robot} {after} --json result.json --report report.html"
         out.append(("Fit the robot as it is now:", fit))
@@ -94,7 +95,7 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
         out.append(("Nothing changed: fit all logs together:", fit))
     if result.difference.kind == "logs":
         more = "--before another.csv --report changed.html"
-        text = "See how logs of one side scatter, with another of before:"
+        text = "Log once more as before (another.csv), to see how logs of one side scatter:"
         files = name_logs(result.robot, (result.before[0], result.after[0]), how=how)
         out.append((text, f"identifiability compare {robot} {files} {more}"))
     return out

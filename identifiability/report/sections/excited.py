@@ -10,7 +10,7 @@ from identifiability.report.numbers import format_count, format_number, join, wh
 from identifiability.report.sections.decision import answer_next
 from identifiability.report.sections.drawn import actuated_pose, sketch_parts
 from identifiability.report.words import sentence
-from identifiability.workflows.commands import name_logs, source_name
+from identifiability.workflows.commands import name_logs, on_file, source_name
 from identifiability.workflows.excite.result import Excitation
 
 #: σ of a parameter relative to before, up to which it is known better.
@@ -55,8 +55,14 @@ def _next_commands(result: Excitation) -> list[tuple[str, str]]:
     logs = name_logs(result.robot, [*result.logs, "next.csv"])
     return [
         (
-            "Rehearse it in simulation (motion.json is what --out wrote):",
-            f"identifiability simulate {robot} motion.json --out rehearsal.csv",
+            "Rehearse it in simulation:",
+            on_file(
+                result,
+                "json",
+                "motion.json",
+                f"identifiability excite {robot} --out",
+                f"identifiability simulate {robot} {{file}} --out rehearsal.csv",
+            ),
         ),
         (
             "When it is measured (as next.csv), judge all logs together:",

@@ -5,7 +5,14 @@ from __future__ import annotations
 from identifiability.estimation.verdict import Class
 from identifiability.workflows.analyze.result import Analysis
 from identifiability.workflows.analyze.words import grade_of
-from identifiability.workflows.commands import held_back, ladder_option, name_logs, source_name
+from identifiability.workflows.commands import (
+    held_back,
+    ladder_option,
+    name_export,
+    name_logs,
+    on_file,
+    source_name,
+)
 
 
 def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
@@ -36,6 +43,10 @@ def next_commands(analysis: Analysis) -> list[tuple[str, str]]:
         text = "Or measure what these logs leave open:"
         begun = name_logs(analysis.robot, names, "--start-from", how)
         out.append((text, f"identifiability excite {robot} {begun} --out next.json"))
-    text = "Take the robot into a simulator (result.json is what --json wrote):"
-    out.append((text, f"identifiability export {robot} result.json --out fitted.xml"))
+    again = f"identifiability analyze {robot} {logs}{held}"
+    again += f"{ladder_option(analysis.robot, analysis.source)} --json"
+    text, name = name_export(analysis.robot, analysis.chosen.rung.columns)
+    use = f"identifiability export {robot} {{file}} --out {name}"
+    line = on_file(analysis, "json", "result.json", again, use)
+    out.append((text, line))
     return out[:3]

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from identifiability.workflows.commands import held_back, name_logs, source_name
+from identifiability.workflows.commands import (
+    held_back,
+    name_export,
+    name_logs,
+    on_file,
+    source_name,
+)
 from identifiability.workflows.diagnose.result import Diagnosis
 
 
@@ -19,18 +25,18 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
         analyze = f"identifiability analyze {robot} {logs} --report report.html"
         return [(what, analyze), *(shows if hidden else ())]
     apart = [("Find the motion that tells one name from the other:", ask)]
+    again = f"identifiability diagnose {robot} {logs}"
+    judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
+    text, name = name_export(d.robot, d.fit.names)
+    use = f"identifiability export {robot} {{file}} --out {name}"
     return [
         *(apart if any(e.alternatives for e in d.effects) else ()),
         (
-            "Keep the diagnosed model:",
-            f"identifiability diagnose {robot} {logs} --out model.toml --json result.json",
+            "Judge the parameters of the diagnosed model:",
+            on_file(d, "model", "model.toml", f"{again} --out", judge),
         ),
         (
-            "Judge its parameters:",
-            f"identifiability analyze {robot} {logs} --ladder model.toml --report report.html",
-        ),
-        (
-            "Take it into a simulator:",
-            f"identifiability export {robot} result.json --out fitted.xml",
+            text,
+            on_file(d, "json", "result.json", f"{again} --json", use),
         ),
     ]

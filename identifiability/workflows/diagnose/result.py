@@ -50,7 +50,7 @@ class Diagnosis(Result, Findings, Predicts):
 
     def write_model(self, path: str | Path) -> Path:
         """Write the model with the named effects as a model file, for every other verb."""
-        return write_text(path, self.model_text)
+        return self.note_written("model", write_text(path, self.model_text))
 
     @property
     def model_text(self) -> str:

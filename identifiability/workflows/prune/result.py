@@ -139,7 +139,7 @@ class Ladder(Laddered, Measured):
 
     def write_model(self, path: str | Path) -> Path:
         """Write the chosen model as a model file (a ladder of one rung), for every other verb."""
-        return write_text(path, self.model_text)
+        return self.note_written("model", write_text(path, self.model_text))
 
     @property
     def model_text(self) -> str:

@@ -1,0 +1,107 @@
+"""What is proposed next works as it is printed, where it is printed, and was not done before."""
+
+import html
+import re
+import shlex
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from identifiability import Robot, simulate
+from identifiability.cli import app
+from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+
+COMMANDS = vars(typer.main.get_command(app))["commands"]
+
+#: What somebody types where robot.xml, a.csv and b.csv are.
+GIVEN = "robot.xml a.csv --validate b.csv"
+TYPED = [
+    f"diagnose {GIVEN} --report page.html",
+    f"diagnose {GIVEN} --report page.html --out mine.toml --json mine.json",
+    "inspect robot.xml --report page.html",
+    "inspect robot.xml a.csv --report page.html",
+    f"analyze {GIVEN} --report page.html",
+    f"analyze {GIVEN} --report page.html --json mine.json",
+    f"prune {GIVEN} --report page.html",
+    f"prune {GIVEN} --report page.html --json mine.json --out mine.toml",
+    "excite robot.xml --evaluations 50 --out mine.json --report page.html",
+    "excite robot.xml --evaluations 50 --out mine.csv --report page.html",
+    "compare robot.xml a.csv loaded.csv --report page.html",
+    "calibrate robot.xml a.csv --replicates 4 --names 0 --no-sbc --report page.html",
+]
+#: What `make test` runs of it.
+FEW = TYPED[2:3]
+
+#: What somebody has yet to measure, and the log that stands for it here.
+MEASURED = {"next.csv": "b.csv", "another.csv": "b.csv", "empty.csv": "a.csv"}
+
+
+@pytest.fixture(scope="module")
+def logs():
+    robot = Robot.load("two-link")
+    out = {}
+    for seed, (name, hidden) in enumerate(
+        {"a": ["stribeck_friction=0.2"], "b": ["stribeck_friction=0.2"], "loaded": []}.items()
+    ):
+        motion = PrescribedMotion.of(shipped_trajectory(robot, "b" if name == "b" else "a"), 300)
+        rng = np.random.default_rng(seed)
+        out[name] = simulate(robot, motion, noise=Noise(torque=0.02), rng=rng, hide=hidden)
+    return out
+
+
+def call(words):
+    """Run a command in this process, quickly; return what it says."""
+    options = {o for p in COMMANDS[words[0]].params for o in p.opts}
+    more = [w for w in (["--engine", "serial"], ["--quick"]) if w[0] in options]
+    done = CliRunner().invoke(app, [*words, *(w for pair in more for w in pair)])
+    assert done.exit_code == 0, f"{shlex.join(words)}\n{done.output}\n{done.exception}"
+    return done.stdout
+
+
+def proposed(said, page):
+    """Return the lines that the terminal and the page propose, each once, in their order."""
+    told = re.findall(r"^Next .*?: (identifiability .*)$", said, re.MULTILINE)
+    copied = re.findall('data-copy="(identifiability [^"]*)"', page.read_text(encoding="utf-8"))
+    return list(dict.fromkeys([*told, *map(html.unescape, copied)]))
+
+
+def check(typed, folder):
+    """Run a command and all that it proposes, in one folder."""
+    page = folder / re.search(r"[\w/]+\.html", typed)[0]
+    lines = proposed(call(shlex.split(typed)), page)
+    assert lines
+    for name, stands_for in MEASURED.items():
+        if (folder / stands_for).is_file():
+            (folder / name).write_bytes((folder / stands_for).read_bytes())
+    for line in lines:
+        assert line != f"identifiability {typed}"
+        for part in line.split(" && "):
+            program, *words = shlex.split(part)
+            assert program == "identifiability"
+            call(words)
+    return lines
+
+
+@pytest.mark.parametrize(
+    "typed", [t if t in FEW else pytest.param(t, marks=pytest.mark.everything) for t in TYPED]
+)
+def test_every_line_that_is_proposed_works_where_it_is_printed(typed, logs, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robot.xml").write_bytes(Robot.load("two-link").path.read_bytes())
+    for name, log in logs.items():
+        log.write(tmp_path / f"{name}.csv")
+    lines = check(typed, tmp_path)
+    if "mine.json" in typed and typed.startswith(("diagnose", "prune")):
+        assert not any(line.startswith(f"identifiability {typed.split()[0]}") for line in lines)
+
+
+def test_the_lines_of_the_demo_work_in_its_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lines = proposed(call(["demo", "--folder", "look"]), tmp_path / "look" / "demo.html")
+    assert {p.name for p in (tmp_path / "look").iterdir()} >= {"601.csv", "595.csv", "demo.html"}
+    for line in lines:
+        for part in line.split(" && "):
+            monkeypatch.chdir(tmp_path if "look/" in part else tmp_path / "look")
+            call(shlex.split(part)[1:])
