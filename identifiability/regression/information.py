@@ -293,9 +293,8 @@ class Information:
         """
         each = np.broadcast_to(weights, (self.actuators, len(self.counts)))
         parts = tuple(part.weigh(w) for part, w in zip(self.parts, each, strict=True))
-        return replace(
-            self, parts=parts, weights=each if self.weights is None else self.weights * each
-        )
+        all_ = each if self.weights is None else self.weights * each
+        return replace(self, parts=parts, weights=all_)
 
     @property
     def weighed_samples(self) -> Array:
